@@ -1,9 +1,10 @@
 //! Adaptive tracking of any arm: the choice of estimated parameters, and the metric of their adaptation.
 //!
-//! - The law estimates all parameters `pi`, or a base set `b = P pi`. Then `Y pi = Y_b b`, where `Y_b` has some columns of `Y`.
-//! - The metric is Euclidean, `a_hat' = Gamma Y' s`, or natural (Lee, Kwon and Park 2018). In the natural metric, the pseudo-inertia of
-//!   each body has the rate `P_hat' = gamma P_hat L P_hat`, and always remains physically possible. The Lyapunov function is then `s' M s /
-//!   2 + sum d(P || P_hat) / gamma`.
+//! - The law estimates all parameters `pi`, or a base set `b`, a linear map of `pi` ([`Base`]). Then `Y pi = Y_b b`, where `Y_b` has some
+//!   columns of `Y`.
+//! - The metric is Euclidean, `a_hat' = Gamma Y' s`, or natural (Lee, Kwon and Park 2018). In the natural metric, the estimate of the
+//!   pseudo-inertia `P` of each body has the rate `P_hat' = gamma P_hat L P_hat`, and always remains physically possible. `L` is the matrix
+//!   of the body's part of `Y' s`. The Lyapunov function is then `s' M s / 2 + sum d(P || P_hat) / gamma`, with the divergence `d`.
 
 use super::adaptive::{Adaptive, AdaptiveSpec};
 use super::composite::LaneComposite;
@@ -30,8 +31,8 @@ pub enum Adaptation {
 }
 
 impl Adaptation {
-    /// Refuse a gain of the wrong size, and an estimate for which the natural metric is not defined. The last `beside` parameters belong to
-    /// joint columns.
+    /// Refuse an invalid gain, and an estimate for which the natural metric is not defined. The last `beside` parameters belong to joint
+    /// columns.
     pub(super) fn validate(&self, estimate: &[f64], beside: usize) -> Result<()> {
         match self {
             Adaptation::Euclidean(gamma) => require_size("gamma", gamma, estimate.len()),
@@ -62,7 +63,10 @@ impl Adaptation {
 }
 
 impl AdaptiveSpec {
-    /// Keep the estimates physically possible. An impossible initial estimate is replaced by the nearest possible one.
+    /// Keep the estimates physically possible. An initial estimate outside of the lower bounds of `projection` is replaced by the nearest
+    /// one within them.
+    ///
+    /// Errors: `Input` for natural adaptation, or a base set.
     pub fn projected(mut self, projection: Projection) -> Result<Self> {
         if matches!(self.adaptation, Adaptation::Natural(_)) {
             return Err(Error::input("projection", "has nothing to do: expected None for natural adaptation, which stays consistent"));
@@ -113,7 +117,7 @@ pub struct AnyAdaptive<S: Real> {
     /// Known rotor inertias, `(n,)`; empty if there are none.
     armature: Vec<S>,
     columns: Vec<usize>,
-    /// The gain `gamma` of each body, then of each joint column; empty in the Euclidean metric.
+    /// The gain `gamma` of each body, then of each parameter of a joint column; empty in the Euclidean metric.
     natural: Vec<S>,
     /// All parameters, if a base set is estimated; else empty.
     full: Vec<S>,
@@ -265,7 +269,7 @@ impl<S: Real> AnyAdaptive<S> {
         self.more = Some(more);
     }
 
-    /// Compute the rates of the estimate in the natural metric: of each body, then of each joint column.
+    /// Compute the rates of the estimate in the natural metric: of each body, then of each parameter of a joint column.
     fn natural_rates(&self, z: &[S], w: &[S], dz: &mut [S]) {
         let bodies = (z.len() - self.natural.len()) / (PARAMETERS - 1);
         let (of_bodies, beside) = dz.split_at_mut(PARAMETERS * bodies);

@@ -77,7 +77,10 @@ pub struct AdaptiveSpec {
 impl AdaptiveSpec {
     /// Create the law. `kp` is in N m/rad or N/m, `kd` in N m s/rad or N s/m.
     ///
-    /// `estimate`, `(p,)`, is the initial estimate. `None` starts from zero, without prior knowledge of the parameters.
+    /// `estimate`, `(p,)`, is the initial estimate. `None` starts from zero, which the natural metric does not permit.
+    ///
+    /// Errors: `WrongShape` for a wrong size. `Input` for numbers that are not finite, an invalid base set, or an estimate or a base set
+    /// that the natural metric does not permit.
     pub fn new(
         model: Model,
         motion: Motion,
@@ -92,7 +95,8 @@ impl AdaptiveSpec {
 
     /// Create the law with joint columns; `gains` are `[Kp, Kd]`.
     ///
-    /// `estimate`, `(p,)`, has the parameters of the bodies, or of the base set, and then the parameters of the joint columns.
+    /// `estimate`, `(p,)`, has the parameters of the bodies, or of the base set, and then the parameters of the joint columns. Errors: as
+    /// for [`AdaptiveSpec::new`].
     pub fn with_columns(
         model: Model,
         motion: Motion,
@@ -179,8 +183,8 @@ impl Definition for AdaptiveSpec {
         self.composite.is_some()
     }
 
-    /// The terms of the law: regressor `Y`, sliding variable `s`, references `v_r` and `a_r`, and errors `e` and `e_dot`. The torque and
-    /// the rate of the estimate follow.
+    /// The terms of the law: desired motion, errors `e` and `e_dot`, references `v_r` and `a_r`, sliding variable `s` and regressor `Y`.
+    /// The torque and the rate of the estimate follow, then the terms of additional adaptation.
     fn terms(&self, at: &Instant) -> Vec<Term> {
         let n = self.model.n();
         let (p, z) = (self.estimate.len(), at.z);
@@ -250,7 +254,8 @@ impl Build for AdaptiveSpec {
         AnyAdaptive::build(of)
     }
 
-    /// Whether both laws estimate the same parameters in the same metric, so that they can run in lanes of one register.
+    /// Whether both laws estimate the same parameters in the same metric with the same options, so that they can run in lanes of one
+    /// register.
     fn same_shape(&self, other: &Self) -> bool {
         let columns = |law: &AdaptiveSpec| law.base.as_ref().map(|base| base.columns.clone());
         std::mem::discriminant(&self.adaptation) == std::mem::discriminant(&other.adaptation)
@@ -263,7 +268,8 @@ impl Build for AdaptiveSpec {
     }
 }
 
-/// The law in a control loop. `B` is the type of joint vectors, `P` the type of parameter vectors.
+/// The law in a control loop. `D` is the type of the arm, `J` and `G` are the types of joint gains and of `Gamma`. `B` is the type of joint
+/// vectors, `P` the type of parameter vectors.
 pub struct Adaptive<S, D: Dynamics<S>, J, G, B, P>
 where
     S: Real,
@@ -310,7 +316,7 @@ where
             e_dot[i] = desired[n + i] - v[i];
             (s[i], v_r[i], a_r[i]) = (e_dot[i], desired[n + i], desired[2 * n + i]);
         }
-        // Compute `Lambda e` twice, and each time fuse it with a sum. This takes as many operations as one product and two additions.
+        // `Lambda e` is computed twice, because each product is fused with a sum.
         self.lambda.add_to(e, s);
         self.lambda.add_to(e, v_r);
         self.lambda.add_to(e_dot, a_r);

@@ -25,7 +25,7 @@ pub struct Aim {
 }
 
 impl JointReference {
-    /// The reference of a motion at rest.
+    /// The position of `motion` at time zero, as a fixed target.
     pub(super) fn held(motion: &Motion) -> Self {
         let mut sample = vec![0.0; 3 * motion.dof()];
         motion.sample(0.0, &mut sample);

@@ -58,7 +58,7 @@ impl ArmBatch {
         ArmBatch { program, single: solver.clone(), declined: Vec::new() }
     }
 
-    /// Solve for `q`, `(rows, n)`, and `velocities`, `(rows, m)`, or `(m,)` for all rows.
+    /// Solve for `q`, `(rows, n)`, and `velocities`, `(rows, m)`, or `(m,)` for all rows. `m` is the sum of the rows of all tasks.
     ///
     /// The results are written to `v`, `(rows, n)`, and `status`, `(rows,)`. A row that fails is NaN with `Status::Diverged`.
     pub fn solve(&mut self, q: &[f64], velocities: &[f64], v: &mut [f64], status: &mut [Status]) {

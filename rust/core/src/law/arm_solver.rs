@@ -1,5 +1,5 @@
-//! Joint velocities `v` for the tasks of an arm in priority: `v` solves `J_i(q) v = v_i` by a map of `priority`. The kinematics are
-//! included.
+//! Joint velocities `v` for the tasks of an arm in priority: `v` solves `J_i(q) v = v_i` by a method of [`crate::priority`]. The Jacobians
+//! are computed from the joint positions `q`.
 
 use crate::arm::Arm;
 use crate::error::{Error, Result, finite};
@@ -31,7 +31,8 @@ pub struct ArmSolver {
 }
 
 impl ArmSolver {
-    /// Create a solver for the tasks `functions` of an arm, the highest priority first.
+    /// Create a solver for the tasks `functions` of an arm, the highest priority first. Errors: `Input` without a task; also as for
+    /// [`PrioritySolver::new`].
     pub fn new(arm: &Arm, functions: Vec<TaskFunction>, options: &PriorityOptions) -> Result<Self> {
         if functions.is_empty() {
             return Err(Error::input("tasks", "is empty: expected at least one task, got 0"));
@@ -51,7 +52,7 @@ impl ArmSolver {
         self.stack.rows()
     }
 
-    /// The task functions, placed on the arm.
+    /// The tasks of the solver. [`ArmSolver::solve`] places a copy of them.
     pub fn tasks(&mut self) -> &mut TaskStack {
         &mut self.stack
     }
@@ -74,7 +75,8 @@ impl ArmSolver {
         &mut self.solver
     }
 
-    /// Place the arm at `q` `(n,)` and compute the Jacobians. The caller writes the task velocities to the returned slice, `(sum rows,)`.
+    /// Place the arm at `q`, `(n,)`, and compute the Jacobians. The caller writes the task velocities to the returned slice, `(sum rows,)`.
+    /// The relative error of the Jacobians is at most 0.5, so that no error occurs.
     #[inline]
     pub fn prepare(&mut self, q: &[f64]) -> Result<&mut [f64]> {
         let rounding = jacobians(&mut self.running, q, self.solver.inputs().0);
@@ -89,6 +91,8 @@ impl ArmSolver {
     }
 
     /// Solve at `q`, `(n,)`, for the stacked task velocities, `(sum rows,)`. The joint velocities are `solver().v()`, `(n,)`.
+    ///
+    /// Errors: `Input` for numbers that are not finite, `Solve` if the result overflows.
     pub fn solve(&mut self, q: &[f64], velocities: &[f64]) -> Result<Status> {
         self.prepare(q)?.copy_from_slice(velocities);
         self.solver.run().or_else(|error| {
@@ -98,7 +102,8 @@ impl ArmSolver {
         })
     }
 
-    /// Report the directions of each task that can be commanded at `q`, and the loss of `velocities`, if they are `Some`.
+    /// Report the directions of each task that can be commanded at `q`, `(n,)`, and the loss of `velocities`, `(sum rows,)`, if they are
+    /// `Some`. Errors: `Input` for numbers that are not finite.
     pub fn diagnose(&mut self, q: &[f64], velocities: Option<&[f64]>) -> Result<Diagnosis> {
         finite("q", q)?;
         let (n, rows) = (self.n(), self.rows().to_vec());

@@ -60,6 +60,8 @@ pub struct CartesianImpedanceSpec {
 
 impl CartesianImpedanceSpec {
     /// Create the law for the rows `axes` of `frame`. `target`, `stiffness` and `damping` have one row per axis.
+    ///
+    /// Errors: `Unknown` for the name of the frame, `WrongShape` for a wrong size, `Input` for invalid axes or the planar PR arm.
     pub fn new(model: Model, target: Motion, stiffness: Gain, damping: Gain, frame: &str, axes: &str) -> Result<Self> {
         let coordinates = Coordinates::new(model.tree("arm")?, frame, axes)?;
         let m = coordinates.m();
@@ -79,7 +81,8 @@ impl CartesianImpedanceSpec {
         })
     }
 
-    /// Replace the options of the law.
+    /// Replace the options of the law. Errors: `WrongShape` for a wrong size; `Input` for an `eps` or a limit out of range, or numbers that
+    /// are not finite.
     pub fn with(self, options: ImpedanceOptions) -> Result<Self> {
         let m = self.coordinates.m();
         options.validate(m, self.model.n())?;
@@ -231,8 +234,8 @@ impl<S: Real> CartesianImpedance<S> {
 impl<S: Real> CartesianImpedance<S> {
     /// The power `x_dot.(force) + (x_d' - x_dot).K_m e` at the last evaluation, W: the power of the spring and the loss of the damper.
     ///
-    /// For a target at rest it is `-x_dot'D_m x_dot`. A null space or a compensated coupling adds the power of its torque, `v.(N' tau_0 + C
-    /// v)`.
+    /// For a target at rest and without options it is `-x_dot'D_m x_dot`. A null space or a compensated coupling adds the power of its
+    /// torque, `v.(N' tau_0 + C v)`.
     pub(super) fn power(&self, x: &[S]) -> S {
         let (m, n) = (self.e.len(), self.jacobian.len() / self.e.len());
         let mut sum = S::zero();
@@ -251,7 +254,8 @@ impl<S: Real> CartesianImpedance<S> {
     }
 }
 
-/// Compute `x_d'` and `x_d''` for the rows of orientation, from the samples `desired` of a rotation vector that changes with time.
+/// Compute `x_d'`, `(m,)`, and `x_d''`, `(m,)`, for the rows of orientation, and write them to `rate` and `second`. `desired` has the
+/// samples of a rotation vector that changes with time.
 pub(crate) fn turn_rates<S: Real>(rows: &[usize], desired: &[S], rate: &mut [S], second: &mut [S]) {
     let m = rows.len();
     let part = |k: usize| {

@@ -4,23 +4,23 @@
 //! a_hat' = Gamma (Y' s + W' R e_W),   e_W = tau_W - W a_hat,   V' = -s'Kd s - e_W' R e_W
 //! ```
 //!
-//! `W` and `tau_W` are the regressor and the torque of the dynamics after the filter `1/(p + lambda)`. With `M v = Y_M(q, v) a` and `g - C'
-//! v = Y_D(q, v) a`, the dynamics are `d/dt (M v) = tau + C' v - g`. The filtered derivative is integrated by parts:
+//! `W` and `tau_W` are the regressor and the torque of the dynamics after the filter `1/(d/dt + lambda)`. With `M v = Y_M(q, v) a` and `g -
+//! C' v = Y_D(q, v) a`, the dynamics are `d/dt (M v) = tau + C' v - g`. The filtered derivative is integrated by parts:
 //!
 //! ```text
 //! W = Y_M + X,   X' = -lambda (Y_M + X) + Y_D,   X(0) = -Y_M(q_0, v_0)
 //! ```
 //!
-//! so that `W(0) = 0`: the initial value of `X` includes the momentum at the start, `exp(-lambda t) M(q_0) v_0`. The joint columns of
-//! armature are part of `Y_M`, and the joint columns of friction are part of `Y_D`. Known rotors `B` change the torque: `tau_W = X_tau - B
-//! v`, `X_tau' = -lambda X_tau + tau + lambda B v`.
+//! so that `W(0) = 0`. The joint columns of armature are part of `Y_M`, and the joint columns of friction are part of `Y_D`. Known rotors
+//! `B` change the torque: `tau_W = X_tau - B v`, `X_tau' = -lambda X_tau + tau + lambda B v`.
 //!
 //! `Y_M = Y(q, 0, 0, v) - Y_g` with `Y_g = Y(q, 0, 0, 0)`. Row `i` of `C' v` is `(Y(q, v, e_i, 0) - Y_g)' v`.
 //!
 //! Many entries of `Y_M` and `Y_D` are zero at every state. The torque of a joint does not depend on the bodies before it. A planar arm
 //! depends on four of the ten parameters of a body. The `X` of a zero entry remains zero, and is not computed.
 //!
-//! The law's state is the estimate, then `X` of the `b` parameters of bodies, `(n, b)`, `X` of the joint columns, and `X_tau`, `(n,)`.
+//! The law's state is the estimate, then `X` of the `b` estimated parameters of bodies, `(n, b)`, `X` of the joint columns, and `X_tau`,
+//! `(n,)`.
 
 use super::adaptive::AdaptiveSpec;
 use super::joint_columns::{JointColumn, LaneColumns};
@@ -37,13 +37,13 @@ pub struct Composite {
     pub rate: f64,
     /// Weight `R` of the error, of size `n`, 1/(N m s^3) for revolute joints.
     pub weight: Gain,
-    /// `(n, bodies)`: whether each entry of the regressors `Y_M` or `Y_D` can differ from zero. The geometry of the arm determines this.
+    /// `(n, b)`: whether an entry of the regressor `Y_M` or `Y_D` can differ from zero. The geometry of the arm determines this.
     present: Vec<bool>,
 }
 
 impl AdaptiveSpec {
     /// Add adaptation from the filtered dynamics. `rate` is the rate `lambda` of the filter, 1/s, and `weight` is the weight `R` of the
-    /// error, of size `n`.
+    /// error, of size `n`. Errors: `Input` for a rate that is not positive, `WrongShape` for a wrong size.
     pub fn composite(mut self, rate: f64, weight: Gain) -> Result<Self> {
         positive("composite_rate", rate)?;
         require_size("composite", &weight, self.model.n())?;
@@ -106,6 +106,7 @@ pub(super) struct LaneComposite<S> {
     weight: AnyGain<S>,
     /// Indices of the estimated columns of the regressor `Y`.
     columns: Vec<usize>,
+    /// The number `b` of estimated parameters of bodies.
     bodies: usize,
     /// The number of joint columns of armature, which are part of the regressor `Y_M` of the momentum.
     rotors: usize,
@@ -119,13 +120,13 @@ pub(super) struct LaneComposite<S> {
     gravity: Vec<S>,
     /// The product `Y(q, v, e_i, 0)' v` for all parameters, with the unit vector `e_i` of one joint.
     row: Vec<S>,
-    /// The estimated columns of the regressor `Y_M` of the momentum `M v`, `(n, bodies)`.
+    /// The estimated columns of the regressor `Y_M` of the momentum `M v`, `(n, b)`.
     y_m: Vec<S>,
-    /// The estimated columns of the regressor `Y_D` of the drift `g - C' v`, `(n, bodies)`.
+    /// The estimated columns of the regressor `Y_D` of the drift `g - C' v`, `(n, b)`.
     y_d: Vec<S>,
-    /// The entries of the joint columns of the regressor `Y`.
+    /// The entries of the joint columns in `Y_M` (armature) and `Y_D` (friction).
     entries: Vec<S>,
-    /// The filtered regressor `W` of the bodies, `(n, bodies)`.
+    /// The filtered regressor `W` of the bodies, `(n, b)`.
     w: Vec<S>,
     /// The entries of the joint columns of the filtered regressor `W`.
     beside: Vec<S>,
@@ -204,7 +205,7 @@ impl<S: Real> LaneComposite<S> {
         self.y_m.iter().copied().zip(self.y_d.iter().copied())
     }
 
-    /// The entries of the joint columns of the regressor `Y`.
+    /// The entries of the joint columns in `Y_M` (armature) and `Y_D` (friction).
     pub fn entries(&self) -> &[S] {
         &self.entries
     }

@@ -24,7 +24,7 @@ pub struct ComputedTorqueSpec {
 }
 
 impl ComputedTorqueSpec {
-    /// Create the law for a desired motion of `n` joints. Both gains have the size `n`.
+    /// Create the law for a desired motion of `n` joints. Both gains have the size `n`. Errors: `WrongShape` for a wrong size.
     pub fn new(model: Model, motion: Motion, kp: Gain, kd: Gain) -> Result<Self> {
         let n = model.n();
         require_same_dof(n, &motion)?;

@@ -25,7 +25,7 @@ use crate::scalar::Real;
 pub struct Concurrent {
     /// Regressors `W_j` of all samples, `(N, n, p)`.
     rows: Vec<f64>,
-    /// Torques `tau_j` of all samples, `(N, n)`, N m or N; with windows, their integrals.
+    /// Torques `tau_j` of all samples, `(N, n)`, N m or N; with windows, their integrals, N m s or N s.
     torques: Vec<f64>,
     /// The sum over the samples of `W_j' R W_j`, `(p, p)`.
     gram: Vec<f64>,
@@ -57,6 +57,8 @@ pub struct Windows {
 
 impl Windows {
     /// Create windows for a record at the times `t`, `(K,)`, s, which must be evenly spaced. `length` is in s.
+    ///
+    /// Errors: `Input` for times that are not finite, not increasing or not evenly spaced, or a `length` that is not positive.
     pub fn of_times(t: &[f64], length: f64, held: bool) -> Result<Self> {
         /// Tolerance for evenly spaced times, as a fraction of a step, because the times may be rounded.
         const UNEVEN: f64 = 1e-6;
@@ -81,12 +83,14 @@ impl Windows {
 pub struct StoredRows {
     /// Regressors `W` of the samples, `(N, n, p)`, row-major.
     pub rows: Vec<f64>,
-    /// Torques `tau` of the samples, `(N, n)`, N m or N; with windows, their integrals over time.
+    /// Torques `tau` of the samples, `(N, n)`, N m or N; with windows, their integrals over time, N m s or N s.
     pub torques: Vec<f64>,
 }
 
 impl AdaptiveSpec {
     /// Add learning from stored samples. `weight` is the weight `R` of the torque errors of the samples, of size `n`.
+    ///
+    /// Errors: `WrongShape` for the size of `weight`, `Input` for samples of a wrong shape, or numbers that are not finite. `Memory`.
     pub fn concurrent(mut self, stored: StoredRows, weight: &Gain) -> Result<Self> {
         let (n, p, StoredRows { rows, torques }) = (self.model.n(), self.estimate.len(), stored);
         require_size("concurrent_weight", weight, n)?;
@@ -124,7 +128,7 @@ impl AdaptiveSpec {
         Ok(self)
     }
 
-    /// The torque errors `e_j` of the stored samples, `(N, n)`, N m or N; `None` without stored samples.
+    /// The torque errors `e_j` of the stored samples, `(N, n)`, in the unit of their torques; `None` without stored samples.
     pub(super) fn stored_errors(&self, estimate: &[f64]) -> Option<Vec<f64>> {
         let Concurrent { rows, torques, .. } = self.concurrent.as_ref()?;
         let p = self.estimate.len();
@@ -132,7 +136,7 @@ impl AdaptiveSpec {
         Some(rows.chunks_exact(p).zip(torques).map(error).collect())
     }
 
-    /// Compute the samples of a record with the accelerations `a`, `(K, n)`, rad/s^2 or m/s^2.
+    /// Compute the samples of a record with the accelerations `a`, `(K, n)`, rad/s^2 or m/s^2. Errors: `Memory`.
     pub fn samples(&self, record: Record, a: &[f64]) -> Result<StoredRows> {
         let (n, p, all) = (self.model.n(), self.estimate.len(), self.model.parameter_count());
         let (count, bodies) = (record.q.len() / n, p - self.columns.count());
@@ -154,6 +158,8 @@ impl AdaptiveSpec {
     }
 
     /// Compute the samples of windows of a record. Each window starts half a window after the previous one.
+    ///
+    /// Errors: `Input` for a window that is longer than the record, or a length or step that is not positive. `Memory`.
     pub fn window_samples(&self, record: Record, windows: Windows) -> Result<StoredRows> {
         let (n, p) = (self.model.n(), self.estimate.len());
         positive("window", windows.length)?;

@@ -21,7 +21,7 @@ pub trait Definition {
     /// The named terms of the law at one instant.
     fn terms(&self, at: &Instant) -> Vec<Term>;
 
-    /// The law's state at the start of a run, `(p,)`.
+    /// The law's state at the start of a run, `(p,)`, before [`Law::restart`].
     fn initial_state(&self) -> &[f64] {
         &[]
     }
@@ -46,12 +46,12 @@ pub trait Definition {
         Route::Straight
     }
 
-    /// The joint reference of the law; `None` for a law of tasks.
+    /// The joint reference of the law; `None` for a law without one.
     fn joint_reference(&self) -> Option<JointReference> {
         None
     }
 
-    /// The frame and the axes in which an external force acts on the law; `None` for a law of joints alone.
+    /// The frame and the axes that a Cartesian impedance law controls; `None` for other laws.
     fn coordinates(&self) -> Option<&Coordinates> {
         None
     }
@@ -81,7 +81,7 @@ pub trait Definition {
         None
     }
 
-    /// The joint stiffness in the law's model, if the law reads joint torques; `None` for other laws.
+    /// The joint stiffness in the law's model; `None` for a law without it.
     fn joint_stiffness(&self) -> Option<&Gain> {
         self.reduction().map(|reduction| &reduction.joint_stiffness)
     }

@@ -4,7 +4,7 @@
 //! `tau = (I - B B0^-1) K_J (theta - q) + B B0^-1 ( J'[K_m (x_d - x) - D_m J v] + g(q) - D0 w )`
 //!
 //! with the damped velocity `w` of `inertia_reduction`. The options are the options of the rigid law, except that `tau_max` limits the
-//! motor torque `tau`. An integral wrench `F_I` contributes `B B0^-1 J' F_I` to it.
+//! motor torque `tau`. An integral wrench `F_I` contributes `B B0^-1 J' F_I` to `tau`.
 //!
 //! The storage function `E = v'Mv/2 + (theta-q)'K_J(theta-q)/2 + theta_dot'B0 theta_dot/2 + e'K_m e/2` obeys the identity `dE/dt = F.x_dot
 //! - theta_dot'D0 w - x_dot'D_m x_dot + (theta_dot - v).u`. Its last term has no definite sign.

@@ -53,7 +53,7 @@ impl<S: Real> BufferedLaw<S> {
     }
 }
 
-/// A law that is evaluated at single instants, with its buffers. A call allocates nothing.
+/// A law that is evaluated at single instants, with its buffers. A call allocates nothing, except the call that records the program.
 pub struct LawEvaluator {
     direct: BufferedLaw<Float>,
     spec: LawSpec,

@@ -5,7 +5,8 @@
 //! sampled: K_T = K (I + K T)^-1 replaces K, and w' is constant:   r_k = (I + K T)^-1 (r_(k-1) + K (p_k - p_(k-1) - (..)_(k-1) T))
 //! ```
 //!
-//! Contact is the first sample at which some `|r_i|` exceeds its threshold. From that sample on, this reaction replaces the law:
+//! Here `(..) = tau - tau_f + C' v - g`, and `T` is the sample time. Contact is the first sample at which some `|r_i|` exceeds its
+//! threshold. From that sample on, this reaction replaces the law:
 //!
 //! ```text
 //! tau = g(q) + K_c (y_c - y) + D_c (y_c' - y'),   y = q, or the motors' theta of elastic joints

@@ -1,7 +1,7 @@
 //! Options of a Cartesian impedance law: a feed-forward wrench `F_ff`, integral action `w`, limits, a null space, and compensation of the
 //! coupling ([`super::NullSpaceSpec`]).
 //!
-//! `F = K_m e + D_m (x_d' - x') + F_ff + w` within `wrench_max`, `w' = K_i e`, `tau = J' F + ..` within `tau_max`.
+//! `F = K_m e + D_m (x_d' - x') + F_ff + w` within `wrench_max`, `w' = K_i e`, `tau = J' F + g(q) + ..` within `tau_max`.
 //!
 //! Conditional integration (Astrom and Hagglund, Advanced PID Control, 3.5) stops row `k` of `w` in two cases. In the first, `F_k` exceeds
 //! its limit, and `w_k'` would increase the excess. In the second, a torque `tau_i` exceeds its limit, and `J_ki w_k'` would increase the
@@ -99,7 +99,7 @@ impl ImpedanceOptions {
         self.wrench_max.is_some() || self.tau_max.is_some()
     }
 
-    /// Whether the torque is `J' F + g`, where `F` comes from a potential and a constant wrench.
+    /// Whether the torque at rest is `J' F + g`, where `F` comes from a potential and a constant wrench.
     pub fn has_potential(&self) -> bool {
         self.null_space.is_none() && self.integral_gain.is_none() && self.wrench_max.is_none() && self.tau_max.is_none()
     }

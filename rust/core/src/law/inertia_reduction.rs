@@ -52,7 +52,7 @@ pub(super) use reduced_facts;
 /// let model = Model::from(Arm::planar(&[0.5, 0.4], None, None, None, [0.0, -9.81])?);
 /// let (stiffness, motors) = (Gain::scalar("stiffness", 2, 2000.0)?, Gain::scalar("motor_inertia", 2, 0.2)?);
 /// let plant = PlantSpec::from(ElasticSpec::new(model.clone(), stiffness.clone(), motors.clone(), None, None, None)?);
-/// // The motors feel a quarter of their inertia; D0 by a damping ratio of 0.7.
+/// // The motors behave as if they had a quarter of their inertia. D0 follows from a damping ratio of 0.7.
 /// let inner = ReductionSpec::new(2, stiffness, motors, Gain::scalar("reduced_inertia", 2, 0.05)?, None, 0.7, false)?;
 /// let (kp, kd) = (Gain::scalar("kp", 2, 60.0)?, Gain::scalar("kd", 2, 12.0)?);
 /// let outer = PdGravitySpec::new(model.clone(), dvector![0.4, 0.1], kp.clone(), kd.clone())?;
@@ -85,6 +85,8 @@ impl ReductionSpec {
     /// Create the reduction for `n` joints. Gains have the size `n` and the units of their fields.
     ///
     /// `motor_damping = None` computes `D0` from the dimensionless `damping_ratio`.
+    ///
+    /// Errors: `WrongShape` for a wrong size. `Input` for a `damping_ratio` that is used and not positive.
     pub fn new(
         n: usize,
         joint_stiffness: Gain,
@@ -108,7 +110,7 @@ impl ReductionSpec {
         Ok(ReductionSpec { joint_stiffness, motor_inertia, reduced_inertia, motor_damping, relative, ratio })
     }
 
-    /// Whether a plant has the springs and motors of the law's model, and no losses.
+    /// Whether a plant has the springs and motors of the law's model, without damping and without viscous friction.
     pub(super) fn matches(&self, plant: &ElasticSpec) -> bool {
         plant.stiffness == self.joint_stiffness
             && plant.motor_inertia == self.motor_inertia

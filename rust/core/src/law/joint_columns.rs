@@ -51,7 +51,7 @@ pub struct JointColumns {
 
 impl JointColumns {
     /// Create the columns `kinds` for `n` joints, each kind once, in the order of [`JointColumn`]. `speed` is the smoothing speed `v_s` of
-    /// each joint, > 0, rad/s or m/s.
+    /// each joint, > 0, rad/s or m/s. Errors: `WrongShape` for a wrong number of speeds, `Input` for a speed that is not positive.
     pub fn new(n: usize, kinds: &[JointColumn], speed: Vec<f64>) -> Result<Self> {
         if speed.len() != n {
             return Err(Error::wrong_shape("friction_speed", &[n], &[speed.len()]));

@@ -14,7 +14,8 @@ use crate::priority::{PriorityMethod, PriorityOptions, joint_velocity_bounds};
 /// The default horizon `h`, s: the shortest time in which a joint may reach its limit.
 pub const HORIZON: f64 = 0.1;
 
-/// Limits that replace the limits of the arm. `None` uses the arm's limit; an arm has no `a_max`.
+/// Limits that replace the limits of the arm. `None` uses the arm's limit; an arm has no `a_max`. If only one of `v_min` and `v_max` is
+/// given, the other one is its negative.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct LimitOverrides {
     /// Least positions `(n,)`, rad or m.
@@ -27,12 +28,12 @@ pub struct LimitOverrides {
     pub v_max: Option<Vec<f64>>,
     /// Largest accelerations `(n,)`, rad/s^2 or m/s^2.
     pub a_max: Option<Vec<f64>>,
-    /// Horizon `h`, s: the shortest time in which a joint may reach its limit.
+    /// Horizon `h`, s: the shortest time in which a joint may reach its limit. `None` means [`HORIZON`].
     pub horizon: Option<f64>,
 }
 
 impl LimitOverrides {
-    /// Refuse limits for a priority map without bounds.
+    /// Refuse limits for a priority method without bounds. Errors: `Input`.
     pub fn require_sns(&self, method: PriorityMethod) -> Result<()> {
         let given = [
             ("q_min", self.q_min.is_some()),
@@ -65,7 +66,8 @@ pub struct JointLimits {
 impl JointLimits {
     /// Create the limits: `given` where it has a limit, otherwise the arm's limit.
     ///
-    /// Errors: wrong lengths, NaN, limits out of order, an `a_max` that is not positive, or no finite limit at all.
+    /// Errors: `WrongShape` for wrong lengths. `Input` for NaN, limits out of order, an `a_max` or `horizon` that is not positive, no
+    /// finite limit at all, or the planar PR arm.
     pub fn new(model: &Model, given: &LimitOverrides) -> Result<Self> {
         let joints: Vec<&crate::arm::Joint> = model.tree("arm")?.independent().collect();
         let n = joints.len();

@@ -24,7 +24,7 @@ use crate::scalar::Real;
 /// let arm = Arm::planar(&[0.5, 0.4, 0.3], None, None, None, [0.0, -9.81])?;
 /// let (tip, posture) = (TaskFunction::frame(&arm, "link3", "xy")?, TaskFunction::posture(&arm, None)?);
 /// let q0 = dvector![0.3, 0.4, 0.5];
-/// // Joint velocities that move the tip alone, at one configuration.
+/// // Joint velocities for the task of the tip alone, at one configuration.
 /// let mut solver = ArmSolver::new(&arm, vec![tip.clone()], &PriorityOptions::default())?;
 /// solver.solve(q0.as_slice(), &[0.1, 0.0])?;
 /// assert_eq!(solver.solver().ranks(), [2]);
@@ -53,7 +53,8 @@ pub struct Level {
 }
 
 impl Level {
-    /// Create a level. `damping = None` means critical damping.
+    /// Create a level. `damping = None` means critical damping. Errors: `WrongShape` for a wrong size, `Input` for an invalid constant
+    /// target.
     pub fn new(function: TaskFunction, target: Motion, gain: Gain, damping: Option<Gain>) -> Result<Self> {
         match &target {
             Motion::Hold(target) => function.require_target(target)?,

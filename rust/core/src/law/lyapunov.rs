@@ -16,7 +16,7 @@ enum EstimateMetric<S> {
     Diagonal(Vec<S>),
     /// The inverse gain `Gamma^-1`.
     Full(AnyGain<S>),
-    /// The gain `gamma` of each body, then of each joint column.
+    /// The gain `gamma` of each body, then of each parameter of a joint column.
     Natural(Vec<S>),
 }
 
@@ -71,7 +71,7 @@ impl<S: Real> Lyapunov<S> {
         })
     }
 
-    /// Compute the Lyapunov function `V1` for the desired motion, at `q`, `v` and the estimate. The arm `links` must already be at `q`.
+    /// Compute the Lyapunov function `V1`, J, for the desired motion, at `q`, `v` and the estimate. The arm `links` must already be at `q`.
     pub fn value(&mut self, desired: &[S], links: &mut ArmAt<S>, q: &[S], v: &[S], estimate: &[S]) -> S {
         let n = self.e.len();
         for i in 0..n {

@@ -6,7 +6,7 @@
 //! - `n` is the number of joints, and `m` the number of rows of a task.
 //! - `p` is the length of the law's state `z`, or the number of estimated parameters.
 //! - A *lane* is one entry of a SIMD register. A loop on registers runs one problem per lane. All its laws have the *same shape*.
-//! - A *program* is the list of operations of a law, recorded once. It runs with the same bits as the law itself.
+//! - A *program* is machine code made from the recorded operations of a law. It has the same bits as the law itself.
 //! - *Joint columns* are the columns of the regressor for armature (rotor inertia) and friction, after the columns of the bodies.
 
 mod adaptation;
@@ -118,12 +118,12 @@ pub trait Law<S: Real> {
         None
     }
 
-    /// The rate at which the law's Lyapunov function decreases at the last evaluation; zero for a law without such a function.
+    /// The rate at which the law's Lyapunov function decreases at the last evaluation, W; zero for a law without such a function.
     fn dissipation(&self) -> S {
         S::zero()
     }
 
-    /// The rate at which the Lyapunov function decreases on the true plant. `x` is the plant's state, `z` the law's state.
+    /// The rate at which the Lyapunov function decreases on the true plant, W. `x` is the plant's state, `z` the law's state.
     fn dissipation_of(&self, _: &Truth<S>, _x: &[S], _z: &[S]) -> S {
         self.dissipation()
     }
@@ -134,7 +134,7 @@ pub trait Law<S: Real> {
     }
 }
 
-/// Declare the kinds of laws: the enum, its conversions, and the construction of loops. Each law has one file and one entry in this list.
+/// Declare the kinds of laws: the enum, its conversions, and the construction for lanes. Each law has one file and one entry in this list.
 macro_rules! laws {
     ($($(#[$doc:meta])* $law:ident($definition:ty),)*) => {
         /// A law of any kind, with the interface [`Definition`].
@@ -220,14 +220,14 @@ laws! {
     PriorityVelocity(PriorityVelocitySpec),
     /// Accelerations of tasks in priority.
     PriorityAcceleration(PriorityAccelerationSpec),
-    /// Any law with a momentum observer and a reaction to contact.
+    /// A law of torques with a momentum observer and, if requested, a reaction to contact.
     Guarded(GuardedSpec),
     /// A law that is a function of the caller, evaluated at samples.
     External(ExternalSpec),
 }
 
 impl LawSpec {
-    /// Times at which the desired motion jumps, s, increasing.
+    /// Times at which integrators restart, because a derivative of a desired motion jumps, s, in ascending order. Times may repeat.
     pub fn breaks(&self) -> Vec<f64> {
         let mut breaks: Vec<f64> = self.motions().iter().flat_map(|motion| motion.breaks()).collect();
         breaks.sort_by(f64::total_cmp);

@@ -79,6 +79,8 @@ impl<const TORQUE: bool> MotorRegulationSpec<TORQUE> {
 
 impl MotorPdSpec {
     /// Create the law. `target` is the position `q_d` of the links, `(n,)`, rad. Gains have the size `n`.
+    ///
+    /// Errors: `WrongShape` for a wrong size, `Input` for a target that is not finite.
     pub fn new(model: Model, target: &[f64], kp: Gain, kd: Gain, joint_stiffness: Gain, online: bool) -> Result<Self> {
         let one = Gain::scalar("kt", model.n(), 1.0)?;
         Self::regulation(model, target, [kp, kd, one.clone(), one], joint_stiffness, online)
@@ -86,7 +88,8 @@ impl MotorPdSpec {
 }
 
 impl StateFeedbackSpec {
-    /// Create the law. `gains` are `Kp, Kd, Kt, Ks`, of size `n`. `target` is the position `q_d` of the links, `(n,)`, rad.
+    /// Create the law. `gains` are `Kp, Kd, Kt, Ks`, of size `n`. `target` is the position `q_d` of the links, `(n,)`, rad. Errors: as for
+    /// [`MotorPdSpec::new`].
     pub fn new(model: Model, target: &[f64], gains: [Gain; 4], joint_stiffness: Gain) -> Result<Self> {
         Self::regulation(model, target, gains, joint_stiffness, false)
     }

@@ -33,7 +33,7 @@ pub enum NullProjection {
 }
 
 impl NullProjection {
-    /// Return the projection with the name `consistent` or `static`.
+    /// Return the projection with the name `consistent` or `static`. Errors: `Input` for another name.
     pub fn of_name(name: &str) -> Result<Self> {
         match name {
             "consistent" => Ok(NullProjection::Consistent),
@@ -57,7 +57,7 @@ pub struct NullSpaceSpec {
 }
 
 impl NullSpaceSpec {
-    /// Create a null space for an arm of `n` joints.
+    /// Create a null space for an arm of `n` joints. Errors: `WrongShape` for a wrong size.
     pub fn new(n: usize, posture: Motion, stiffness: Gain, damping: Gain, projection: NullProjection) -> Result<Self> {
         require_rows("nullspace.q_d", n, posture.dof())?;
         require_size("nullspace.stiffness", &stiffness, n)?;
@@ -181,7 +181,7 @@ pub(super) struct Place<'a, S> {
     pub jacobian: &'a [S],
     /// Desired acceleration `x_d''` of the rows, `(m,)`, m/s^2 and rad/s^2.
     pub acceleration: &'a [S],
-    /// Desired posture `q_n`, then its rate `q_n'`, `(n,)` each; empty without a null space.
+    /// Desired posture `q_n`, then its rates `q_n'` and `q_n''`, `(n,)` each; empty without a null space.
     pub posture: &'a [S],
     /// Gravity torque `g(q)`, `(n,)`.
     pub gravity: &'a [S],

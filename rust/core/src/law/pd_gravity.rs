@@ -39,6 +39,8 @@ pub struct PdGravitySpec {
 
 impl PdGravitySpec {
     /// Create the law for a target position `(n,)`, rad or m. Both gains have the size `n`.
+    ///
+    /// Errors: `WrongShape` for a wrong size, `Input` for a target that is not finite.
     pub fn new(model: Model, target: impl Into<DVector<f64>>, kp: Gain, kd: Gain) -> Result<Self> {
         let target = Vec::from(target.into().data);
         let n = model.n();

@@ -1,11 +1,11 @@
-//! PID control with gravity compensation (Arimoto and Miyazaki 1984), with options that most arms use:
+//! PID control with gravity compensation (Arimoto and Miyazaki 1984), with options:
 //!
 //! ```text
 //! u   = g(q) + f(v_d) + M(q) a_d + Kp (q_d - q) + Kd (v_d - v_f) + w - d,   tau = u within the limits
 //! w'  = Ki (q_d - q)                                    integral torque
-//! v_f = v, or N (q - y) with y' = v_f                   filtered derivative N p/(p + N) of q
+//! v_f = v, or N (q - y) with y' = v_f                   filtered derivative of q, v_f' = N (v - v_f)
 //! f   = damping v_d + friction tanh(v_d / v_s)          feed-forward of friction
-//! d   = h (m v_f - s),   s' = tau - g - f + d           disturbance observer h/(p + h), nominal inertia m
+//! d   = h (m v_f - s),   s' = tau - g - f + d           disturbance observer of bandwidth h, nominal inertia m
 //! ```
 //!
 //! While `u_i` exceeds the limit of joint `i`, `w_i` does not change further in this direction. This is conditional integration (Astrom and
@@ -57,7 +57,8 @@ pub struct PidOptions {
 }
 
 impl PidSpec {
-    /// Create the law without options, for a desired motion and gains of size `n`. The integral starts at zero.
+    /// Create the law without options, for a desired motion and gains of size `n`. The integral starts at zero. Errors: `WrongShape` for a
+    /// wrong size.
     pub fn new(model: Model, motion: Motion, kp: Gain, ki: Option<Gain>, kd: Gain) -> Result<Self> {
         let n = model.n();
         require_same_dof(n, &motion)?;
@@ -67,7 +68,8 @@ impl PidSpec {
         Ok(PidSpec { model, motion, kp, ki, kd, options: PidOptions::default(), start: vec![0.0; n] })
     }
 
-    /// Replace the options of the law.
+    /// Replace the options of the law. Errors: `WrongShape` for a wrong length. `Input` for numbers that are not positive or not finite
+    /// (`tau_max` may be infinite), or a `nominal_inertia` without an observer.
     pub fn with(mut self, mut options: PidOptions) -> Result<Self> {
         let n = self.model.n();
         positive_rows("tau_max", options.tau_max.as_deref(), n, f64::INFINITY)?;
@@ -225,7 +227,7 @@ pub struct Pid<S: Real> {
     drag: Vec<S>,
     /// Disturbance torque `d` that the observer estimates, `(n,)`, N m or N.
     disturbance: Vec<S>,
-    /// The torque `g + f`, which does not accelerate the nominal joints, `(n,)`, N m or N.
+    /// The feed-forward torque: `g + f` with an observer, else `g + f + M a_d`, `(n,)`, N m or N.
     nominal: Vec<S>,
     work: Vec<S>,
     /// Torque `u` before its limits, `(n,)`, N m or N.

@@ -38,6 +38,9 @@ struct PrintedSizes {
 impl LawSpec {
     /// Print the law as C: a header, a source file and a CMake file.
     ///
+    /// Errors: `Input` for a law that branches on its data, a function of the caller, or a law or motion that is too long. `Input` or
+    /// `WrongShape` for invalid `options` or `timing`.
+    ///
     /// ```
     /// use armlet_core::arm::Arm;
     /// use armlet_core::law::{CLoop, Gain, LawSpec, PdGravitySpec};
@@ -126,7 +129,7 @@ impl LawSpec {
         let work = if slots > 0 { format!(", w[{slots}]") } else { String::new() };
         let prefix = source.prefix().to_string();
         source.write(&format!(
-            "/* The law's own state where the first measurement is x. */
+            "/* Set the law's own state for the first measurement x. */
 static void {prefix}_start(const double x[{}], double state[{p}])\n{{\n    \
 double y[{p}]{work};\n    int sound = 1;\n{steps}    (void)sound;\n    memcpy(state, y, sizeof y);\n}}\n\n",
             sizes.states,
@@ -148,8 +151,8 @@ double y[{p}]{work};\n    int sound = 1;\n{steps}    (void)sound;\n    memcpy(st
     /// Write the declarations of the header.
     fn declare(&self, source: &mut CSource, sizes: &PrintedSizes, timing: &CLoop) {
         let (prefix, n, p) = (source.prefix().to_string(), sizes.n, sizes.p);
-        source.define("N", n, "joints");
-        source.define("STATES", p, "numbers of the law's own state");
+        source.define("N", n, "number of joints");
+        source.define("STATES", p, "length of the law's own state");
         if let (Some(dt), true) = (timing.dt, p > 0) {
             source.define("DT", hex(dt), &format!("step of the law's own state: {dt} s"));
         }
@@ -158,7 +161,7 @@ double y[{p}]{work};\n    int sound = 1;\n{steps}    (void)sound;\n    memcpy(st
         } else {
             format!(
                 "    double state[{p}]; /* the law's own state at the last call */\n    double rate[{p}]; /* its rate, held until the next call */\n    \
-double t; /* time of the last call, s */\n    int started; /* whether there was one */\n"
+double t; /* time of the last call, s */\n    int started; /* whether there was a call */\n"
             )
         };
         let input = match self.plant() {
@@ -167,9 +170,9 @@ double t; /* time of the last call, s */\n    int started; /* whether there was 
             PlantKind::Elastic => "torque of the motors",
         };
         source.declare(&format!(
-            "\n/* A controller. */\ntypedef struct {{\n    double tau[{n}]; /* the last answer that was right; zeros at first */\n{own}}} {prefix}_state;\n\n\
-/* Begin a run. */\nvoid {prefix}_init({prefix}_state *state);\n\n/* One sample: the {input} at time t, s, for the measured state of the joints{}.\n   \
-On a status other than 0 tau is the last answer that was right. */\n{};\n",
+            "\n/* The state of a controller. */\ntypedef struct {{\n    double tau[{n}]; /* the last valid result; zeros before the first one */\n{own}}} {prefix}_state;\n\n\
+/* Set the state for the start of a run. */\nvoid {prefix}_init({prefix}_state *state);\n\n/* Compute one sample: the {input} at time t, s, for the measured state of the joints{}.\n   \
+If the status is not 0, tau is the last valid result. */\n{};\n",
             match self.plant() {
                 PlantKind::Elastic => " and motors",
                 PlantKind::Velocity => "; v is not read",
@@ -254,7 +257,7 @@ two = {}, four = {};\n        state->state[i] = {};\n    }}\n",
         };
         let next = next.replace("DT", &format!("{upper}_DT"));
         source.write(&format!(
-            "/* From the time of the last call to t: by whole steps, or by one where t is not on their grid. */
+            "/* Advance the law's own state from the last call to t: by whole steps, or by one step if a time is not a multiple of the step. */
 static void {prefix}_advance({prefix}_state *state, double t)
 {{
 {table}{next}    const double first = floor(state->t / {upper}_DT + 0.5), last = floor(t / {upper}_DT + 0.5);
@@ -346,10 +349,10 @@ memcpy(x + {}, state->state, sizeof state->state);\n",
             };
         }
         if let Some(period) = timing.sample_time.filter(|_| self.samples()) {
-            text += &format!("It has to be called every {period} s.\n");
+            text += &format!("Call it every {period} s.\n");
         }
         if timing.tau_max.is_some() {
-            text += "Its answer is limited.\n";
+            text += "tau is limited.\n";
         }
         text.trim_end().to_string()
     }

@@ -1,7 +1,7 @@
 //! Prioritised accelerations under computed torque, for rigid arms (`siciliano1991priority`, `nakanishi2008operational`):
 //!
 //! `a` solves `J_i a = x_d,i'' + D_i (x_d,i' - J_i v) + K_i e_i - dJ_i/dt v` in priority. In the remaining freedom `a = -c v`, which stops
-//! motions that change no task. Then `tau = M a + C v + g`. The map `sns` keeps `a` within bounds. `joint_limits` computes these bounds
+//! motions that change no task. Then `tau = M a + C v + g`. The method `sns` keeps `a` within bounds. `joint_limits` computes these bounds
 //! from the joint limits at every evaluation.
 
 use super::decided::{Decided, RecordedSolver, Solve};
@@ -24,11 +24,11 @@ pub struct PriorityAccelerationSpec {
     model: Model,
     /// Tasks, the highest priority first.
     pub levels: Vec<Level>,
-    /// Options of the priority map.
+    /// Options of the priority method.
     pub options: PriorityOptions,
     /// Joint damping `c`, 1/s.
     pub joint_damping: f64,
-    /// Joint limits for the map `sns`; `None` for other maps.
+    /// Joint limits for the method `sns`; `None` for other methods.
     limits: Option<JointLimits>,
 }
 
@@ -36,7 +36,8 @@ impl PriorityAccelerationSpec {
     /// Create the law. `joint_damping`: `c`, 1/s. `limits`: joint limits for the method `Sns`; a limit that is not given is the arm's.
     /// With `Sns`, bounds in `options` are ignored.
     ///
-    /// Errors: `Input` for a negative damping, for invalid limits or options, or for limits with another method than `Sns`.
+    /// Errors: `Input` for no level, the planar PR arm, a negative damping, or limits with another method than `Sns`. Also as for
+    /// [`JointLimits::new`] and [`PrioritySolver::new`].
     pub fn new(model: Model, levels: Vec<Level>, options: PriorityOptions, joint_damping: f64, limits: &LimitOverrides) -> Result<Self> {
         require_levels(&levels)?;
         model.tree("arm")?;
@@ -46,8 +47,8 @@ impl PriorityAccelerationSpec {
         limits.require_sns(options.method)?;
         let limits = if options.method == PriorityMethod::Sns { Some(JointLimits::new(&model, limits)?) } else { None };
         let mut options = limits.as_ref().map_or_else(|| options.clone(), |limits| limits.open(options.clone()));
-        // Below all tasks there is one more level, whose Jacobian is the identity. Its projected singular values are one, or zero in
-        // directions that the tasks use.
+        // Below all tasks there is one more level, whose Jacobian is the identity. Its projected singular values are at most one. They are
+        // one in directions that no task uses.
         if let Some(eps) = options.eps.as_mut().filter(|eps| eps.len() == levels.len() && eps.len() > 1) {
             eps.push(crate::priority::DEFAULT_EPS);
         }
@@ -113,7 +114,8 @@ impl Definition for PriorityAccelerationSpec {
         self.levels.iter().map(|level| &level.target).collect()
     }
 
-    /// The terms of the velocity law in priority, then `e_dot`, `J_dot` and the acceleration. Residuals are accelerations.
+    /// The terms of the velocity law in priority, without `v`, and also `e_dot`, `J_dot` and the acceleration `a`. Residuals are
+    /// accelerations.
     fn terms(&self, at: &Instant) -> Vec<Term> {
         let n = self.model.n();
         let mut law = self.plain();

@@ -1,11 +1,12 @@
 //! Prioritised joint velocities with feedback of the task errors (CLIK, `siciliano1990kinematic`):
 //!
-//! `u` solves `J_i u = x_d,i' + K_i e_i` in priority, by one of the maps of `priority`. The plant is `q' = u`.
+//! `u` solves `J_i u = x_d,i' + K_i e_i` in priority, by one of the methods of `priority`. The plant is `q' = u`.
 //!
-//! The map `sns` keeps `u` within bounds. `joint_limits` computes these bounds from the joint limits at every evaluation.
+//! The method `sns` keeps `u` within bounds. `joint_limits` computes these bounds from the joint limits at every evaluation.
 //!
-//! The decision about a rank assumes a relative error of `8 eps (1 + sum|q|)` in the entries of the Jacobians. The maps branch on singular
-//! values, so this law runs on plain numbers. A recording uses the algorithm for regular stacks, and reports where it is not valid.
+//! The decision about a rank assumes a relative error of `DEFAULT_ROUNDING (1 + sum|q|)` in the entries of the Jacobians. The methods
+//! branch on singular values, so this law runs on plain numbers. A recording uses the algorithm for regular stacks, and reports where it is
+//! not valid.
 
 use super::decided::{Decided, RecordedSolver, Solve};
 use super::joint_limits::{JointLimits, LimitOverrides};
@@ -27,9 +28,9 @@ pub struct PriorityVelocitySpec {
     model: Model,
     /// Tasks, the highest priority first.
     pub levels: Vec<Level>,
-    /// Options of the priority map.
+    /// Options of the priority method.
     pub options: PriorityOptions,
-    /// Joint limits for the map `sns`; `None` for other maps.
+    /// Joint limits for the method `sns`; `None` for other methods.
     limits: Option<JointLimits>,
 }
 
@@ -37,7 +38,8 @@ impl PriorityVelocitySpec {
     /// Create the law. `limits`: joint limits for the method `Sns`; a limit that is not given is the arm's. With `Sns`, bounds in `options`
     /// are ignored.
     ///
-    /// Errors: `Input` for invalid limits or options, or for limits with another method than `Sns`.
+    /// Errors: `Input` for no level, the planar PR arm, or limits with another method than `Sns`. Also as for [`JointLimits::new`] and
+    /// [`PrioritySolver::new`].
     pub fn new(model: Model, levels: Vec<Level>, options: PriorityOptions, limits: &LimitOverrides) -> Result<Self> {
         require_levels(&levels)?;
         model.tree("arm")?;
@@ -83,7 +85,8 @@ impl PriorityVelocitySpec {
     }
 }
 
-/// Set the arm's velocity limits in the options, if the map requires bounds and has none.
+/// Set the arm's velocity limits in the options, if the method requires bounds, has none, and a limit is finite. Errors: `Input` for the
+/// planar PR arm.
 pub fn with_limits(model: &Model, mut options: PriorityOptions) -> Result<PriorityOptions> {
     let arm = model.tree("arm")?;
     if options.method == PriorityMethod::Sns && options.v_min.is_none() && options.v_max.is_none() {
@@ -109,8 +112,8 @@ impl Definition for PriorityVelocitySpec {
         self.levels.iter().map(|level| &level.target).collect()
     }
 
-    /// The terms of the law: errors `e`, Jacobians `J` and residuals of all levels, one level after another. `rows` has the number of rows
-    /// of each level. The ranks and the joint velocity follow.
+    /// The terms of the law: errors `e`, Jacobians `J`, commands and residuals of all levels, one level after another. `rows` has the
+    /// number of rows of each level. The ranks and the joint velocity follow.
     fn terms(&self, at: &Instant) -> Vec<Term> {
         let n = self.model.n();
         let mut law = self.plain();
@@ -204,7 +207,7 @@ impl<P: Solve> Law<P::Number> for PriorityVelocity<P> {
         self.stack.place_at(x, trig);
         match self.command(desired, x) {
             Ok(()) => tau.copy_from_slice(self.solver.v()),
-            // NaN ends the run, with its status.
+            // NaN ends the run with the status `Diverged`.
             Err(_) => tau.fill(P::Number::splat(f64::NAN)),
         }
     }

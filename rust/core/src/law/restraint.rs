@@ -52,7 +52,8 @@ impl Restraint {
 }
 
 impl AdaptiveSpec {
-    /// Add leakage `sigma` towards `centre`, `(p,)`. `None` means the initial estimate.
+    /// Add leakage `sigma` towards `centre`, `(p,)`. `None` means the initial estimate. Errors: `Input` for numbers that are negative
+    /// (`sigma`) or not finite, `WrongShape` for a wrong length.
     pub fn leaking(mut self, sigma: f64, form: LeakageForm, centre: Option<Vec<f64>>) -> Result<Self> {
         not_negative("leakage", sigma)?;
         let centre = centre.unwrap_or_else(|| self.estimate.clone());
@@ -65,7 +66,8 @@ impl AdaptiveSpec {
         Ok(self)
     }
 
-    /// Stop the adaptation while the norm of the sliding variable `s` is below `s_0`, rad/s.
+    /// Stop the adaptation while the norm of the sliding variable `s` is below `s_0`, rad/s. Errors: `Input` for an `s_0` that is negative
+    /// or not finite.
     pub fn resting_below(mut self, s_0: f64) -> Result<Self> {
         not_negative("dead_zone", s_0)?;
         self.restraint.dead_zone = s_0;

@@ -1,10 +1,11 @@
 //! The motor loop of a sampled controller with locked links. The torque is constant over one sample of length `dt`:
 //!
-//! `y' = A y + G tau`, `tau = F y` at samples, so `y <- (exp(A dt) + int_0^dt exp(A s) ds G F) y`,
+//! `y' = A y + G tau`, `tau = F y` at samples, so `y <- (exp(A dt) + int_0^dt exp(A s) ds G F) y`.
 //!
-//! `y` is `[theta, theta_dot]`. A first-order torque sensor of bandwidth `w_c` adds `tau_f' = w_c (tau_J - tau_f)`. The loop is stable if
-//! and only if the spectral radius of this map is below 1. For `B0 << B` and no sensor, the limit is `omega_n dt < min(4 zeta, 1/zeta)`
-//! with `omega_n = sqrt(K_J/B0)`. At `B0 = B`, that rule gives a limit that is too large.
+//! The state `y` is `[theta, theta_dot]`. A first-order torque sensor of bandwidth `w_c` adds the filtered torque `tau_f` to `y`, with
+//! `tau_f' = w_c (tau_J - tau_f)`. The loop is stable if and only if the spectral radius of this map is below 1. For `B0 << B` and no
+//! sensor, the limit is `omega_n dt < min(4 zeta, 1/zeta)` with `omega_n = sqrt(K_J/B0)` and the damping ratio `zeta`. At `B0 = B`, that
+//! rule gives a limit that is too large.
 
 use super::ReductionSpec;
 use crate::linalg::eigenvalues::spectral_radius;
@@ -88,7 +89,8 @@ impl LockedMotors {
         self.groups.iter().map(|group| group.radius(dt)).fold(0.0, f64::max)
     }
 
-    /// The sample time at which the loop first becomes unstable, s; infinite if none is found.
+    /// The sample time at which the loop first becomes unstable, s. It is infinite if none is found, and zero if even a very short sample
+    /// time is unstable.
     pub fn largest_sample_time(&self) -> f64 {
         self.groups.iter().map(Group::largest_sample_time).fold(f64::INFINITY, f64::min)
     }

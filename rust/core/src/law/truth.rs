@@ -5,8 +5,8 @@
 //!
 //! `V1' = -s'Kd s + s'(tau_f(v) - Y_f a_f + (B - B_0) a_r) + (a - a_hat)'(y - w)`,
 //!
-//! with `y = Y' s` and `a_hat' = Gamma w`. If viscous friction is estimated, `-s' D s` remains of the second term. If Coulomb friction is
-//! estimated, `s' F (sign v - tanh(v_r / v_s))` remains.
+//! with `y = Y' s` and `a_hat' = Gamma w`. If viscous friction `D` is estimated, its part of the second term is `-s' D s`. If Coulomb
+//! friction `F` is estimated, its part is `s' F (sign v - tanh(v_r / v_s))`.
 
 use super::LawSpec;
 use super::adaptive::AdaptiveSpec;

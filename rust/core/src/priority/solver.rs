@@ -44,8 +44,8 @@ impl PrioritySolver {
     /// Create a solver. `n`: number of joints. `rows`: number of rows of each level, the highest level first. A level may have no row, or
     /// more rows than joints.
     ///
-    /// Errors: `WrongShape` for a wrong number of thresholds, weights or bounds. `Input` for `n = 0`, `eps <= 0`, or a `rounding` outside of
-    /// `[0, 1)`. Also `Input` for a weight that is not positive definite, invalid bounds, or `sns` without bounds. `Memory`.
+    /// Errors: `WrongShape` for a wrong number of thresholds, weights or bounds. `Input` for `n = 0`, `eps <= 0`, or a `rounding` outside
+    /// of `[0, 1)`. Also `Input` for a weight that is not positive definite, invalid bounds, or `sns` without bounds. `Memory`.
     pub fn new(n: usize, rows: &[usize], options: &PriorityOptions) -> Result<Self> {
         if n == 0 {
             return Err(Error::input("n", "is not positive: expected at least one joint, got 0"));
@@ -193,8 +193,8 @@ impl PrioritySolver {
 
     /// Solve for one Jacobian per level, shape `(rows_i, n)`, row-major, and one task velocity per level, shape `(rows_i,)`.
     ///
-    /// Returns `Success`, or `Degraded` if a level lost a direction or was scaled. Errors: `WrongShape` for wrong sizes, `Input` for numbers
-    /// that are not finite, `Solve` if the result overflows.
+    /// Returns `Success`, or `Degraded` if a level lost a direction or was scaled. Errors: `WrongShape` for wrong sizes, `Input` for
+    /// numbers that are not finite, `Solve` if the result overflows.
     pub fn solve(&mut self, jacobians: &[&[f64]], velocities: &[&[f64]]) -> Result<Status> {
         self.load(jacobians, velocities)?;
         self.run()

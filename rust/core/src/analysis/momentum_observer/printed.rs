@@ -87,26 +87,26 @@ $threshold$parent    int inner[$joints] = {0}, found = -1, i, k;
 
 /// The declarations of the header. The tokens `$parts` and `$torque` are words.
 const HEADER: &str = "
-/* An observer. */
+/* The state of an observer. */
 typedef struct {
-    double residual[$joints]; /* the torque from outside, N m or N */
-    double momentum[$joints]; /* of the last sample */
-    double drift[$joints]; /* the part of its rate that needs no torque */
+    double residual[$joints]; /* estimated external torque, N m or N */
+    double momentum[$joints]; /* at the last sample */
+    double drift[$joints]; /* rate of the momentum without torques, at the last sample */
     int started; /* whether there was a sample */
 } $prefix_state;
 
-/* Begin a run. */
+/* Set the state for the start of a run. */
 void $prefix_init($prefix_state *state);
 
-/* One sample: $parts now, and the $torque since the last sample, dt s ago.
-   The first sample starts the observer, with residual 0. $upper_TIME: dt is not positive.
-   On a status other than $upper_OK the state and the residual stay as they were. */
+/* Compute one sample from the $parts now, and the $torque since the last sample, dt s ago.
+   The first sample starts the observer, with the residual 0. $upper_TIME: dt is not positive.
+   If the status is not $upper_OK, the state and the residual do not change. */
 int $prefix_update($prefix_state *state, const double q[$joints], const double v[$joints], const double tau[$joints], double dt, double residual[$joints]);
 ";
 
 /// The declaration of the C function `contact`.
 const CONTACT_HEADER: &str = "
-/* The joint of the link that is touched, from 0, or -1: the outermost joint whose residual exceeds its threshold. */
+/* Return the index, from 0, of the outermost joint whose residual exceeds its threshold, or -1. Its link is the touched link. */
 int $prefix_contact(const $prefix_state *state);
 ";
 
@@ -160,7 +160,7 @@ impl MomentumObserver {
             source.write(&filled(CONTACT, &names, &[("$threshold", &array("threshold", thresholds)), ("$parent", &parents)]));
         }
         let of = if self.motors.is_some() { "motors of an arm with elastic joints" } else { "links of an arm" };
-        let about = format!("A momentum observer of armlet: the torque from outside on the {of}.\n\n{}", self.model.described());
+        let about = format!("A momentum observer of armlet: the external torque on the {of}.\n\n{}", self.model.described());
         Ok(source.files(&about))
     }
 
@@ -183,9 +183,9 @@ impl MomentumObserver {
     /// Write the declarations of the header.
     fn declare(&self, source: &mut CSource, names: &[Filling]) {
         let words = if self.motors.is_some() {
-            [("$parts", "positions and velocities of the motors"), ("$torque", "torques of the motors less those of the joints")]
+            [("$parts", "positions and velocities of the motors"), ("$torque", "motor torques minus joint torques")]
         } else {
-            [("$parts", "positions and velocities"), ("$torque", "torques that acted")]
+            [("$parts", "positions and velocities"), ("$torque", "torques")]
         };
         source.declare(&filled(HEADER, names, &words));
         if self.thresholds().is_some() {
