@@ -18,7 +18,7 @@ pub enum JointType {
 }
 
 impl JointType {
-    /// Return the type with this name: `"R"`, `"P"`, or a name of URDF. The result is `None` for other names.
+    /// Return the type with this name: `"R"`, `"P"`, `"F"`, or a name of URDF. The result is `None` for other names.
     pub fn parse(name: &str) -> Option<JointType> {
         Some(match name {
             "R" | "revolute" => JointType::Moving(JointKind::Revolute),
@@ -73,14 +73,14 @@ impl ChainJoint {
 /// The approximate memory of a joint in an arm and in its model, including names, in bytes.
 const BYTES_PER_JOINT: usize = 4096;
 
-/// Refuse a number of joints that does not fit in memory, before allocation begins.
+/// Refuse a number of joints that does not fit in memory, before allocation begins. Errors: `Memory`.
 pub(crate) fn require_memory(joints: usize) -> Result<()> {
     memory::require(joints.saturating_mul(BYTES_PER_JOINT))
 }
 
 impl Arm {
     /// Return an arm from a list of joints. `gravity`: world axes, m/s^2. The frames `"link1"`, .. are the body frames, one per list entry,
-    /// including fixed joints. The order of `q` is the order of the list, rearranged depth first.
+    /// including fixed joints. The order of `q` is the order of the list, rearranged depth first. Errors: `Input`, `Memory`.
     pub fn from_chain(list: &[ChainJoint], gravity: [f64; 3]) -> Result<Arm> {
         finite("gravity", &gravity)?;
         if list.is_empty() {
@@ -136,7 +136,8 @@ impl Arm {
         Ok(arm)
     }
 
-    /// Return the arm with mimic joints. `given`: for each joint its leader, multiplier and offset, or `None`.
+    /// Return the arm with mimic joints. `given`: for each joint its leader, multiplier and offset, or `None`. Errors: `Input` for an
+    /// invalid leader or number, or too many joints.
     pub fn following(mut self, given: &[Option<Follows>]) -> Result<Arm> {
         let index: Vec<Option<usize>> = (0..self.joints.len()).map(Some).collect();
         self.follow(given, &index)?;
@@ -223,9 +224,9 @@ pub(super) fn unit(argument: &str, axis: [f64; 3]) -> Result<[f64; 3]> {
     if largest == 0.0 {
         return Err(Error::input(argument, "is zero: expected a vector with a direction, got (0, 0, 0)"));
     }
-    // `largest` may be subnormal, and then its reciprocal is infinite. So the division is done twice instead.
+    // Each component is divided, because the reciprocal of a subnormal `largest` can be infinite.
     let scaled = Vector3::from(axis.map(|x| x / largest));
     let unit = Vector3::from(scaled.array().map(|x| x / scaled.norm()));
-    // A unit vector keeps its bits, up to rounding of its length. So this function does not change its own results.
+    // An axis whose length is 1 up to rounding keeps its bits. So this function does not change its own results.
     if (Vector3::from(axis).norm() - 1.0).abs() <= 4.0 * f64::EPSILON { Ok(axis) } else { Ok(unit.array()) }
 }

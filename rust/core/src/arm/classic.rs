@@ -20,7 +20,7 @@ pub enum Convention {
 }
 
 impl Convention {
-    /// Return the convention with the name `"standard"` or `"modified"`.
+    /// Return the convention with the name `"standard"` or `"modified"`. Errors: `Unknown` for other names.
     pub fn parse(name: &str) -> Result<Convention> {
         match name {
             "standard" => Ok(Convention::Standard),
@@ -50,7 +50,7 @@ pub struct DhRow {
 impl Arm {
     /// Return an arm from Denavit-Hartenberg rows. `gravity`: world axes, m/s^2. The frames `"link1"`, .. are the Denavit-Hartenberg
     /// frames. In the standard convention, this frame is at the far end of the link. `parameters` of the arm are then about the joint, in
-    /// axes with z along the joint axis.
+    /// axes with z along the joint axis. Errors: `Input` for no rows or numbers that are not finite, `Memory`.
     pub fn from_dh(rows: &[DhRow], convention: Convention, gravity: [f64; 3]) -> Result<Arm> {
         finite("gravity", &gravity)?;
         if rows.is_empty() {
@@ -88,7 +88,7 @@ impl Arm {
     ///
     /// `lengths`: m. `masses`: kg. `coms`: distances of the centres of mass from the joints, along the links, m. `inertias`: about the
     /// centres of mass, kg m^2. `gravity`: x and y components, m/s^2. By default a link is a uniform rod, with 1 kg/m. Lengths, masses and
-    /// inertias are not negative.
+    /// inertias are not negative. Errors: `WrongShape` for lists of different lengths, `Input` for other faults, `Memory`.
     pub fn planar(
         lengths: &[f64],
         masses: Option<&[f64]>,
@@ -138,7 +138,8 @@ impl Arm {
     /// Return the pendulum `I a + G sin(theta) = tau`, where theta is measured from the downward vertical.
     ///
     /// `inertia`: `I`, kg m^2. `gravity_moment`: `G`, N m. The pendulum is a point mass `G^2 / (I g0^2)` at the distance `I g0 / G`. It
-    /// moves in the x-y plane, with the gravity `g0 = 9.81` m/s^2 along -y.
+    /// moves in the x-y plane, with the gravity `g0 = 9.81` m/s^2 along -y. Errors: `Input` if `inertia` is not positive, or a number not
+    /// finite.
     pub fn pendulum(inertia: f64, gravity_moment: f64) -> Result<Arm> {
         crate::error::positive("inertia", inertia)?;
         finite("gravity_moment", &[gravity_moment])?;

@@ -7,7 +7,8 @@ use crate::error::{Error, Result, finite, listed};
 use crate::spatial::{Inertia, Matrix3, Placement, RotationMatrix, Sym3, Vector, Vector3};
 
 impl Arm {
-    /// Return the arm with an additional frame `name`. `rpy`, rad, and `xyz`, m, are its placement in the frame `parent`.
+    /// Return the arm with an additional frame `name`. `rpy`, rad, and `xyz`, m, are its placement in the frame `parent`. Errors:
+    /// `Unknown` for `parent`, `Input` for a name that exists or numbers that are not finite.
     pub fn with_frame(&self, name: &str, parent: &str, rpy: [f64; 3], xyz: [f64; 3]) -> Result<Arm> {
         finite("rpy", &rpy)?;
         finite("xyz", &xyz)?;
@@ -24,6 +25,8 @@ impl Arm {
 
     /// Return the arm with a body fixed to `frame`. `mass`: kg. `com`: centre of mass relative to the frame's origin, m. `inertia`: about
     /// the centre of mass, kg m^2. Both are in the axes of the frame. A payload on the base has no effect.
+    /// Errors: `Unknown` for the frame, `Input` for a negative mass, or an inertia that is not symmetric or has a negative principal
+    /// moment.
     pub fn with_payload(&self, frame: &str, mass: f64, com: [f64; 3], inertia: [[f64; 3]; 3]) -> Result<Arm> {
         finite("mass", &[mass])?;
         if mass < 0.0 {
@@ -49,6 +52,7 @@ impl Arm {
     }
 
     /// Return the arm with joints locked at positions, rad or m. They are removed from `q`, and their bodies are merged with their parents.
+    /// Followers of locked joints are locked too. Errors: `Unknown` for a name, `Input` for a position that is not finite.
     pub fn locked(&self, joints: &[(&str, f64)]) -> Result<Arm> {
         let (mut held, indices) = (vec![None; self.joints.len()], self.independent_indices());
         for (name, value) in joints {
@@ -94,8 +98,9 @@ impl Arm {
         Ok(arm)
     }
 
-    /// Return the part of the arm between two frames. The frame `root` becomes the fixed base and the world frame. Gravity is then in the
-    /// axes of `root`. With `tip`, only the joints that move `tip` relative to `root` remain.
+    /// Return the part of the arm between two frames. The frame `root` becomes the fixed base and the world frame. The numbers of
+    /// `gravity` do not change, and are then in the axes of `root`. With `tip`, only the joints that move `tip` relative to `root` remain.
+    /// Errors: `Unknown` for a frame, `Input` if `tip` is not below `root`.
     pub fn sub_chain(&self, root: Option<&str>, tip: Option<&str>) -> Result<Arm> {
         let find = |argument: &str, name: Option<&str>| {
             name.map(|name| self.frame_index(name).map_err(|error| error.of_argument(argument))).transpose()

@@ -74,7 +74,7 @@ pub struct Joint {
 }
 
 impl Joint {
-    /// Return a joint without limits, friction or mass.
+    /// Return a joint without limits, rotor inertia, friction or mass.
     pub fn new(name: String, kind: JointKind, parent: Option<usize>, placement: Placement, axis: [f64; 3]) -> Self {
         let limits = Limits::default();
         Joint { name, kind, parent, placement, axis, limits, armature: 0.0, damping: 0.0, friction: 0.0, parameters: [0.0; 10] }
@@ -90,6 +90,6 @@ pub struct Frame {
     pub body: Option<usize>,
     /// Placement of the frame in the body frame.
     pub placement: Placement,
-    /// Name of the fixed joint that connected the frame in the file, if there was one.
+    /// Name of the fixed joint that connects the frame to its body, if there is one.
     pub joint: Option<String>,
 }

@@ -39,7 +39,7 @@ pub const MOST_BODIES: usize = 256;
 pub type Follows = (usize, f64, f64);
 
 /// For each joint, find the free joint that it follows through a chain of followers. The result is `None` for free joints. The error is the
-/// index of a joint that follows itself, directly or through others.
+/// index of a joint whose chain of leaders contains a cycle.
 pub fn resolved(given: &[Option<Follows>]) -> std::result::Result<Vec<Option<Follows>>, usize> {
     let (mut out, mut known) = (given.to_vec(), vec![false; given.len()]);
     let mut way = Vec::new();
@@ -76,7 +76,7 @@ pub struct Moved {
 
 impl Moved {
     /// Return the limits and the drive of the leader, combined with the limits and the drive of a follower. The flag is true if the
-    /// follower's limits allow no motion of the leader. These limits are then ignored.
+    /// follower's position limits allow no motion of the leader. These position limits are then ignored.
     pub fn with(&self, follower: &Moved, multiplier: f64, offset: f64) -> (Moved, bool) {
         let own = self.limits;
         let size = multiplier.abs();
@@ -144,8 +144,8 @@ impl Arm {
         (0..self.joints.len()).filter(|i| followers.next_if_eq(i).is_none()).collect()
     }
 
-    /// For each coordinate, whether one revolution returns all bodies to their places. The multipliers of its followers must then be
-    /// integers.
+    /// For each coordinate, whether one revolution returns all bodies to their places. Its moving followers must then be angles with
+    /// integer multipliers.
     pub fn turns(&self) -> Vec<bool> {
         let mut turns: Vec<bool> = self.joints.iter().map(|joint| joint.kind.is_angle()).collect();
         for mimic in &self.mimics {
@@ -165,7 +165,8 @@ impl Arm {
         }
     }
 
-    /// Whether `mimics` are valid: sorted, finite, and with existing joints whose leaders are not followers.
+    /// Whether `mimics` are valid: sorted, finite, and with existing joints whose leaders are not followers. An arm with mimic joints has
+    /// at most [`MOST_BODIES`] joints.
     pub fn mimics_are_sound(&self) -> bool {
         let mut follows = vec![false; self.joints.len()];
         for mimic in &self.mimics {
@@ -210,7 +211,7 @@ impl Arm {
     }
 
     /// Set the leaders of followers, given as pairs of a joint and its leader. If the leader is not part of the arm, its first follower
-    /// becomes the leader.
+    /// with a multiplier other than zero becomes the leader. Errors: `Input` for numbers that are not finite, or too many joints.
     pub(super) fn set_mimics(&mut self, mut followers: Vec<(usize, Leader)>) -> Result<()> {
         followers.sort_by_key(|(joint, _)| *joint);
         let (mut first, mut mimics): (Vec<&(usize, Leader)>, _) = (Vec::new(), Vec::new());

@@ -125,7 +125,7 @@ impl Arm {
     }
 
     /// Return the arm with the inertial parameters `pi`, shape `(10 joints,)`, in the layout and the units of [`Arm::parameters`]. Any
-    /// finite numbers are allowed.
+    /// finite numbers are allowed. Errors: `WrongShape` for a wrong length, `Input` for other numbers.
     pub fn with_parameters(&self, pi: &[f64]) -> Result<Arm> {
         if pi.len() != PARAMETERS * self.joints.len() {
             return Err(Error::wrong("parameters", "length", format!("{} (10 per joint)", PARAMETERS * self.joints.len()), pi.len()));
@@ -141,6 +141,7 @@ impl Arm {
 
     /// Return the arm with other drives, shape `(n,)` each. `armature`: rotor inertia, kg m^2 or kg. `damping`: viscous friction, N m s/rad
     /// or N s/m. `friction`: Coulomb friction, N m or N. Any finite numbers are allowed. `None` keeps the present values.
+    /// Errors: `WrongShape` for a wrong length, `Input` for other numbers.
     pub fn with_drives(&self, armature: Option<&[f64]>, damping: Option<&[f64]>, friction: Option<&[f64]>) -> Result<Arm> {
         type Part = fn(&mut Joint) -> &mut f64;
         let parts: [(_, _, Part); 3] = [
@@ -162,18 +163,18 @@ impl Arm {
         Ok(arm)
     }
 
-    /// Return the arm with another gravity, world axes, m/s^2.
+    /// Return the arm with another gravity, world axes, m/s^2. Errors: `Input` for numbers that are not finite.
     pub fn with_gravity(&self, gravity: [f64; 3]) -> Result<Arm> {
         finite("gravity", &gravity)?;
         Ok(Arm { gravity, ..self.clone() })
     }
 
-    /// Return the index of the frame `name`. The error for an unknown name lists all frames.
+    /// Return the index of the frame `name`. Errors: `Unknown`, with a list of all frames.
     pub fn frame_index(&self, name: &str) -> Result<usize> {
         index_of(self.frame_names(), name).ok_or_else(|| Error::unknown("frame", "frames", self.frame_names(), name))
     }
 
-    /// Return the index in `q` of the joint `name`. The error for an unknown name lists all joints.
+    /// Return the index in `q` of the joint `name`. Errors: `Unknown`, with a list of all joints that are not mimic joints.
     pub fn joint_index(&self, name: &str) -> Result<usize> {
         index_of(self.joint_names(), name).ok_or_else(|| Error::unknown("joint", "joints", self.joint_names(), name))
     }

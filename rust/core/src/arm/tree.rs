@@ -40,7 +40,7 @@ pub struct Body<S: Real> {
     pub concentric: bool,
     /// The inertia in compiled axes, about the joint origin.
     pub inertia: Inertia<S>,
-    /// The second moment of mass, `integral of r r' dm = tr(I)/2 - I`, kg m^2.
+    /// The second moment of mass, `integral of r r' dm = tr(I)/2 1 - I`, kg m^2.
     pub second_moment: Sym3<S>,
     /// The rotation `x_body = turn x_compiled`. `None` if the two frames are equal.
     pub turn: Option<Matrix3<f64>>,
@@ -67,8 +67,8 @@ pub struct Tree<S: Real> {
     pub is_shallow: bool,
 }
 
-/// A tree is shallow if the mean number of joints on the path to a body is at most this limit. Forward dynamics with the mass matrix is
-/// then faster (`docs/adr/0008`).
+/// A tree is shallow if the mean number of joints on the path to a body is at most this limit. A joint without a quarter turn counts as
+/// [`GENERAL`] joints. Forward dynamics with the mass matrix is then faster (`docs/adr/0008`).
 const SHALLOW: f64 = 7.0;
 /// The relative computing time of a joint whose placement is not a quarter turn. The unit is the time of a joint with a quarter turn.
 const GENERAL: f64 = 1.25;
@@ -272,7 +272,8 @@ impl<S: Real> Tree<S> {
 }
 
 /// Return the axes of a body's compiled frame, as the columns of a rotation matrix `turn`. Its z axis is `axis`. If possible, `before turn`
-/// is a quarter turn. If `axis` is the z axis of the model, the result is the identity.
+/// is a quarter turn, where `before` is the rotation of the joint frame in the parent's compiled frame. If `axis` is the z axis of the
+/// model, the result is the identity.
 fn compiled_axes(before: &Matrix3<f64>, axis: Vector3<f64>) -> Matrix3<f64> {
     let mut turn = Matrix3::taking_z_to(axis);
     let first = turn;
@@ -288,7 +289,7 @@ fn compiled_axes(before: &Matrix3<f64>, axis: Vector3<f64>) -> Matrix3<f64> {
     first
 }
 
-/// Return the second moment `tr(I)/2 - I`, kg m^2.
+/// Return the second moment `tr(I)/2 1 - I`, kg m^2, of the inertia `I`.
 pub fn second_moment<S: Real>(inertia: &Sym3<S>) -> Sym3<S> {
     let [xx, xy, yy, xz, yz, zz] = inertia.0;
     let half_trace = S::splat(0.5) * (xx + yy + zz);

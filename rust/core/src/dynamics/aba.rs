@@ -6,6 +6,10 @@
 //! U = IA S,  D = S.U + armature,  a_i = (tau - S.b - U.(X A_p + c)) / D
 //! IA_p += X' (IA - U U'/D) X,   b_p += X' (b + (IA - U U'/D) c + U (tau - S.b) / D)
 //! ```
+//!
+//! The index `p` is the parent body. The vector `p` is the joint origin relative to the parent's. `S` is the unit motion of the joint.
+//! `IA` is the articulated inertia, `b` its bias force, and `X` the change of the reference point by `p`. In `c`, the term in brackets is
+//! for slides, and the angular part `w_p x z v` for revolute joints.
 
 use super::workspace::{Articulated, Handle};
 use crate::arm::{BASE, Tree};
@@ -138,7 +142,7 @@ fn accelerate<S: Real>(tree: &Tree<S>, poses: &[Pose<S>], bodies: &mut [Articula
 
 /// Move the blocks of an articulated inertia to a new point. `p` is the old point relative to the new one.
 ///
-/// `H_new = H - M [p]x`, `I_new = I - H' [p]x + [p]x H_new`, where `H'` is `H` transposed.
+/// `H_new = H - M [p]x`, `I_new = I - H' [p]x + [p]x H_new`, where `H'` is `H` transposed, and `[p]x` is the cross-product matrix.
 fn shifted<S: Real>(mass: &Sym3<S>, h: Matrix3<S>, inertia: &Sym3<S>, p: Vector3<S>) -> (Matrix3<S>, Sym3<S>) {
     let [x, y, z] = p.array();
     let (m0, m1, m2) = (mass.column(0), mass.column(1), mass.column(2));

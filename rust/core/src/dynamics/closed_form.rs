@@ -7,6 +7,7 @@ use crate::scalar::Real;
 
 impl PlanarPr<f64> {
     /// Evaluate `query` at one configuration. The inputs `x` are finite, `(2,)` each, and `out` has the size of the result.
+    /// Errors: `Input` for friction, armature or a quantity that requires links.
     pub fn evaluate(&self, query: &Query, x: &[&[f64]], out: &mut [f64]) -> Result<()> {
         let q = x[0];
         let trig = [Real::sin_cos(q[0]), Real::sin_cos(q[1])];
@@ -43,7 +44,8 @@ impl PlanarPr<f64> {
 }
 
 impl Model {
-    /// Compute regressors, `(count, n, p)`, with the columns that `query` selects, at `q, v, v_r, a_r`, each `(count, n)`.
+    /// Compute regressors, `(count, n, p)`, with the columns that `query` selects, at `q, v, v_r, a_r`, each `(count, n)`. Errors: as for
+    /// [`PlanarPr::evaluate`] or [`super::Functions::rows`].
     pub fn regressors(&self, query: &Query, states: [&[f64]; 4], out: &mut [f64]) -> Result<()> {
         match self {
             Model::PlanarPr(arm) => {

@@ -1,13 +1,14 @@
 //! The Christoffel Coriolis matrix in O(n d), with the depth `d` of the tree, from composite bodies (after Echeandia and Wensing 2021).
 //!
-//! Column `j` is the polarised inverse dynamics for a unit rate of joint `j`, whose unit motion is `(s, z)`. A point at `r` with the
-//! velocity `u` then has the polarised acceleration `V_j x S_j` (as a rigid field) plus `z x u(r)`. So a subtree contributes with its
-//! composite inertia, its linear momentum `P`, and `K = integral of u r' dm`:
+//! Column `j` is the inverse dynamics in polarised form (bilinear in two velocities, see `newton_euler`), for a unit rate of joint `j`. Let
+//! `V_j` be the motion of its body and `S_j = (s, z)` its unit motion. A point at `r` with the velocity `u` then has the acceleration
+//! `V_j x S_j = (alpha_v, alpha_w)` (as a rigid field) plus `z x u(r)`. So a subtree contributes with its composite inertia, its linear
+//! momentum `P`, and `K = integral of u r' dm`:
 //!
 //! `f = m alpha_v + alpha_w x h + z x P`,  `n = I alpha_w + h x alpha_v + (tr K) z - K z`.
 //!
 //! `P` and `K` are relative to the velocity of the joint origin, which prevents the cancellation of large momenta. If the reference moves
-//! by `p` with the relative velocity `d`, then `P' = P + m d`, `K' = K + P p' + d (h + m p)'`.
+//! by `-p` with the relative velocity `-d`, then `P_new = P + m d` and `K_new = K + P p' + d (h + m p)'`. Here `p'` is a transpose.
 
 use super::Dynamics;
 use super::crba::joint_column;
@@ -48,7 +49,8 @@ fn place<S: Real>(
         let (w, velocity) = if body.revolute { (z.scale_add(v[i], w_p), swept) } else { (w_p, z.scale_add(v[i], swept)) };
         let wz = w.cross(z);
         let (linear, angular) = joint_column(body.revolute, &pose);
-        // V_j x S_j at the world origin: beta = gamma + alpha x o_k + z x v_k at any other joint k.
+        // V_j x S_j at the world origin is (gamma, alpha). The origin of another joint k has the polarised acceleration gamma + alpha x o_k
+        // + z x v_k.
         let (alpha, gamma) = if body.revolute { (wz, -(wz.cross_add(pose.origin, z.cross(velocity)))) } else { (Vector3::zero(), wz) };
         columns[i] = Column { linear, angular, w, velocity, alpha, gamma };
         let inertia = body.inertia.rotated(pose.rotation);

@@ -1,4 +1,4 @@
-//! Test whether the mass matrix of a model is positive definite, without computing it.
+//! Test whether the mass matrix of a model is positive definite. Only for arms with mimic joints is the matrix computed.
 //!
 //! `M = (1 + K) D (1 + K)'`, where `K` is strictly triangular, and `D` is diagonal with `D_i = S_i' IA_i S_i + armature_i` (Jain 2011,
 //! section 7.5). `IA_i` is an articulated inertia. So `M > 0` if all `D_i > 0`. The cost is linear in the number of joints. Rounding errors
@@ -10,7 +10,7 @@ use crate::error::listed;
 use crate::spatial::Inertia;
 use std::f64::consts::PI;
 
-/// Number of sampled configurations: the zero configuration, and others within the limits.
+/// Maximum number of sampled configurations: the zero configuration, and others within the limits.
 const SAMPLES: usize = 8;
 /// Largest product of joints and sampled configurations. It bounds the time to load a chain of thousands of links.
 const WORK: usize = 20_000;

@@ -12,7 +12,8 @@
 //! d tau / d v = 2 C(q, v),   d tau / d a = M
 //! ```
 //!
-//! with `B psi = [psi_w x P; (tr K) psi_w - K psi_w]`. For forward dynamics, `d a = -M^-1 d tau` and `d a / d tau = M^-1`.
+//! with `B psi = [psi_w x P; (tr K) psi_w - K psi_w]`, and the cross product `x*` of a motion and a force. Here the velocities in `P` and
+//! `K` are those in the world. For forward dynamics, `d a = -M^-1 d tau` and `d a / d tau = M^-1`.
 
 use super::Dynamics;
 use super::crba::joint_column;
@@ -172,7 +173,7 @@ pub(super) fn solve<S: Real>(n: usize, l: &[S], x: &mut [S], factor: S) {
     }
 }
 
-/// Compute the lower Cholesky factor in place, with an inverted diagonal. It is NaN where `M` is not positive definite.
+/// Compute the lower Cholesky factor in place, with an inverted diagonal. If `M` is not positive definite, entries are NaN or infinite.
 pub(super) fn factor<S: Real>(n: usize, m: &mut [S]) {
     for j in 0..n {
         for k in 0..j {
@@ -191,7 +192,7 @@ pub(super) fn factor<S: Real>(n: usize, m: &mut [S]) {
 }
 
 /// Compute `d a / d q`, `d a / d v` and `d a / d tau = M^-1` of forward dynamics at `(q, v)` and its acceleration `a`, each `(n, n)`,
-/// row-major. `m` is memory for `(n, n)`.
+/// row-major. With `friction`, the damping acts. `m` is memory for `(n, n)`.
 pub fn forward_dynamics_derivatives<S: Real>(
     tree: &Tree<S>,
     ws: &mut Workspace<S>,

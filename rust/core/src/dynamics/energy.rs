@@ -1,7 +1,8 @@
 //! Energy, gravity torque, joint friction and the torque of external wrenches.
 //!
 //! `T = sum (m u.u + 2 u.(w x h) + w.I w) / 2 + armature v^2 / 2`, `U = -sum gravity.(m o + h)`, `g = dU/dq`,
-//! `tau_friction = damping v + friction sign(v)`, `tau_ext = J' F`.
+//! `tau_friction = damping v + friction sign(v)`, `tau_ext = J' F`. `u` and `w` are the velocity of a body's origin `o` and its angular
+//! velocity.
 
 use super::workspace::{Column, Composite};
 use crate::arm::{BASE, Body, Tree};

@@ -1,5 +1,5 @@
 //! The quantities of an arm as functions from `f64` arrays to `f64` arrays, one configuration after another. Language bindings use this
-//! interface: it checks shapes once, and the caller provides the outputs.
+//! interface. The caller provides the outputs.
 
 use super::quantities::{self, Compute};
 use super::{Quantity, Query, Size, Workspace};
@@ -45,8 +45,8 @@ macro_rules! with_quantity {
 }
 
 impl<S: Real> BufferedTree<S> {
-    /// Create the buffers. With `eager`, allocate memory for every result that has at most `EAGER` numbers. Otherwise the first query
-    /// allocates the memory.
+    /// Create the buffers. With `eager`, allocate memory for all results but Christoffel symbols, if the largest has at most `EAGER`
+    /// numbers. Otherwise the first query allocates the memory.
     pub(super) fn new(arm: &Arm, eager: bool) -> Self {
         let tree = Tree::new(arm);
         let (n, ws) = (tree.n(), Workspace::new(&tree));
@@ -121,7 +121,8 @@ impl<S: Real> BufferedTree<S> {
     }
 }
 
-/// An evaluator of one configuration after another. It does not allocate for arms of up to two hundred joints.
+/// An evaluator of one configuration after another. After its creation, it allocates only for more than two hundred joints, and for the
+/// first Christoffel symbols.
 #[derive(Clone, Debug)]
 pub struct Evaluator {
     engine: Box<BufferedTree<Float>>,
@@ -135,13 +136,13 @@ impl Evaluator {
         Evaluator::sized(arm, true)
     }
 
-    /// Create an evaluator of an arm of any size, or return an error if the buffers do not fit in memory.
+    /// Create an evaluator of an arm of any size. Errors: `Memory` if the buffers do not fit in memory.
     pub(super) fn large(arm: &Arm) -> Result<Self> {
         require_memory(arm.joints.len())?;
         Ok(Evaluator::new(arm))
     }
 
-    /// Create an evaluator. With `eager`, memory for every result is allocated.
+    /// Create an evaluator. `eager`: as for [`BufferedTree::new`].
     pub(super) fn sized(arm: &Arm, eager: bool) -> Self {
         Evaluator { engine: Box::new(BufferedTree::new(arm, eager)), size: arm.size(), frames: arm.frames.len() }
     }
@@ -159,8 +160,8 @@ impl Evaluator {
     /// Compute one configuration, and return whether every number is finite. This is false for a singular mass matrix and after an
     /// overflow.
     ///
-    /// [`Query::inputs`] names the inputs, and `out` has the shape [`Query::shape`], row-major. Errors: arguments of a wrong size,
-    /// or inputs that are not finite.
+    /// [`Query::inputs`] names the inputs, and `out` has the shape [`Query::shape`], row-major. Errors: `WrongShape` for a wrong
+    /// size, `Input` for inputs that are not finite or a wrong index of a frame, `Memory`.
     pub fn one(&mut self, query: &Query, inputs: &[&[f64]], out: &mut [f64]) -> Result<bool> {
         self.engine.grow(query)?;
         let sound = self.engine.dispatch(query, inputs, out);
@@ -171,7 +172,8 @@ impl Evaluator {
     }
 }
 
-/// Check that arguments and output have the sizes of `query` at `count` configurations, and that every number is finite.
+/// Check that arguments and output have the sizes of `query` at `count` configurations, that every input is finite, and that the frame
+/// exists.
 pub(super) fn check(query: &Query, inputs: &[&[f64]], count: usize, size: Size, frames: usize, out: usize) -> Result<()> {
     let names = query.inputs();
     if inputs.len() != names.len() {

@@ -1,8 +1,8 @@
 //! Forward dynamics from the mass matrix: `M a = tau - C v - g`, `M = L' D L` with a unit lower triangular `L`.
 //!
 //! The factorisation goes from the tips to the base. So `L`, like `M`, has entries only between a joint and its ancestors (Featherstone
-//! 2008, section 6.5). For a tree, the cost is the sum of the costs of its branches. In loops, the Newton-Euler recursion and the rotations
-//! are shared with the law.
+//! 2008, section 6.5). For a tree, the cost is the sum of the costs of its branches. In the program of a
+//! loop, the plant shares the Newton-Euler recursion and the rotations with the law.
 
 use super::workspace::{Factors, Workspace};
 use super::{crba, newton_euler};

@@ -26,7 +26,7 @@ const LONGEST: f64 = 600_000.0;
 /// A query, and its function for many rows.
 struct Known {
     query: Query,
-    /// Number of rows that were evaluated before the program existed.
+    /// Number of rows that [`Functions::prepare`] announced.
     rows: usize,
     function: Option<Arc<ArmFunction>>,
 }
@@ -34,7 +34,7 @@ struct Known {
 /// A query, and its program for one configuration.
 struct CachedQuery {
     query: Query,
-    /// Number of calls before the program existed.
+    /// Number of calls without the program.
     calls: usize,
     program: Option<ArmCall>,
 }
@@ -95,7 +95,7 @@ impl Single {
 pub struct Functions {
     arm: Arc<Arm>,
     single: Mutex<Single>,
-    /// The queries in the order of their last use, the most recent last.
+    /// The queries in the order of their last announcement, the most recent last.
     known: Mutex<Vec<Known>>,
 }
 
@@ -111,7 +111,7 @@ impl Functions {
         &self.arm
     }
 
-    /// Evaluate one configuration, as [`Evaluator::one`] does.
+    /// Evaluate one configuration, as [`Evaluator::one`] does, with the same errors.
     pub fn one(&self, query: &Query, inputs: &[&[f64]], out: &mut [f64]) -> Result<bool> {
         match free(&self.single) {
             Some(mut single) => single.one(&self.arm, query, inputs, out),
@@ -128,7 +128,7 @@ impl Functions {
         rows < usize::MAX && rows + count >= ROWS_BEFORE_PROGRAM && query.operations(self.arm.size()) <= LONGEST
     }
 
-    /// Announce `count` more rows of the query, and make its program if this saves time.
+    /// Announce `count` more rows of the query, and make its program if this saves time. Errors: `Memory`.
     pub fn prepare(&self, query: &Query, count: usize) -> Result<()> {
         let due = self.is_due(query, count);
         let function = if due { Some(Arc::new(ArmFunction::new(&self.arm, query)?)) } else { None };
@@ -147,7 +147,7 @@ impl Functions {
     }
 
     /// Evaluate `count` configurations, the rows of the inputs, and write the rows of `out`. Return whether every number is finite. The
-    /// division of rows into calls does not change their bits.
+    /// division of rows into calls does not change their bits. Errors: as for [`Evaluator::one`].
     pub fn rows(&self, query: &Query, inputs: &[&[f64]], count: usize, out: &mut [f64]) -> Result<bool> {
         let (n, length) = (self.arm.n(), query.length(self.arm.size()));
         check(query, inputs, count, self.arm.size(), self.arm.frames.len(), out.len())?;
@@ -175,7 +175,7 @@ impl Functions {
 }
 
 impl Arm {
-    /// Run [`Functions::rows`] for a single call.
+    /// Run [`Functions::rows`] for a single call, with the same errors.
     pub fn evaluate(self: &Arc<Self>, query: &Query, inputs: &[&[f64]], count: usize, out: &mut [f64]) -> Result<bool> {
         let single = Single::new(Some(Evaluator::sized(self, false)));
         let functions = Functions { arm: self.clone(), single, known: Mutex::default() };

@@ -5,12 +5,12 @@ use crate::arm::Body;
 use crate::scalar::Real;
 use crate::spatial::{Lift, Matrix, Matrix3, QuarterTurn, Sym3, Vector, Vector3};
 
-/// The rotation `R_0 Rz(q)` of a joint whose placement is not a quarter turn. Joints with a quarter turn do not use it.
+/// The rotation `R_0 Rz(q)` of a joint, or `R_0` of a slide. It is used only if the placement is not a quarter turn.
 pub(crate) fn rotation<S: Real>(body: &Body<S>, trig: (S, S)) -> Matrix3<S> {
     if body.revolute { body.rotation.lift::<S>().rotate_z(trig) } else { body.rotation.lift() }
 }
 
-/// The joint's origin in the axes of the parent.
+/// The joint's origin relative to the parent's, in the axes of the parent.
 pub(crate) fn reach<S: Real>(body: &Body<S>, q: S) -> Vector3<S> {
     let p = body.translation.lift();
     if body.revolute { p } else { body.rotation.axis(2).lift().scale_add(q, p) }

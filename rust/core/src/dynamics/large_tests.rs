@@ -7,7 +7,7 @@ use crate::interrupt::{Interrupted, Watch, interruptible};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
-/// More joints than the number of rows without a check for an interrupt, and fewer than the largest number of joints of a program.
+/// More joints than the number of rows without a check for an interrupt.
 const JOINTS: usize = 330;
 
 fn with_stop_requested<R>(work: impl FnOnce() -> R) -> Result<R, Interrupted> {

@@ -97,7 +97,7 @@ impl Model {
         names
     }
 
-    /// The tree of bodies. For the planar PR arm, the result is an error about `argument`.
+    /// The tree of bodies. Errors: `Input`, about `argument`, for the planar PR arm.
     pub fn tree(&self, argument: &str) -> Result<&Arc<Arm>> {
         match self {
             Model::Tree(arm) => Ok(arm),
@@ -105,7 +105,8 @@ impl Model {
         }
     }
 
-    /// Whether both arms have the same joints and frames, so that they can run in lanes of one register. Inertial parameters may differ.
+    /// Whether both arms have the same joints, frames and gravity, so that they can run in lanes of one register. Inertial parameters may
+    /// differ.
     pub fn same_geometry(&self, other: &Model) -> bool {
         match (self, other) {
             (Model::PlanarPr(_), Model::PlanarPr(_)) => true,
@@ -232,7 +233,7 @@ impl<S: Real> Dynamics<S> for AnyArm<S> {
 
 impl<S: Real> AnyArm<S> {
     /// Write the geometric Jacobian of a frame, `(6, n)`, to `j`, and return the position of the frame. A planar PR arm has no frames, so
-    /// its result is zero.
+    /// its position is zero, and `j` is not written.
     #[inline(never)]
     pub fn jacobian(&self, ws: &mut Workspace<S>, trig: &[(S, S)], q: &[S], frame: usize, j: &mut [S]) -> Vector3<S> {
         match self {
@@ -251,6 +252,7 @@ impl<S: Real> AnyArm<S> {
     }
 
     /// Compute the error `e`, `(m,)`, and the Jacobian `j`, `(m, n)`, of Cartesian coordinates. `full` is memory for `(6, n)`.
+    /// For a planar PR arm, nothing is written.
     #[inline(never)]
     pub fn error_and_jacobian(
         &self,

@@ -8,8 +8,10 @@
 //! f_i = m a + U h,   n_i = integral of r x (U r) dm + h x a
 //! ```
 //!
-//! A slide adds `z ar + (w x z) vr + (wr x z) v` to `a`. The bias is quadratic in the velocity, so its polarised form is `C(q, v) vr` with
-//! the Christoffel matrix `C`. With `vr = v` this is the ordinary inverse dynamics.
+//! These are the equations of a revolute joint. A slide has no terms with `v`, `vr` and `ar` in `w`, `wr` and `wd`. It adds
+//! `z ar + (w x z) vr + (wr x z) v` to `a`. `vr` and `ar` are the reference velocity and acceleration, and `[w]x` is a cross-product
+//! matrix. The bias is quadratic in the velocity, so its polarised form is `C(q, v) vr` with the Christoffel matrix `C`. With `vr = v` this
+//! is the ordinary inverse dynamics.
 
 use super::hinge::{reach, rotation, to_body, to_parent};
 use super::workspace::{BodyMotion, Link};
@@ -118,7 +120,7 @@ pub(crate) fn inwards<S: Real>(tree: &Tree<S>, links: &mut [Link<S>], trig: &[(S
     }
 }
 
-/// Compute the joint torques `tau = M ar + C(q, v) vr + g`. With `POLAR = false`, `vr` equals `v` and is not read.
+/// Compute the joint torques `tau = M ar + C(q, v) vr + g`. With `POLAR = false`, `vr` equals `v`. `ar = None` means zero.
 pub fn newton_euler<S: Real, const POLAR: bool>(
     tree: &Tree<S>,
     links: &mut [Link<S>],

@@ -19,8 +19,8 @@ pub struct PlanarPr<S> {
 }
 
 impl PlanarPr<f64> {
-    /// Create an arm with `A` in kg, `B` in kg m and `C` in kg m^2. Parameters whose mass matrix is not positive definite at every `q` are
-    /// refused.
+    /// Create an arm with `A` in kg, `B` in kg m and `C` in kg m^2. Errors: `Input` if the mass matrix is not positive
+    /// definite at every `q`.
     pub fn new(a: f64, b: f64, c: f64) -> Result<Self> {
         positive("A", a)?;
         finite("B", &[b])?;

@@ -1,5 +1,5 @@
-//! Functions of an arm as C code. [`crate::trace::c`] records each quantity once and prints it. The C code has the bits of
-//! [`super::Evaluator`].
+//! Functions of an arm as C code. Each quantity is recorded once, and [`crate::trace::c`] prints it. The C code has the bits of
+//! [`super::Evaluator`], if [`COptions::fused`] is [`crate::scalar::fuses`].
 
 use super::{Dynamics, Model, PlanarPr, Quantity, Query, Size};
 use crate::arm::JointKind;
@@ -72,7 +72,8 @@ impl Quantity {
 }
 
 impl Model {
-    /// Print the functions as C: a header, a source file and a CMake file.
+    /// Print the functions as C: a header, a source file and a CMake file. Errors: `Input` for invalid names, or a function that is too
+    /// long or that the arm does not have.
     ///
     /// ```
     /// use armlet_core::arm::Arm;

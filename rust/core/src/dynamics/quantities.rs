@@ -23,7 +23,7 @@ pub trait Compute {
     }
 }
 
-/// Write a result as [`write_one`] does. A long result is written in pieces.
+/// Write a result as [`write_one`] does. A long result is written in pieces, with checks for a stop request.
 #[inline(always)]
 fn write<S: Real>(values: &[S], out: &mut [f64]) -> bool {
     if out.len() <= memory::PIECE { write_one(values, out) } else { write_many(values, out) }

@@ -4,8 +4,8 @@
 //!
 //! `tau = m (v.a) + h.(U' v + a x w) + <sym([w]x' U), integral of r r' dm>`,
 //!
-//! which is linear in the ten parameters of the body. Fields and motions are computed outwards, in body axes. `Y' s` is the same
-//! expression, for the motion `(v, w)` of the body under the joint rates `s`.
+//! which is linear in the ten parameters of the body. `<A, B> = tr(A' B)`, and `[w]x` is a cross-product matrix. Fields and motions are
+//! computed outwards, in body axes. `Y' s` is the same expression, for the motion `(v, w)` of the body under the joint rates `s`.
 
 use super::hinge::to_body;
 use super::newton_euler::{inwards, moment_of, outwards};
@@ -31,7 +31,7 @@ impl<S: Real> Field<S> {
     fn coefficients(&self, v: Vector3<S>, w: Vector3<S>) -> [S; PARAMETERS] {
         let Field { a, u, d, off, differences } = self;
         let h = a.cross_add(w, u.apply_transposed(v));
-        // The terms <sym([w]x' U), tr(I)/2 - I>, ordered by the components of w.
+        // The terms <sym([w]x' U), tr(I)/2 1 - I>, ordered by the components of w.
         let [ux, uy, uz] = u.axes();
         let [xy, xz, yz] = off.array();
         let three = |x: S, y: S, z: S| w[0].mul_add(x, w[1].mul_add(y, w[2] * z));
@@ -84,8 +84,8 @@ fn carried<S: Real>(body: &Body<S>, link: &Link<S>, trig: (S, S), t: Spatial<S>)
     Spatial { linear, angular }
 }
 
-/// Write the regressor `Y`, `(n, width)`, row-major, with `width >= 10 n`, to `y`. Before the call, `y` contains zeros, or an earlier `Y`
-/// of this tree.
+/// Write the regressor `Y`, `(n, width)`, row-major, with `width >= 10 n`, to `y`, for a tree of `n` bodies. Before the call, `y` contains
+/// zeros, or an earlier `Y` of this tree.
 ///
 /// Entries that are not written are zero at every state. Columns after the inertial parameters do not change. The outer loop is over
 /// joints, and the inner loop over the bodies outwards from the joint.

@@ -9,8 +9,9 @@ use nalgebra::{DMatrix, DVector, Isometry3, Matrix3, Rotation3, Translation3, Un
 
 /// # On nalgebra's types
 ///
-/// `q`, `v`, `a` and `tau` are `(n,)`. A frame is an index (see [`crate::arm::Arm::frame_index`]). A wrong size or a number that is not
-/// finite is the error `Input`. A result that is not finite, because of a singular mass matrix or an overflow, is the error `Solve`.
+/// `q`, `v`, `a` and `tau` are `(n,)`. A frame is an index (see [`crate::arm::Arm::frame_index`]). A wrong size is the error
+/// `WrongShape`. A number that is not finite is the error `Input`. A result that is not finite, because of a singular mass matrix or an
+/// overflow, is the error `Solve`.
 ///
 /// ```
 /// use armlet_core::arm::Arm;
@@ -48,8 +49,8 @@ impl Evaluator {
         self.answer(quantity, inputs).map(|row| row.row(0).transpose())
     }
 
-    /// Mass matrix `M(q)`, `(n, n)`, kg m^2, kg m or kg. Errors, also of the functions below: inputs of a wrong length or not finite, or
-    /// `Solve` if the result is not finite.
+    /// Mass matrix `M(q)`, `(n, n)`, kg m^2, kg m or kg. Errors, also of the functions below: `WrongShape` for a wrong length, `Input`
+    /// for an input that is not finite. A result that is not finite is the error `Solve`.
     pub fn mass_matrix(&mut self, q: &DVector<f64>) -> Result<DMatrix<f64>> {
         self.answer(Quantity::MassMatrix, &[q])
     }
@@ -79,7 +80,7 @@ impl Evaluator {
         self.vector(Quantity::ForwardDynamics, &[q, v, tau])
     }
 
-    /// The Slotine-Li regressor, `(n, 10 n)`: `Y pi = M a_r + C(q, v) v_r + g`.
+    /// The Slotine-Li regressor, `(n, 10 b)` for `b` bodies: `Y pi = M a_r + C(q, v) v_r + g`.
     pub fn regressor(&mut self, q: &DVector<f64>, v: &DVector<f64>, v_r: &DVector<f64>, a_r: &DVector<f64>) -> Result<DMatrix<f64>> {
         self.answer(Quantity::Regressor, &[q, v, v_r, a_r])
     }

@@ -35,9 +35,9 @@ pub struct Link<S: Real> {
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Composite<S: Real> {
     pub inertia: Inertia<S>,
-    /// Linear momentum relative to the joint origin.
+    /// Linear momentum, for velocities relative to that of the joint origin; in `derivatives` for velocities in the world.
     pub momentum: Vector3<S>,
-    /// The matrix `K = integral of u r' dm`, with the velocity `u` relative to the joint origin.
+    /// The matrix `K = integral of u r' dm`, with the velocity `u` of the momentum.
     pub k: Matrix3<S>,
 }
 
@@ -81,7 +81,8 @@ pub struct Articulated<S: Real> {
     pub wd: Vector3<S>,
 }
 
-/// The contribution of a joint to the motion at the world origin: `[v; w]` per unit rate, and its rate of change.
+/// The motion `(linear, angular)` at the world origin per unit rate of a joint, and the product `(gamma, alpha)` of `coriolis`. `w` and
+/// `velocity` are the angular velocity of the body and the velocity of its origin.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Column<S: Real> {
     pub linear: Vector3<S>,
@@ -92,7 +93,7 @@ pub struct Column<S: Real> {
     pub gamma: Vector3<S>,
 }
 
-/// The factors of a mass matrix: `L` above the diagonal of `matrix`, `(n, n)`, by columns of joints, and the reciprocals of `D`.
+/// The factors of a mass matrix `L' D L`: `L'` above the diagonal of `matrix`, `(n, n)`, and the reciprocals of `D`.
 #[derive(Clone, Debug)]
 pub struct Factors<S> {
     pub matrix: Vec<S>,

@@ -1,8 +1,8 @@
 //! Poses of bodies and frames, and their motion with the joints.
 //!
-//! A revolute joint with the parent `p` has `R_i = R_p R_0 Rz(q)`, `o_i = o_p + R_p p_0`. A slide has `R_i = R_p R_0`, `o_i = o_p + R_p p_0
-//! + z_i q`. The recursion goes from the base outwards. `R_0` and `p_0` are the placement of the joint in the parent's frame at `q =
-//! 0`, and `z_i` is the third column of `R_i .
+//! A revolute joint with the parent `p` has `R_i = R_p R_0 Rz(q)`, `o_i = o_p + R_p p_0`. A slide has `R_i = R_p R_0`,
+//! `o_i = o_p + R_p p_0 + z_i q`. `R_0` and `p_0` are the placement of the joint in the parent's frame at `q = 0`. `z_i` is the third
+//! column of `R_i`. The recursion goes from the base outwards.
 
 mod bodies;
 pub mod coordinates;

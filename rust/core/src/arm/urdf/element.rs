@@ -49,7 +49,7 @@ pub struct Imitated {
     pub offset: f64,
 }
 
-/// A violation of the triangle inequality by a larger fraction causes a warning.
+/// A violation of the triangle inequality by more than this fraction of the largest entry causes a warning.
 const TRIANGLE: f64 = 1e-6;
 
 struct Reader<'a> {
@@ -161,8 +161,8 @@ impl Reader<'_> {
     }
 
     /// Read the exact numbers that armlet's writer adds to a file, because the standard numbers of URDF are rounded. The exact numbers are
-    /// used if they agree with the rounded numbers, relative to `scales`. The tolerance is the rounding error of the angles of a rotation
-    /// at a pitch of 90 degrees.
+    /// used if they agree with the rounded numbers, relative to `scales`. The tolerance of 1e-9 covers the rounding error of the angles of
+    /// a rotation at a pitch of 90 degrees.
     fn exact<const N: usize>(
         &mut self,
         node: Node,

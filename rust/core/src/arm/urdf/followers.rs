@@ -19,7 +19,7 @@ pub enum MimicMode {
 }
 
 impl MimicMode {
-    /// Return the treatment of mimic joints with this name: `"joined"` or `"independent"`.
+    /// Return the treatment of mimic joints with this name: `"joined"` or `"independent"`. Errors: `Input` for other names.
     pub fn parse(name: &str) -> Result<Self> {
         match name {
             "joined" => Ok(MimicMode::Joined),

@@ -19,7 +19,7 @@ pub struct Written {
 }
 
 impl Arm {
-    /// Return the arm as URDF: one link per frame, moving joints in the order of `q`.
+    /// Return the arm as URDF: one link per frame, and one for each body without a frame at its origin.
     pub fn to_urdf(&self) -> Written {
         let mut report = Vec::new();
         let mut taken: HashSet<String> =

@@ -12,7 +12,7 @@ pub const EXAMPLES: [(&str, &str); 6] = [
     ("two_arms", include_str!("two_arms.urdf")),
 ];
 
-/// Return the URDF text of the example `name`.
+/// Return the URDF text of the example `name`. Errors: `Unknown`, with a list of all names.
 pub fn example_urdf(name: &str) -> Result<&'static str> {
     let found = EXAMPLES.iter().find(|(known, _)| *known == name).map(|(_, text)| *text);
     found.ok_or_else(|| Error::unknown("name", "", EXAMPLES.map(|(name, _)| name), name))

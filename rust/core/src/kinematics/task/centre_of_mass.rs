@@ -1,7 +1,7 @@
 //! A task on rows of the centre of mass `c`. Error: `c_d - c`. Jacobian: `sum m_b J_b / m_total` over the bodies `b`.
 //!
-//! The column of a revolute joint is `z x (H - m o) / m_total`. Here `z` is the joint axis, `o` the origin of the joint, `m` the mass of
-//! its subtree, and `H` the first moment of the subtree about the world origin.
+//! The column of a revolute joint is `z x (H - m o) / m_total`. Here `z` is the joint axis, and `o` is the origin of the joint. `m` is the
+//! mass of its subtree, and `H` is the first moment of the subtree about the world origin.
 
 use super::{TaskFunction, TaskKind};
 use crate::arm::{Arm, BASE, Tree};

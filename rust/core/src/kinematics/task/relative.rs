@@ -1,6 +1,6 @@
-//! A task on the pose of a frame relative to a reference frame `r`. Error: `x_d - R_r'(p - p_r)`, `log(R_d (R_r' R)')`. Jacobian: `R_r'(J_v
-//! - J_v,r + [p - p_r]x J_w,r)`, `R_r'(J_w - J_w,r)`. `J_v` and `J_w` are the linear and angular rows of the geometric Jacobian, and `[p]x
-//! is the cross-product matrix.
+//! A task on the pose of a frame relative to a reference frame `r`. Error: `x_d - R_r'(p - p_r)`, `log(R_d (R_r' R)')`.
+//! Jacobian: `R_r'(J_v - J_v,r + [p - p_r]x J_w,r)`, `R_r'(J_w - J_w,r)`. `J_v` and `J_w` are the linear and angular rows of the geometric
+//! Jacobian, and `[p]x` is the cross-product matrix.
 
 use super::frame::pose_error;
 use super::{TaskFunction, TaskKind, frame_of};
