@@ -27,7 +27,8 @@ class ArmEnv(gymnasium.Env[Array, Array]):
     """An arm under the torques of an agent, simulated by armlet's compiled loop.
 
     The torque `tau = tau_max * action` is constant for one period. An observation is `[q, v, error]`, (2 n + m,). `terminated` is True if
-    the task is finished, the arm leaves its limits or the run diverges; `info` contains the cause. `truncated` is True at the horizon.
+    the task is finished, the arm leaves its limits or the run diverges. `info` has the flags `reached` and `diverged`. `truncated` is
+    True at the horizon.
 
     Args:
         plant: a plant; an arm (then `RigidArm(arm)`); or a `Scenario`, which gives the plant, `tau_max`, `dt`, `t_end` and the

@@ -1,6 +1,6 @@
 """The common part of single and vector environments: B arms under torques, with their task, limits and times.
 
-    tau = tau_max * action,   observation = [q, v, error],   terminated: reached, or out of the limits,   truncated: at the horizon
+    tau = tau_max * action,   observation = [q, v, error],   terminated: reached, beyond the limits or diverged,   truncated: at the horizon
 
 An action is held for one period, which is a whole number of steps of `dt`. A *row* is one of the B arms.
 """

@@ -2,9 +2,10 @@
 
     reward = 1 / (1 + (|e| / scale)^2) - effort * (1/n) sum_i u_i^2,   u = action, within [-1, 1]
 
-Every method except `draw` computes all rows together: the first axis of an array is the row, one row per arm. The reward has no unit. `e`
-is the error after the step. For `Reach` it is the target minus the frame's position, m. For `Track` it is `[q_d - q, v_d - v]`, rad and
-rad/s, or m and m/s for prismatic joints. With `effort = 0` every reward is positive. So an agent never gains by ending a run early.
+`error`, `reward`, `reached` and `points` compute all rows together: the first axis of an array is the row, one row per arm. The reward has
+no unit. `e` is the error after the step. For `Reach` it is the target minus the frame's position, m. For `Track` it is
+`[q_d - q, v_d - v]`, rad and rad/s, or m and m/s for prismatic joints. With `effort = 0` every reward is positive. So an agent never gains
+by ending a run early.
 """
 
 from __future__ import annotations

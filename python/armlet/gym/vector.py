@@ -154,7 +154,7 @@ class ArmVectorEnv(VectorEnv[Array, Array, Array]):
     def _final(self, observations: Array, info: dict[str, Flags]) -> dict[str, Any]:
         """The entries of `info` with the last observations and flags of the runs that end in this step.
 
-        The other entries of `info` describe the new runs.
+        The other entries of `info` are valid only for the runs that continue.
         """
         ended = self._ended
         last = np.full(self.num_envs, None, dtype=object)

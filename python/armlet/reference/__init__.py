@@ -2,7 +2,7 @@
 
 The dynamics are derivatives of energies by complex steps, where the core has recursions. The integration is an extrapolation method, where
 the core has Runge-Kutta pairs. Sampled loops are simulated event by event, where the core has closed forms. The reference is slow, and
-armlet never uses it in place of the core. It imports only numpy.
+armlet never uses it in place of the core. Besides the standard library, it imports only numpy.
 """
 
 from . import integrate

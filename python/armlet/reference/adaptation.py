@@ -48,7 +48,7 @@ def _negative(A: Array) -> Array:
 
 
 def natural_rate(estimate: Array, y: Array, gamma: Array) -> Array:
-    """The rates gamma G^-1 y of the estimates of all bodies, (10 n,), with y = Y's, gamma (n,) and G_kl = tr(P^-1 E_k P^-1 E_l).
+    """The rates gamma G^-1 y of the estimates of all bodies, (10 bodies,). Here y = Y's, gamma (bodies,), G_kl = tr(P^-1 E_k P^-1 E_l).
 
     P is the pseudo-inertia of the estimate of a body. E_k is the pseudo-inertia of the parameter k alone.
     """
@@ -60,7 +60,7 @@ def natural_rate(estimate: Array, y: Array, gamma: Array) -> Array:
 
 
 def divergence(pi: Array, estimate: Array) -> Array:
-    """The distance d(P || P_hat) = log(|P_hat| / |P|) + tr(P_hat^-1 P) - 4 between the pseudo-inertias of pi and the estimate, (n,)."""
+    """The distance d(P || P_hat) = log(|P_hat| / |P|) + tr(P_hat^-1 P) - 4 between the pseudo-inertias of pi and the estimate, by body."""
     P, P_hat = _bodies(pi), _bodies(estimate)
     logs = np.linalg.slogdet(P_hat)[1] - np.linalg.slogdet(P)[1]
     return np.asarray(logs + np.trace(np.linalg.solve(P_hat, P), axis1=-2, axis2=-1) - 4.0)

@@ -7,7 +7,7 @@
     leakage             w = Y's - sigma (a_hat - a_0), e-modification with sigma |s|           (Ioannou 1984, Narendra 1987)
     dead zone           w = 0 while |s| < s_0
     composite           w = Y's + W'R e_W,  e_W = tau_W - W a_hat,  W' = Y(q, v, v, a) - lambda W,  tau_W' = tau - lambda tau_W
-                        with the acceleration a of the plant; W = 0 and tau_W = 0 at the start                (Slotine and Li 1989)
+                        a is the acceleration of the plant, and tau excludes armature a that is not estimated   (Slotine and Li 1989)
     concurrent          w = Y's + sum_j W_j'R (tau_j - W_j a_hat) of stored samples                 (Chowdhary and Johnson 2010)
     for every estimate  -V1' = s'(tau - (M a_r + C v_r + g + tau_f(v))) + (a - a_hat)'w, with M, C, g, tau_f of the plant
 """

@@ -71,7 +71,7 @@ class Arm(Mechanism):
         turns = [bool(second.any()) for _, _, second in self._powers]
         self.angles: Any = np.array([turns[self.movers.index((k, 1.0, 0.0))] for k in range(self.n)])
         self.joint_names: tuple[str, ...] = tuple(f"joint{index + 1}" for index in range(self.n))
-        self.limits: dict[str, Array] = {key: np.full(self.n, value) for key, value in LIMITS.items()}  # rad or m, per second
+        self.limits: dict[str, Array] = {key: np.full(self.n, value) for key, value in LIMITS.items()}  # rad or m; velocity per s
         self._walked: tuple[tuple[Any, ...], tuple[list[Analytic], list[Analytic]]] | None = None
 
     @classmethod

@@ -18,7 +18,7 @@ import numpy as np
 from .lagrange import Array
 from .profiles import golden
 
-# The number of steps in the time in which the largest torque alone moves the link over the distance, and the largest number of steps.
+# The number of steps in the time in which the torque up + down + |G| moves the link over the distance, and the largest number of steps.
 STEPS, MOST = 300, 30_000
 
 Point = tuple[float, float, float]

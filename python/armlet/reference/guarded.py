@@ -6,6 +6,8 @@ contact     the first sample with some |r_i| above its threshold
 reaction    tau = g + K_c (y_c - y) + D_c (y_c' - y')
 stored      c' = 1, (y_c c)' = y, (r_c c)' = r in the period after the sample of contact, s' = 1 from then on
             y_c = (y_c c) / c,   r_c = (r_c c) / c
+
+y is q, or the motor positions theta for elastic joints.
 """
 
 from typing import Any

@@ -5,7 +5,7 @@ rigid    tau = J'[K_m (x_d - x) + D_m (x_d' - J v) + F_ff + w] + N' tau_0 + g(q)
          a row of w' is 0   if it would increase the excess over a limit
 elastic  u = the torque above, or K (q_d - q) - D v + g(q);   B0 theta_ddot + D0 w + tau_J = u,  tau_J = K_J (theta - q)
          B theta_ddot + tau_J = tau:   the motor of inertia B behaves like a motor of inertia B0
-         w = theta_dot, or theta_dot - v with relative damping       (Ott, Albu-Schaeffer, Kugi and Hirzinger 2008)
+         here w = theta_dot, or theta_dot - v with relative damping       (Ott, Albu-Schaeffer, Kugi and Hirzinger 2008)
 D0       = 2 zeta B0^1/2 (B0^-1/2 K_J B0^-1/2)^1/2 B0^1/2
 E        = v'Mv/2 + (theta-q)'K_J(theta-q)/2 + theta_dot'B0 theta_dot/2 + e'K_m e/2
 P        = F.x_dot - theta_dot'D0 w + x_dot.F_law + (x_d' - x_dot).K_m e + v.(u - J'F_law - g) + (theta_dot - v).u

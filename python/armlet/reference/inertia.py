@@ -5,7 +5,7 @@
     possible: m > 0 and the principal moments about the centre of mass satisfy 0 < J_1 and J_3 < J_1 + J_2; equivalently P > 0
     nearest possible, in D P D with D = diag(1/l, 1/l, 1/l, 1):   (A + H)/2 + f 1,   A = D P D - f 1 = U H  (Higham 1988)
 
-Singular values give the polar factor H of A. The core clips eigenvalues of P instead. The order of the parameters of a body is m, m cx,
+Singular values give the polar factor H of A. The core clips eigenvalues of D P D instead. The order of the parameters of a body is m, m cx,
 m cy, m cz, Ixx, Ixy, Iyy, Ixz, Iyz, Izz. The inertia is about the origin of the body frame.
 """
 
@@ -46,7 +46,7 @@ def parameters_of(pseudo: Array) -> Array:
 
 
 class ParameterReport(NamedTuple):
-    """Eigenvalues of the pseudo-inertias, ascending, (n, 4), and whether each body is physically possible, (n,)."""
+    """Eigenvalues of the pseudo-inertias, ascending, (bodies, 4), and whether each body is physically possible, (bodies,)."""
 
     eigenvalues: Array
     possible: Any
@@ -70,14 +70,14 @@ def is_possible(pi: ArrayLike) -> bool:
 
 
 def check_parameters(arm: Any, pi: ArrayLike | None = None) -> ParameterReport:
-    """Check whether the bodies of parameters (10 n,) are physically possible. None: the parameters of the arm."""
+    """Check whether the bodies of parameters (10 bodies,) are physically possible. None: the parameters of the arm."""
     bodies = np.asarray(arm.parameters if pi is None else pi, dtype=np.float64).reshape(-1, 10)
     eigenvalues = np.asarray(np.linalg.eigvalsh(pseudo_inertia(bodies)), dtype=np.float64)
     return ParameterReport(eigenvalues, np.array([is_possible(body) for body in bodies]))
 
 
 def project_parameters(pi: ArrayLike, *, length: float = 0.1, floor: float = 1e-6) -> Array:
-    """The nearest possible parameters (10 n,). `length` is in m, and `floor` is relative to the largest eigenvalue of all bodies."""
+    """The nearest possible parameters (10 bodies,). `length` is in m, and `floor` is relative to the largest eigenvalue of all bodies."""
     bodies = np.array(pi, dtype=np.float64).reshape(-1, 10)
     D = np.array([1.0 / length] * 3 + [1.0])
     scaled = D[:, None] * pseudo_inertia(bodies) * D

@@ -62,7 +62,7 @@ STEPS: dict[str, Step] = {"euler": euler, "rk4": rk4}
 
 
 def midpoint(f: Field, t: float, y: Array, h: float, substeps: int, slope: Array) -> Array:
-    """Gragg's smoothed midpoint value at t + h. It is an even function of the substep, apart from higher orders."""
+    """Gragg's smoothed midpoint value at t + h. The expansion of its error has only even powers of the substep."""
     delta = h / substeps
     before, now = y, y + delta * slope
     for m in range(1, substeps):

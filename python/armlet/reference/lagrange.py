@@ -184,7 +184,7 @@ class Mechanism:
     def regressor(
         self, q: ArrayLike, v: ArrayLike, v_r: ArrayLike, a_r: ArrayLike, *, armature: bool = False, friction: bool = False
     ) -> Array:
-        """The regressor Y with Y pi = M a_r + C(q, v) v_r + g, (..., n, p).
+        """The regressor Y with Y pi = M a_r + C(q, v) v_r + g, (..., n, p), where M excludes the rotor inertia.
 
         `armature` appends the columns diag(a_r), and `friction` then appends diag(v_r) and diag(sign v).
         """

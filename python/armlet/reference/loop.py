@@ -1,6 +1,6 @@
 """A closed loop as one initial value problem, whose additional states are the integrals of two balances.
 
-    y = [plant state, law state, w_1, w_2],   w_1' = s' Kd s, which theory predicts for -V1',   w_2' = P
+    y = [plant state, law state, w_1, w_2],   w_1' = s' Kd s, which theory predicts for -V1',   w_2' = P, the power that E receives
     lyapunov_balance = V1(0) - V1(t) - w_1,   energy_balance = E(t) - E(0) - w_2
 
 The integrals and the trajectory use the same method and steps, so both balances are errors of the order of the method.

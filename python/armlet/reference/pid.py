@@ -5,6 +5,8 @@ w' = Ki e, but 0 if u exceeds a limit and w' has the sign of the excess
 y' = v_f = N (q - y);   f = damping v_d + friction tanh(v_d / v_s)
 s' = tau - g - f + d;   d = h (m v_f - s)
 ahead = M a_d, or m a_d with a disturbance observer
+
+N is the rate of the filter, h the bandwidth of the observer, and m the nominal inertia.
 """
 
 import numpy as np

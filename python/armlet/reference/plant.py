@@ -2,7 +2,7 @@
 
     RigidArm    M a + C v + g + tau_f(v) = tau + J'F + tau_c
     ElasticArm  M a + C v + g = tau_J + J'F + tau_c,   B theta_ddot + F_m theta_dot + tau_J = tau
-                tau_J = K (theta - q) + D (theta_dot - v)
+                tau_J = K (theta - q) + D (theta_dot - v),   D and F_m the damping of the joints and the viscous friction of the motors
     friction    tau_f = d v + c sign(v) with the damping d and the Coulomb friction c of the arm
     contact     tau_c of the wall and the stops (see `contact`)
     LuGre       friction of the joints of a RigidArm or of the motors of an ElasticArm; its state is last (see `bristles`)
@@ -68,9 +68,9 @@ class RigidArm:
 
 
 class ElasticArm:
-    """An arm with elastic joints and the state (q, v, theta, theta_dot).
+    """An arm with elastic joints and the state (q, v, theta, theta_dot), and then the torques of the bristles of LuGre friction.
 
-    Stiffness and motor inertia are scalar, (n,) or (n, n). Damping and friction are scalar or (n,).
+    Stiffness and motor inertia are scalar, (n,) or (n, n). Damping and viscous friction are scalar or (n,).
     """
 
     elastic = True
@@ -97,7 +97,7 @@ class ElasticArm:
         self.contacts = contacts(arm, wall, stops)
 
     def initial(self, q0: Array, v0: Array, theta0: ArrayLike | None, theta_dot0: ArrayLike | None) -> Array:
-        """The initial state. By default the motors balance gravity: theta = q + K^-1 g(q), theta_dot = v."""
+        """The initial state. By default the springs balance gravity: theta = q + K^-1 g(q), theta_dot = v."""
         theta = q0 + solve(self.stiffness, self.arm.gravity(q0)) if theta0 is None else np.asarray(theta0, dtype=np.float64)
         theta_dot = v0 if theta_dot0 is None else np.asarray(theta_dot0, dtype=np.float64)
         return np.concatenate([q0, v0, theta, theta_dot, np.zeros(self.size - 4 * self.arm.n)])

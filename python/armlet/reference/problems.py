@@ -3,7 +3,7 @@
 - Arenstorf's orbit and the Pleiades: Hairer, Norsett and Wanner, Solving ODEs I, sections II.0 and II.10.
 - Van der Pol's equation, Robertson's reaction and HIRES: Hairer and Wanner, Solving ODEs II, section IV.10.
   Their end states have 12 digits or more, from the test set of Mazzia and Magherini (2008).
-- Euler's free rigid body: the end state is computed from series of Jacobi's elliptic functions in the nome.
+- Euler's free rigid body: the end state is computed from Jacobi's elliptic functions by the arithmetic-geometric mean.
 """
 
 from collections.abc import Callable

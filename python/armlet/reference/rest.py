@@ -23,7 +23,7 @@ from .plant import ElasticArm, RigidArm
 
 
 class Equilibrium(NamedTuple):
-    """An equilibrium under a constant force. `reachable`: the arm reaches the pose x_d + K_m^-1 F. `spurious`: the spring is unbalanced."""
+    """An equilibrium under a constant force. `reachable`: the arm reaches the pose x_d + K_m^-1 F. `spurious`: F and the spring differ."""
 
     q: Array
     theta: Array | None

@@ -17,7 +17,7 @@ STEP = 1e-4
 
 
 def sample_rows(law: Any, q: Array, v: Array, a: Array, tau: Array) -> tuple[Array, Array]:
-    """The regressors W (K, n, p) of samples, and the torques W a (K, n), where a are the true parameters."""
+    """The regressors W (K, n, p) of samples with the accelerations `a`, and the torques (K, n) without the torque of known rotors."""
     arm = law.arm
     rows = [
         np.hstack([arm.regressor(*state, state[1], x)[:, law.columns], columns(state[1], x, law.v_s, law.kinds)])
@@ -41,7 +41,10 @@ def _drift(law: Any, q: Array, v: Array) -> Array:
 
 
 def window_rows(law: Any, t: Array, q: Array, v: Array, tau: Array, window: float, held: bool = False) -> tuple[Array, Array]:
-    """W and tau, integrated over windows of the length `window`, s. Successive windows overlap by half."""
+    """W and tau, integrated over windows of the length `window`, s. Successive windows overlap by half.
+
+    If `held`, tau is constant between two records.
+    """
     h = float(t[1] - t[0])
     half = max(1, round(0.5 * window / h))
     simpson = np.ones(2 * half + 1)

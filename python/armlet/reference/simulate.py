@@ -47,9 +47,9 @@ def simulate(
 ) -> dict[str, Any]:
     """Simulate the closed loop, and return a dict of arrays: t, q, v, tau, estimate, theta, theta_dot, s, energy, lyapunov, balances.
 
-    The first axis of each array is time. The methods "euler", "semi_implicit" and "rk4" require dt, and a sample time that is a multiple
-    of dt. The method "gbs" is adaptive, and records t_eval. Without t_eval, fixed steps record the start, every record_every-th step and
-    the end. load(q, F) returns J'F for a law without a frame.
+    The first axis of each array is time. The methods "euler", "semi_implicit" and "rk4" require dt, or use the sample time as dt. A
+    sample time must be a multiple of dt. The method "gbs" is adaptive, and records t_eval. Without t_eval, fixed steps record the start,
+    every record_every-th step and the end. load(q, F) returns J'F for a law without a frame.
 
     Only "gbs" supports events: `run["events"]` is a list of (t, index, plant state). The sign of each event function is checked at `looks`
     times of the run.

@@ -5,7 +5,7 @@
     centre of mass  e = c_d - c                                     sum_i dT_i/dq P_i e_4 / m
     axis            e = B'r,  exp(r) a = d, |r| <= pi            B'J_w,  B = R [b1 b2], b1 and b2 perpendicular to the axis in the frame
     relative        e as for frame, with X = X_r^-1 X_f             from dX/dq = X_r^-1 dX_f/dq - X_r^-1 dX_r/dq X
-    joint limits    e = clip(q, lower + m range, upper - m range) - q
+    joint limits    e = clip(q, lower + m range, upper - m range) - q,  m the margin
 
 A direction d(t) has the angular velocity w = d x d' / d.d. Complex steps compute w' and dJ/dt, because each Jacobian here is analytic in q.
 """

@@ -85,10 +85,10 @@ def time_path(
     tip_acceleration: ArrayLike | Callable[[float], float] | None = None,
     frame: str | None = None,
 ) -> Timing:
-    """The fastest timing of a path. It has the same arguments as `armlet.time_path`.
+    """The fastest timing of a path. The arguments have the meaning of those of `armlet.time_path`.
 
     The path is waypoints (K, n), which a cubic spline joins, or a callable on [0, 1] that returns q(s), or
-    q, dq/ds, d2q/ds2.
+    q, dq/ds, d2q/ds2. Limits that allow no timing give NaN.
     """
     at, smooth = path_of(path, knots, spline, samples)
     if leaves_range(lambda s: at(s)[0], smooth, q_min, q_max):

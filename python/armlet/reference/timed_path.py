@@ -19,7 +19,7 @@ from .lagrange import Array
 from .motion import Sample
 
 Path = Callable[[Array], tuple[Array, Array, Array]]
-TERMS = 40  # number of terms of the series: (b t^2)^20 / 40! is below the rounding error for b t^2 < 100
+TERMS = 40  # number of terms of the series: (b t^2)^20 / 40! is below the rounding error of the sum for b t^2 < 50
 
 
 def _series(rate: float, u: float, b: float) -> Polynomial:

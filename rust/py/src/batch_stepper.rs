@@ -18,7 +18,8 @@ pub struct _BatchStepper {
     plant: PlantSpec,
     /// The states, `(B, states)`.
     x: Vec<f64>,
-    /// The inputs of the last `step`, `(B, n)`. For a plant whose input is a velocity, they are the velocities to report.
+    /// The inputs of the last `step`, `(B, n)`; zero for a row that `put` has set since. For a plant whose input is a velocity, `step` and
+    /// `put` return them as velocities.
     tau: Vec<f64>,
 }
 

@@ -53,7 +53,7 @@ impl<'a, const K: usize> Broadcast<'a, K> {
         Ok(Broadcast { shape: self.shape, count: self.count, rows })
     }
 
-    /// Copy the vectors of argument `k` as the caller passed them, without repetition.
+    /// Copy the vectors of argument `k`: one if the caller passed one vector for all rows, otherwise one per row.
     pub fn given(&self, k: usize) -> Result<Vec<f64>, Failure> {
         Ok(memory::copied(&self.rows[k].0)?)
     }

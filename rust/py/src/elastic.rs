@@ -182,7 +182,7 @@ fn each<'py, const K: usize>(
 ///
 /// The loop reduces the motor inertia `B` to `B0` while the link is locked. The torque is constant during a sample of length `dt`, so a
 /// linear map advances `(theta, theta_dot)` exactly. At `B0` the spectral radius of this map is 1, with the damping `D0 = 2 zeta sqrt(B0
-/// K_J)`. For `B0 << B` the result is about `K_J (dt / min(4 zeta, 1/zeta))^2`.
+/// K_J)`. For `B0 << B` and a sensor without lag, the result is about `K_J (dt / min(4 zeta, 1/zeta))^2`.
 ///
 /// Args:
 ///     motor_inertia: `B`, kg m^2, > 0. All arguments are numbers or arrays, and broadcast.
@@ -263,7 +263,7 @@ pub fn stiffness_limit<'py>(
     entry(py, NAME, || {
         let critical = motor_damping.is_none();
         let names = ["mass", "joint_stiffness", "reduced_inertia", "damping", "motor_damping"];
-        // Without `motor_damping` the fifth value is a placeholder that is never read.
+        // Without `motor_damping` the fifth value is a placeholder that is not used.
         let values = [mass, joint_stiffness, reduced_inertia, damping, motor_damping.unwrap_or(mass)];
         each(py, NAME, names, values, |[m, k, b0, d, d0]| {
             let d0 = if critical { 2.0 * (b0 * k).sqrt() } else { d0 };
@@ -284,8 +284,8 @@ pub fn stiffness_limit<'py>(
 /// `2 zeta Q' diag(k)^1/2 Q`.
 ///
 /// Args:
-///     inertia: `M`, `(n, n)`, symmetric and positive definite, kg or kg m^2, such as `M_x` of a law's terms.
-///     stiffness: `K`, `(n, n)`, symmetric and positive definite, N/m or N m/rad.
+///     inertia: `M`, `(n, n)` or its diagonal `(n,)`, symmetric and positive definite, kg or kg m^2, such as `M_x` of a law's terms.
+///     stiffness: `K`, `(n, n)` or its diagonal `(n,)`, symmetric and positive definite, N/m or N m/rad.
 ///     ratio: the damping ratio `zeta`, > 0; 1 is critical.
 ///
 /// Returns:

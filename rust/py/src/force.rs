@@ -1,4 +1,4 @@
-//! External forces from Python objects: None, a constant force, a list `[(t_start, F), ...]`, or a callable `F(t)`.
+//! External forces from Python objects: a constant force, a list `[(t_start, F), ...]`, or a callable `F(t)`.
 
 use crate::arrays::{Axis, Form, items, number, numbers, require_finite, text};
 use crate::errors::{Failure, input_error};
@@ -12,7 +12,7 @@ use std::sync::{Arc, Mutex};
 /// The first exception of a Python callable during a run. It is raised after the run.
 pub type Raised = Arc<Mutex<Option<PyErr>>>;
 
-/// Whether a Python callable has raised an exception. Then no callable is called again, and the run ends.
+/// Whether a Python callable has raised an exception. Then the run ends, and neither the force nor the law is called again.
 pub fn failed(raised: &Raised) -> bool {
     raised.lock().unwrap_or_else(|poisoned| poisoned.into_inner()).is_some()
 }

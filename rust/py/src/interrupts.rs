@@ -19,7 +19,7 @@ pub fn signalled() -> bool {
     Python::attach(|py| py.check_signals()).map_err(|error| SIGNAL.set(Some(error))).is_err()
 }
 
-/// Run `work` on this thread without the GIL. The work calls `interrupt` regularly, and Ctrl-C ends it at such a call.
+/// Run `work` on this thread without the GIL. The work calls `look` regularly, and Ctrl-C ends it at such a call.
 pub fn long<T: Send>(py: Python<'_>, work: impl FnOnce() -> CoreResult<T> + Send) -> Result<T, Failure> {
     ended(py.detach(|| interruptible(Watch::Poll(signalled), work)))
 }
@@ -66,7 +66,7 @@ impl Breaks {
         Breaks { next: Instant::now() + BREAK }
     }
 
-    /// Pause if the last pause is 10 ms ago. Call this after every 1 us to 1 ms of work.
+    /// Pause if the last pause is at least 10 ms ago. Call this after every 1 us to 1 ms of work.
     pub fn pause(&mut self, py: Python<'_>) -> PyResult<()> {
         if Instant::now() >= self.next {
             pause(py)?;
@@ -81,7 +81,7 @@ thread_local! {
     static NEXT: Cell<Option<Instant>> = const { Cell::new(None) };
 }
 
-/// Pause if the last pause on this thread is 10 ms ago. This suits successive short calls, such as the pieces of a pickle.
+/// Pause if the last pause on this thread is at least 10 ms ago. This suits successive short calls, such as the pieces of a pickle.
 pub fn pause_in_turn(py: Python<'_>) -> PyResult<()> {
     if NEXT.get().is_none_or(|next| Instant::now() >= next) {
         pause(py)?;

@@ -31,7 +31,7 @@ use pyo3::types::{PyList, PyTuple};
 ///
 /// If the first task is not reached, `status` is `INFEASIBLE` when the search made no further progress, and `MAX_STEPS` when it did.
 ///
-/// In a batch all fields are arrays: `q` `(..., n)`, and `errors` a list of `(..., rows_i)`. `reached` (every task of the row is reached),
+/// In a batch the fields are arrays: `q` `(..., n)`, and `errors` a list of `(..., rows_i)`. `reached` (every task of the row is reached),
 /// `iterations`, `restarts` and `status` (integer codes of `Status`) have the shape `(...)`. With `solutions=k`, `q` is `(..., k, n)`, each
 /// array of `errors` is `(..., k, rows_i)`, and `reached` and `status` are `(..., k)`.
 ///
@@ -95,11 +95,11 @@ const NAME: &str = "inverse_kinematics";
 ///         all tasks together, and "clamp" for steps in the order of priority.
 ///     eps: threshold on singular values of the priority map, one number or one per task. With `eps`, all steps use the map. None: 0.02
 ///         times each task's largest row norm.
-///     tolerance: a task is reached if every entry of its error is at most this, m or rad.
-///     max_iterations: largest number of steps from each start.
-///     restarts: largest number of random starts after `q0`.
-///     seed: seed of the random starts.
-///     step_max: largest change of a joint position in one step, rad or m.
+///     tolerance: a task is reached if the size of every entry of its error is at most this, m or rad; 1e-9 if None.
+///     max_iterations: largest number of steps from each start; 100 if None.
+///     restarts: largest number of random starts after `q0`; 50 if None.
+///     seed: seed of the random starts; 0 if None.
+///     step_max: largest change of a joint position in one step, rad or m; 0.5 if None.
 ///     limits: keep `q` within the arm's joint limits.
 ///     check_limits: action for a start outside of the joint limits: None warns, True raises, and False does neither. With `limits=False`
 ///         there is no check.

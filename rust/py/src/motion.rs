@@ -253,7 +253,7 @@ macro_rules! rest_to_rest {
         }
     };
 }
-rest_to_rest!(Quintic, "Rest-to-rest motion with zero acceleration at its ends: `s = 10 x^3 - 15 x^4 + 6 x^5`, `x = t / duration`.");
+rest_to_rest!(Quintic, "Rest-to-rest motion `q0 + s (q1 - q0)` with `s = 10 x^3 - 15 x^4 + 6 x^5` and `x = t / duration`.");
 rest_to_rest!(BangBang, "Rest-to-rest motion with the symmetric bang-bang acceleration `+-4 (q1 - q0) / duration^2`.");
 
 /// A motion through samples at the times `start + k dt`, the *knots*.

@@ -49,7 +49,7 @@ impl Plant {
 ///     point: a point of the surface, `(3,)`, world axes, m.
 ///     normal: direction out of the wall, `(3,)`, world axes, of any length > 0.
 ///     stiffness: `k`, N/m, > 0 (keyword only).
-///     damping: `c`, N s/m, >= 0 (keyword only).
+///     damping: `c`, N s/m, >= 0; zero if None (keyword only).
 ///
 /// Raises:
 ///     InputError: a shape is wrong, or a number is not finite or has the wrong sign.
@@ -220,7 +220,8 @@ impl VelocityArm {
 ///     stiffness: `K`, N m/rad, positive definite: scalar, `(n,)` or `(n, n)`.
 ///     motor_inertia: `B`, kg m^2, positive definite: scalar, `(n,)` or `(n, n)`.
 ///     joint_damping: damping in parallel with the springs, N m s/rad, `(n,)`, >= 0; zero if None (keyword only).
-///     motor_friction: viscous friction of the motors, N m s/rad, `(n,)`, >= 0, or a `StickSlip` or a `LuGre` (keyword only).
+///     motor_friction: viscous friction of the motors, N m s/rad, `(n,)`, >= 0, or a `StickSlip` or a `LuGre`; none if
+///         None (keyword only).
 ///     wall: a `Wall` that the arm may touch (keyword only).
 ///     stops: `JointStops` at the limits of the links (keyword only).
 ///

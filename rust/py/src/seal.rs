@@ -256,7 +256,7 @@ pub fn _restore<'py>(payload: &Bound<'py, PyTuple>) -> PyResult<Bound<'py, PyAny
         let (make, arguments, keywords): (Bound<'_, PyAny>, Bound<'_, PyTuple>, Bound<'_, PyDict>) = parts.extract()?;
         make.call(arguments, Some(&keywords))
     })();
-    // The checksum matches. If the object cannot be restored, it is of another version of armlet or of a package that is not installed.
+    // The checksum matches. If the object cannot be restored, another version of armlet wrote it, or its class is not installed.
     made.map_err(|error| {
         let passes = error.is_instance_of::<PyMemoryError>(py) || !error.is_instance_of::<PyException>(py);
         if passes { error } else { format_error(py, &format!("unpickle: the stored object is of another version: {error}")) }

@@ -1,4 +1,4 @@
-//! The constructors of arms, and the functions that restore arms from pickles.
+//! The constructors of arms, from Python arguments, files, models of other libraries, and the pickle of `planar_pr`.
 
 use super::lists::{as_list, chain_joint, dh_row};
 use super::stored::stored;
@@ -48,7 +48,7 @@ pub fn planar_pr(py: Python<'_>, A: &Bound<'_, PyAny>, B: &Bound<'_, PyAny>, C: 
     })
 }
 
-/// Restore a `planar_pr` arm. Any finite parameters are accepted, because `with_parameters` may have set physically impossible ones.
+/// Restore a `planar_pr` arm. The parameters are not checked, because `with_parameters` accepts physically impossible ones.
 #[entered]
 #[pyfunction]
 pub fn _restore_planar_pr(pi: [f64; 3]) -> Arm {
@@ -188,7 +188,7 @@ pub fn example_urdf(py: Python<'_>, name: &Bound<'_, PyAny>) -> PyResult<&'stati
 ///     The arm.
 ///
 /// Raises:
-///     InputError: a shape is wrong, or a number is not finite or negative.
+///     InputError: a shape is wrong, a number is not finite, or a length, mass or inertia is negative.
 ///
 /// Source: [SicilianoEtAl2009], section 7.3; docs/arms.md.
 ///
@@ -244,7 +244,7 @@ pub fn pendulum(py: Python<'_>, inertia: &Bound<'_, PyAny>, gravity_moment: &Bou
     entry(py, NAME, || Ok(core::Arm::pendulum(scalar(NAME, "inertia", inertia)?, scalar(NAME, "gravity_moment", gravity_moment)?)?.into()))
 }
 
-/// The pickled form of a joint and of a frame: plain tuples.
+/// A joint, a frame and an arm as plain tuples, the argument of [`_restore_tree`].
 type JointState = (String, String, Option<usize>, [[f64; 3]; 4], [f64; 3], [f64; 7], [f64; 10], Option<Follows>);
 type FrameState = (String, Option<usize>, [[f64; 3]; 4], Option<String>);
 type TreeState<'py> = (String, Bound<'py, PyList>, Bound<'py, PyList>, [f64; 3], Vec<String>);
@@ -286,14 +286,15 @@ pub fn _restore_tree(py: Python<'_>, state: TreeState<'_>) -> PyResult<Arm> {
 impl Arm {
     /// Make an arm from a list of joints, each a dict. `gravity`: `(3,)`, m/s^2, world axes; (0, 0, -9.81) if None.
     ///
-    /// The required keys are:
+    /// Only the key `type` is required:
     ///
     /// - `type`: "R", "P", "F", or "revolute", "continuous", "prismatic", "fixed";
-    /// - `axis`: direction of the joint axis in the joint frame, `(3,)`, of any length;
-    /// - `rpy`, `xyz`: placement of the joint frame in the parent's body frame at q = 0 (rad, m);
-    /// - `phi`: the ten inertial parameters about the origin of the body frame, in the order of `Arm.parameters` (kg, kg m, kg m^2).
+    /// - `axis`: direction of the joint axis in the joint frame, `(3,)`, of any length > 0; (0, 0, 1) by default;
+    /// - `rpy`, `xyz`: placement of the joint frame in the parent's body frame at q = 0 (rad, m); zero by default;
+    /// - `phi`: the ten inertial parameters about the origin of the body frame, in the order of `Arm.parameters` (kg, kg m, kg m^2); zero
+    ///   by default.
     ///
-    /// The optional keys are `name`, `lower`, `upper`, `velocity`, `effort`, `armature`, `damping`, `friction`, and:
+    /// The other keys are `name`, `lower`, `upper`, `velocity`, `effort`, `armature`, `damping`, `friction`, and:
     ///
     /// - `parent`: index of an earlier joint; -1 or None is the base, and the default is the previous joint;
     /// - `mimic`: a dict with `joint`, the index of the leader, `multiplier` (default 1) and `offset` (default 0), as in a URDF.

@@ -84,7 +84,7 @@ impl Arm {
     ///     Three arrays `(..., n, n)`. Row `i`, column `j` is the derivative of `a_i` with respect to `q_j`, `v_j` or `tau_j`.
     ///
     /// Raises:
-    ///     InputError: an argument is not finite or has the wrong shape, or the mass matrix is singular.
+    ///     InputError: an argument is not finite or has the wrong shape, the mass matrix is singular, or `out` cannot be written.
     ///
     /// Source: Carpentier and Mansard 2018.
     ///

@@ -200,7 +200,7 @@ impl Arm {
     ///     q, v: positions (rad or m) and velocities (rad/s or m/s), `(..., n)`, broadcast over the leading axes.
     ///     v_r, a_r: reference velocities (rad/s or m/s) and accelerations (rad/s^2 or m/s^2), `(..., n)`, broadcast over the leading axes.
     ///     armature: append the `n` columns `diag(a_r)` (keyword only).
-    ///     friction: append the `n` columns `diag(v_r)` for damping, and `diag(sign v)` for Coulomb friction (keyword only).
+    ///     friction: append the `2 n` columns `diag(v_r)` for damping and `diag(sign v)` for Coulomb friction (keyword only).
     ///     out: an array to write to (keyword only).
     ///
     /// Raises:

@@ -14,7 +14,8 @@ use armlet_core::{memory, parallel};
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
 
-/// Work whose estimated time, in ns, is at least this is *long*: it copies the arguments, releases the GIL, and uses several threads.
+/// Work whose estimated time, in ns, is at least this is *long*: it copies the arguments, releases the GIL, and uses several threads. Work
+/// that records a program is also long.
 const LONG: f64 = 1e6;
 
 /// The largest number of joints for which the evaluation of one configuration is never long.

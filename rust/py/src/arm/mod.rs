@@ -26,8 +26,9 @@ use pyo3::types::{PyDict, PyTuple};
 
 /// A robot arm: its kinematics and its dynamics `M(q) a + C(q, v) v + g(q) = tau`.
 ///
-/// `load_urdf`, `Arm.from_chain`, `Arm.from_dh`, `planar_arm`, `pendulum` and `planar_pr` make arms. Every function takes `q` of the shape
-/// `(..., n)` and broadcasts over the leading axes. It evaluates several configurations together in the lanes of SIMD registers.
+/// `load_urdf`, `Arm.from_chain`, `Arm.from_dh`, `planar_arm`, `pendulum` and `planar_pr` make arms. Functions of the positions take `q` of
+/// the shape `(..., n)` and broadcast over the leading axes. For many configurations they use the lanes of SIMD registers and several
+/// threads.
 ///
 /// `C` is the matrix of the Christoffel symbols. Angles are in rad, lengths in m, torques in N m, and forces of prismatic joints in N. The
 /// dynamics include the rotors' inertia (armature), and include friction only with `friction=True`. Jacobians are geometric: the first

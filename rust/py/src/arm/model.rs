@@ -251,7 +251,7 @@ impl ArmModel {
         }
     }
 
-    /// The text of `str(arm)`: a table of its joints.
+    /// The text of `repr(arm)` and `str(arm)`: a table of the joints, or one line for `planar_pr`.
     pub fn shown(&self) -> String {
         let tree = match self {
             ArmModel::PlanarPr(arm) => {

@@ -1,4 +1,4 @@
-//! Array arguments and array results. All arrays between Python and Rust pass through this module.
+//! Array arguments and array results, and the validation of other arguments.
 
 mod pieces;
 pub mod python;

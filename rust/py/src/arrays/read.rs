@@ -1,8 +1,9 @@
-//! The conversion of an array argument to float64. Every array argument passes through this file.
+//! The conversion of an array argument to float64. Only the fast path of the module `raw` reads arguments without this conversion.
 //!
-//! The type, the number of axes and the shape are checked before any copy. A C-contiguous, aligned float64 array is read in place. Lists,
-//! integers, float32, strided, reversed, Fortran and read-only arrays are copied. Masked, complex, object, boolean and string arrays are
-//! refused. Integers that float64 does not represent are also refused. The module `sequence` reads lists and other sequences.
+//! The type, the number of axes and the shape are checked before any copy. A C-contiguous, aligned float64 array of at most `PIECE` numbers
+//! is read in place. Larger arrays, lists, integers, float32, strided, reversed and Fortran arrays are copied. Masked, complex, object,
+//! boolean and string arrays are refused. Integers that float64 does not represent are also refused. The module `sequence` reads lists and
+//! other sequences.
 
 use super::pieces::{self, PIECE};
 use super::raw::in_place;
@@ -200,7 +201,7 @@ fn kind<'py>(value: &Bound<'py, PyAny>) -> Result<(Vec<usize>, Source<'py>), Wro
     Err(Wrong::Kind(object(value)))
 }
 
-/// Read a Python number; `None` for other values. Booleans, complex numbers and strings are an error.
+/// Read a Python float or integer; `None` for other values. Booleans, and integers that float64 does not represent, are an error.
 pub fn real(value: &Bound<'_, PyAny>) -> Result<Option<f64>, Wrong> {
     if let Ok(x) = value.cast::<PyFloat>() {
         return Ok(Some(x.value()));
@@ -212,7 +213,7 @@ pub fn real(value: &Bound<'_, PyAny>) -> Result<Option<f64>, Wrong> {
     if let Ok(x) = integer.extract::<i64>() {
         return exact(x).map(Some).ok_or_else(|| Wrong::Inexact(x.to_string()));
     }
-    // An integer of more than 64 bits is accepted if float64 represents it, such as 10**20.
+    // An integer outside the range of int64 is accepted if float64 represents it, such as 10**20.
     let same = |x: &f64| PyFloat::new(value.py(), *x).as_any().eq(value).unwrap_or(false);
     match integer.extract::<f64>().ok().filter(same) {
         Some(x) => Ok(Some(x)),
@@ -234,7 +235,8 @@ pub fn shape_of(value: &Bound<'_, PyAny>, depth: usize) -> Result<Vec<usize>, Wr
     Err(Wrong::Kind(object(value)))
 }
 
-/// Convert a value to a numpy array of integers or floating-point numbers, if it is an array or has a conversion. `None` for lists.
+/// Convert a value to a numpy array of integers or floating-point numbers, if it is an array or has a conversion. Otherwise the result is
+/// `None`, as for lists. Strings, masked arrays, and arrays of other elements are an error.
 pub fn array_of<'py>(value: &Bound<'py, PyAny>) -> Result<Option<Bound<'py, PyAny>>, Wrong> {
     let py = value.py();
     if value.is_instance_of::<PyString>() || value.is_instance_of::<PyBytes>() || value.is_instance_of::<PyByteArray>() {

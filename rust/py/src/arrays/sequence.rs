@@ -1,6 +1,6 @@
 //! The conversion of lists, tuples and other sequences to float64.
 //!
-//! The length of a sequence is read first, and no further entries are read. Ctrl-C is checked between entries.
+//! The length of a sequence is read first, and no entries beyond this length are converted. Ctrl-C is checked between entries.
 
 use super::read::{Wrong, array_of, copy, object, real, shape_of};
 use super::shape::shown;
@@ -126,7 +126,7 @@ pub fn fill(value: &Bound<'_, PyAny>, shape: &[usize], out: &mut Vec<f64>) -> Re
     Ok(())
 }
 
-/// Return the entries of a list, a tuple or another iterable of objects: at most `most` of them.
+/// Return the entries of a list, a tuple or another iterable of objects. More than `most` entries are an error.
 ///
 /// `what` completes the message "is not ..", such as "a list of names: expected strings".
 pub fn items<'py>(

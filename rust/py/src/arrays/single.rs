@@ -12,7 +12,7 @@ pub fn quoted(value: &Bound<'_, PyAny>) -> String {
     if shown.is_empty() || shown.len() > 40 { format!("{kind:?}") } else { format!("{shown} ({kind})") }
 }
 
-/// Read a real number. Booleans, strings and arrays of one element are refused.
+/// Read a real number. Booleans, strings and arrays with axes are refused, also of the shape `(1,)`.
 pub fn number(function: &str, name: &str, value: &Bound<'_, PyAny>) -> Result<f64, Failure> {
     if let Ok(number) = value.cast::<PyFloat>() {
         return Ok(number.value());

@@ -1,4 +1,5 @@
-//! The system `dy/ds = f` of a Python callable `f(t, y)`, and its derivatives. The time `s` always increases: `s = t` or `s = -t`.
+//! The system of a Python callable `f(t, y)`, and its derivatives. The time `s` always increases: `dy/ds = f` with `s = t`, or
+//! `dy/ds = -f` with `s = -t` if the span decreases.
 
 use super::jacobian::Jacobian;
 use super::slope::Slope;

@@ -15,11 +15,11 @@ pub type Stepping = Box<dyn Adaptive<f64, Field, Vec<f64>> + Send + Sync>;
 const MOST_STEPS: f64 = 1e12;
 /// The number of `(n, n)` matrices in the memory estimate of an implicit method: the Jacobian, and complex decompositions with copies.
 const MATRICES: u128 = 8;
-/// The number of `(n,)` vectors in the memory estimate of the method with the most stages, including vectors for calls of Python.
+/// The number of `(n,)` vectors in the memory estimate of an implicit method and of dop853, including vectors for calls of Python.
 const VECTORS: u128 = 32;
-/// The number of `(n,)` vectors in the memory estimate of a method with fewer stages.
+/// The number of `(n,)` vectors in the memory estimate of another explicit method.
 const FEW_VECTORS: u128 = 16;
-/// The number of matrices in the memory estimate of a vectorised `f`: their columns are states, and right-hand sides.
+/// The number of further matrices for a vectorised `f` and an implicit method. Their columns are states or right-hand sides.
 const COLUMNS: u128 = 5;
 
 /// The settings of a method, read from Python arguments.

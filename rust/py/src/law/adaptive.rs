@@ -38,8 +38,8 @@ use pyo3::types::{PyBool, PyString, PyTuple};
 ///     natural: adapt in the metric of the bodies' pseudo-inertias (keyword only). A physically possible initial estimate then stays
 ///         physically possible. `gamma` is a scalar, or one number per body, 1/(N m), and then one per joint parameter.
 ///     projection: keep the inertial parameters above the parameters of smallest bodies, so that they stay physically possible
-///         (keyword only). The smallest bodies are one mass, kg, with a radius of gyration of 0.1 m, or parameters `(p,)`. The true
-///         parameters must exceed these parameters. An initial estimate below them is moved to the nearest estimate above.
+///         (keyword only). The smallest bodies are one mass, kg, with a radius of gyration of 0.1 m, or inertial parameters `(10 bodies,)`.
+///         The true parameters must exceed these parameters. An initial estimate below them is moved to the nearest estimate above.
 ///     friction: estimate friction: True for "viscous" and "coulomb", or some of "viscous", "coulomb", "stribeck" (keyword only).
 ///     armature: estimate the rotors' inertia (keyword only).
 ///     friction_speed: `v_s`, rad/s or m/s, > 0: scalar or `(n,)`; 0.1 if None (keyword only).
@@ -56,7 +56,7 @@ use pyo3::types::{PyBool, PyString, PyTuple};
 ///         for samples with accelerations, and 1/(N m s^3) for windows.
 ///
 /// Raises:
-///     InputError: a shape is wrong, a number is not finite or negative, a gain is not positive definite, or a name is unknown.
+///     InputError: a shape is wrong, a number is not finite or is negative, a gain is not positive definite, or a name is unknown.
 ///
 /// Source: Slotine and Li, On the adaptive control of robot manipulators, IJRR 6(3), 1987.
 /// Natural metric: Lee, Kwon and Park, A natural adaptive control law for robot manipulators, IROS 2018.
@@ -98,7 +98,7 @@ fn base_of<'py>(given: &mut Arguments<'py>, base: &Bound<'py, PyAny>, p: usize) 
 /// The radius of gyration, m, of a smallest body whose argument is its mass. `project_parameters` uses the same length.
 const LENGTH: f64 = 0.1;
 
-/// Read the smallest bodies of the projection: one mass, kg, or their parameters `(p,)`.
+/// Read the smallest bodies of the projection: one mass, kg, or their `p` inertial parameters.
 fn least_bodies<'py>(given: &mut Arguments<'py>, projection: &Bound<'py, PyAny>, p: usize) -> Result<Projection, Failure> {
     if Looked::at("Adaptive", "projection", projection)?.shape.is_empty() {
         let mass = given.number("projection", projection)?;

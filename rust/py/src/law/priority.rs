@@ -66,7 +66,8 @@ impl<'py> Arguments<'py> {
 ///     tasks: `Task` and other tasks, each with a target and a gain in 1/s, the highest priority first.
 ///     method: the priority map: "clamp" (default), "exact", "damped", "chiaverini" or "sns", as for `solve_priority`.
 ///     eps: threshold on singular values, one number or one per level; None: 0.02 times each level's largest row norm.
-///     v_min, v_max: velocity bounds for "sns", a number or `(n,)`, rad/s or m/s; None: the arm's bounds (keyword only).
+///     v_min, v_max: velocity bounds for "sns", a number or `(n,)`, rad/s or m/s (keyword only). A missing bound is minus the other bound.
+///         None for both: the arm's bounds.
 ///     q_min, q_max: position limits for "sns", a number or `(n,)`, rad or m; None: the arm's limits (keyword only). At every evaluation
 ///         the velocity is at most `(q_max - q) / horizon` and at least `(q_min - q) / horizon`.
 ///     a_max: deceleration before a position limit for "sns", a number or `(n,)`, rad/s^2 or m/s^2 (keyword only). The velocity is at most

@@ -23,7 +23,7 @@ use pyo3::prelude::*;
 ///     inertia: inertia about the joint, kg m^2, > 0.
 ///     gravity_moment: mass times gravity times distance of the centre of mass, N m. With a negative value, the angles are measured from
 ///         the upward vertical.
-///     tau_max: largest torque, N m, >= 0.
+///     tau_max: largest torque, N m, >= 0; > 0 if `tau_min` is None.
 ///     tau_min: smallest torque, N m, <= 0; `-tau_max` if None.
 ///
 /// Returns:
@@ -31,7 +31,7 @@ use pyo3::prelude::*;
 ///     `feasible` is false, the durations are NaN, and `reason` states the limit, its place and the missing torque. This is not an error.
 ///
 /// Raises:
-///     InputError: a number is not finite, the inertia is not positive, or 0 is not between the limits.
+///     InputError: a number is not finite, the inertia is not positive, or the torque limits are out of range.
 ///
 /// Source: docs/minimum_time.md.
 ///

@@ -58,7 +58,7 @@ macro_rules! link_report {
 }
 use link_report;
 
-/// The names of the arguments of every planner: start and end, rad, inertia, kg m^2, and gravity moment and torque limits, N m.
+/// The names of the arguments of the planners of one link: start and end, rad; inertia, kg m^2; gravity moment and torque limits, N m.
 pub const NAMES: [&str; 6] = ["theta0", "thetaf", "inertia", "gravity_moment", "tau_max", "tau_min"];
 
 /// The six numbers with the names [`NAMES`].

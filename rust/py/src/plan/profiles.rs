@@ -15,7 +15,7 @@ use pyo3::prelude::*;
 ///
 /// Args:
 ///     theta0, thetaf, inertia, gravity_moment, tau_max, tau_min: as for `bang_bang_time`, but numbers only.
-///     ramp: duration of the acceleration as a fraction of `T`, in (0, 1/2].
+///     ramp: duration of the acceleration as a fraction of `T`, in (0, 1/2]; 1/3 if None (keyword only).
 ///
 /// Returns:
 ///     A `ProfileReport` of the trapezoid.

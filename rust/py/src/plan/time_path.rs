@@ -162,8 +162,8 @@ fn path_of(
 ///     knots: path positions of the waypoints, `(K,)`, increasing. None: from 0 to 1, in proportion to the distances between waypoints.
 ///     spline: end conditions of the spline: "natural" (default for waypoints), "clamped", "not-a-knot" (default for a callable).
 ///     stops: indices of waypoints where the arm stops.
-///     start_speed, end_speed: path speeds ds/dt at the ends, 1/s.
-///     friction: True for the arm's damping and Coulomb friction, or viscous coefficients, number or `(n,)`, N m s/rad or N s/m.
+///     start_speed, end_speed: path speeds ds/dt at the ends, 1/s; zero if None.
+///     friction: True for the arm's damping and Coulomb friction; viscous coefficients, number or `(n,)`, N m s/rad or N s/m; None: none.
 ///     grid: number of grid points, including the path's knots. None: 201, and more points where the grid makes the motion longer, until
 ///         the duration changes by a fraction below 1e-4.
 ///     refine: with `grid`, halve segments that are too coarse for the limits, or that make the motion longer (default True).

@@ -27,8 +27,8 @@ struct Why {
 
 /// The timing of a path, from `time_path`: a motion whose call `p(t)` returns `q, v, a`.
 ///
-/// The path acceleration is linear in `s` between the points of a grid. The motion rests at the start before time 0, and at the end after
-/// `duration`.
+/// Between the points of a grid, the path acceleration is linear in `s`. For a motion with `torque_rate` it is linear in time. The motion
+/// rests at the start before time 0, and at the end after `duration`.
 #[pyclass(frozen, extends = Motion, module = "armlet")]
 pub struct TimedPath {
     core: CorePath,

@@ -152,7 +152,7 @@ impl ArmPrioritySolver {
             return Err(input_error(py, SOLVE, "velocities", problem).into());
         }
         let (total, count) = (self.rows.iter().sum::<usize>(), |shape: &[usize]| shape.iter().product::<usize>());
-        // Each row of the result has the velocities of all levels, after broadcasting over the leading axes.
+        // The leading axes and the velocities of each level.
         let mut parts = Vec::with_capacity(velocities.len());
         for (i, (velocity, &m)) in velocities.iter().zip(&self.rows).enumerate() {
             let name = format!("velocities[{i}]");

@@ -23,8 +23,8 @@ use std::sync::Arc;
 /// - `scales`: scale of each level's command, `(levels,)`; it is 1 except for "sns".
 /// - `status`: `Status.SUCCESS`, or `Status.DEGRADED` if some level lost a direction or was scaled.
 ///
-/// In a batch, all fields are arrays with leading axes: `ranks` and `scales` are `(..., levels)`, and `status` has integer codes of
-/// `Status`.
+/// In a batch, the fields are arrays with leading axes: `v` is `(..., n)`, `residuals` a list of `(..., rows_i)`, and `ranks` and `scales`
+/// are `(..., levels)`. `status` `(...)` has integer codes of `Status`.
 #[pyclass(frozen, module = "armlet")]
 pub struct PrioritySolution {
     /// The result of a single solve. The Python objects of its fields are made at their first use.
@@ -146,7 +146,8 @@ struct Kept {
 }
 
 thread_local! {
-    /// The solver of the last call on this thread. A loop over stacks of equal sizes therefore allocates its buffers once.
+    /// The solver of the last single solve with default options on this thread. A loop over stacks of equal sizes therefore allocates its
+    /// buffers once.
     static LAST: RefCell<Option<Kept>> = const { RefCell::new(None) };
 }
 

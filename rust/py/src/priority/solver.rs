@@ -25,7 +25,7 @@ struct State {
 ///     method, eps, rounding, weight, v_min, v_max: as for `solve_priority` (keyword only).
 ///
 /// Raises:
-///     InputError: a size is not positive, a shape does not fit, or the method is unknown.
+///     InputError: `n` is not positive, a number of rows is negative, a shape does not fit, or the method is unknown.
 ///
 /// Source: [siciliano1991priority]; docs/priority.md.
 ///

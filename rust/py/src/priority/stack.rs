@@ -76,7 +76,8 @@ pub struct Stack<'a> {
 }
 
 impl<'a> Stack<'a> {
-    /// Read and copy a stack. `names` are the names of the two arguments. A diagnosis may have no `velocities`.
+    /// Read a stack. Small contiguous arrays are borrowed, and other arrays are copied. `names` are the names of the two arguments. A
+    /// diagnosis may have no `velocities`.
     pub fn read(
         py: Python<'_>,
         function: &str,

@@ -210,7 +210,8 @@ impl RelativeTask {
 ///
 /// Args:
 ///     gain: as for `Task`, with one row per joint.
-///     margin: the fraction of the range at each end that joints avoid, 0 to 0.5. With 0.5 the inner part is the centre of the range.
+///     margin: the fraction of the range at each end that joints avoid, 0 to 0.5; 0.1 if None. With 0.5 the inner part is the centre of
+///         the range.
 ///     joints: names of the joints; None: all joints with two finite limits (keyword only).
 ///     damping: as for `Task` (keyword only).
 ///
