@@ -16,13 +16,13 @@ pub trait Solve {
     fn of(solver: PrioritySolver) -> Option<Self>
     where
         Self: Sized;
-    /// The stacked Jacobians and task velocities, which the caller writes.
+    /// The stacked Jacobians and commands of the tasks, which the caller writes.
     fn inputs(&mut self) -> (&mut [Self::Number], &mut [Self::Number]);
     /// Solve for the present Jacobians, whose entries have the relative error `rounding`. `bounds` sets the bounds, if the method has any.
     fn solve(&mut self, rounding: Self::Number, bounds: impl FnOnce(&mut PrioritySolver) -> Result<()>) -> Result<()>;
-    /// The computed joint velocities, `(n,)`, rad/s or m/s.
+    /// The computed joint velocities, or joint accelerations in a law of accelerations, `(n,)`.
     fn v(&self) -> &[Self::Number];
-    /// The residuals of each level's task velocities, stacked.
+    /// The residuals of the tasks of all levels, stacked.
     fn residuals(&self) -> &[Self::Number];
     /// Return 1 if the results are valid, and 0 if another algorithm is required; `None` if the results are always valid.
     fn stands(&self) -> Option<Self::Number>;

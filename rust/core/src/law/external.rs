@@ -7,7 +7,8 @@ use crate::plant::PlantKind;
 use crate::scalar::Real;
 use std::sync::Arc;
 
-/// The function `call(t, x, tau)`, which writes `tau`, `(n,)`. Its result is `false` if it fails, which ends the run.
+/// The function `call(t, x, tau)` of the time `t`, s, and the plant's state `x`. It writes the plant's input `tau`, `(n,)`. Its result is
+/// `false` if it fails, which ends the run.
 pub type Call = Arc<dyn Fn(f64, &[f64], &mut [f64]) -> bool + Send + Sync>;
 
 /// A law that is a function of the caller.

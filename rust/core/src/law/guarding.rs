@@ -96,7 +96,7 @@ pub struct Guarded<S: Real> {
     damping: Option<AnyGain<S>>,
     /// Speed `V` (rad/s or m/s) and duration (s) of a retreat.
     retreat: Option<[S; 2]>,
-    /// Limits of the plant's input; empty without limits.
+    /// Limits of the plant's input, `(n,)`, N m or N; empty without limits.
     limits: Vec<S>,
     mass: Vec<S>,
     coriolis: Vec<S>,

@@ -5,7 +5,8 @@
 //! Accelerations: `a <= (v' - v)/h` within `+-a_max`, with `v' = min(v_max, d/(4 h), sqrt(a_max d))`. The velocity loop is four times as
 //! fast as the position loop, so that it does not overshoot. It brakes at half of `a_max`, as a reserve for corrections.
 //!
-//! Lower bounds have the same form. A loop with a sample time or steps of at most `h` remains within the limits.
+//! Lower bounds have the same form. A loop with a sample time or steps of at most `h`, which starts at rest within the
+//! limits, remains within them.
 
 use crate::dynamics::Model;
 use crate::error::{Error, Result, positive};

@@ -89,7 +89,7 @@ impl MotorPdSpec {
 
 impl StateFeedbackSpec {
     /// Create the law. `gains` are `Kp, Kd, Kt, Ks`, of size `n`. `target` is the position `q_d` of the links, `(n,)`, rad. Errors: as for
-    /// [`MotorPdSpec::new`].
+    /// `MotorPdSpec::new`.
     pub fn new(model: Model, target: &[f64], gains: [Gain; 4], joint_stiffness: Gain) -> Result<Self> {
         Self::regulation(model, target, gains, joint_stiffness, false)
     }

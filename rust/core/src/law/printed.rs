@@ -257,7 +257,7 @@ two = {}, four = {};\n        state->state[i] = {};\n    }}\n",
         };
         let next = next.replace("DT", &format!("{upper}_DT"));
         source.write(&format!(
-            "/* Advance the law's own state from the last call to t: by whole steps, or by one step if a time is not a multiple of the step. */
+            "/* Advance the law's own state from the last call to t: by whole steps, or by one step if a time lies between steps. */
 static void {prefix}_advance({prefix}_state *state, double t)
 {{
 {table}{next}    const double first = floor(state->t / {upper}_DT + 0.5), last = floor(t / {upper}_DT + 0.5);

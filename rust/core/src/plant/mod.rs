@@ -36,7 +36,7 @@ pub use velocity::{Velocity, VelocitySpec};
 use crate::scalar::Real;
 use std::ops::Deref;
 
-/// Power into a plant, W. The sum of both parts is the rate of the stored energy.
+/// Power into a plant, W. The sum of both parts is the rate of the stored energy. Both are zero for a velocity-controlled arm.
 #[derive(Clone, Copy, Debug)]
 pub struct Power<S> {
     /// Power of the input, W.

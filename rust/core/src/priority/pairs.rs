@@ -4,9 +4,9 @@
 //! `G = R J_i P`,  `v += G' diag(h) R (v_i - J_i v)`,  `P <- P - G' diag(q) G`,  `q = 1 / max(s^2, eps^2)`.
 //!
 //! `R` is the rotation, `s` the norm of a row of `G`, and `P` the projector on the free directions, at first `P = I`. For `clamp`, `h = q`.
-//! For `damped`, `h = 1 / (s^2 + lambda^2)`. The result equals the result of `levels` if `P` is a projector before
-//! every level that has a following level. So only the last two levels may use a direction partially. Otherwise the algorithm reports that
-//! its result is not valid. The result is also not valid if a threshold is so small that one rotation is not accurate enough.
+//! For `damped`, `h = 1 / (s^2 + lambda^2)`. The result equals the result of `levels` if `P` is a projector before every level that has a
+//! following level. So only the last two levels may use a direction partially. Otherwise the algorithm reports that its result is not
+//! valid. The result is also not valid if a threshold is so small that one rotation is not accurate enough.
 //!
 //! The code does not branch on numbers, so that a recorded program and a direct solve have the same bits.
 
