@@ -148,7 +148,8 @@ pub fn assemble<'a, S: Real>(problem: &'a Problem, run: impl Fn(usize) -> usize 
     ClosedLoop::new(plant, law, world(problem, S::LANES, run), closing, sampler(problem, run), sizes).judged_by(truth).sampled_every(period)
 }
 
-/// Return the clock of the controllers of the runs `run(lane)`. The result is `None` for an ideal controller.
+/// Return the clock of the controllers of the runs `run(lane)`. The result is `None` without sampling. It is also `None` for a controller
+/// that only holds the law's output, unless the law is a function of the caller.
 pub fn sampler<S: Real>(problem: &Problem, run: impl Fn(usize) -> usize + Copy) -> Option<Sampler<S>> {
     let (o, plant) = (&problem.options, problem.plant(run(0)));
     // A law of the user may have a memory. It is called once per sample, even if the sample is used several times.

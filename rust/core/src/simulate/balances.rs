@@ -1,7 +1,7 @@
 //! Residuals of balances over recorded runs. They detect runs that are wrong although all numbers are finite.
 //!
 //! The balances `E(t) - E(0) - int P dt = 0` and `V1(0) - V1(t) - int s'Kd s dt = 0` are exact for the loop, where `E` is the energy, `P`
-//! the input power and `V1` the Lyapunov function. So their residuals are errors of the method.
+//! the supplied power and `V1` the Lyapunov function. So their residuals are errors of the method.
 
 /// The names of the residuals, in the order of `Run::balances`.
 pub const NAMES: [&str; 4] = ["energy_error", "energy_missing", "lyapunov_rise", "lyapunov_error"];
@@ -10,7 +10,7 @@ pub const NAMES: [&str; 4] = ["energy_error", "energy_missing", "lyapunov_rise",
 ///
 /// - the largest `energy_balance`, divided by the largest energy stored or exchanged
 /// - the largest `energy_balance`, J
-/// - the largest Lyapunov function, divided by its first value
+/// - the largest Lyapunov function, divided by its first value, or zero if this value is zero
 /// - the largest Lyapunov balance, divided by the largest Lyapunov function
 ///
 /// Residuals of monitors for which `series(name)` is `None` are NaN.

@@ -37,7 +37,8 @@ pub fn lanes() -> usize {
 }
 
 /// Run all runs of `problem` on `threads` threads, and return their records. `poll` is called every 20 ms. If it returns true, the runs
-/// stop.
+/// stop. Errors: those of [`Problem::validate`], [`Error::Input`] for an adaptive method without record times, and [`Error::Memory`] if the
+/// records exceed the memory.
 ///
 /// ```
 /// use armlet_core::arm::Arm;
@@ -112,7 +113,7 @@ pub fn simulate_batch(mut problem: Problem, keep: Keep, threads: usize, poll: &m
     Ok(out)
 }
 
-/// Reserve memory for the records without writing to it. Each group writes to its rows first. The result is an error if the memory is
+/// Reserve memory for the records without writing to it. The first write to a row is by its group. The result is an error if the memory is
 /// insufficient.
 fn allocate(problem: &Problem, t: Vec<f64>, plan: Option<&Plan>) -> Result<BatchRuns> {
     let (runs, records, columns) = (problem.runs(), t.len(), Columns::of(problem));

@@ -39,13 +39,14 @@ pub struct BatchRuns {
     pub theta_dot: Vec<f64>,
     /// States of the laws, shape `(B, K, p)`.
     pub z: Vec<f64>,
-    /// Bristle deflections of LuGre friction, shape `(B, K, n)`. Empty for other plants.
+    /// Bristle deflections of LuGre friction, shape `(B, K, n)`, rad or m. Empty for other plants.
     pub bristles: Vec<f64>,
     /// Torques of dry friction, shape `(B, K, n)`, N m or N. Empty without dry friction.
     pub friction: Vec<f64>,
     /// Name and values of each monitor, shape `(B, K)`.
     pub monitors: Vec<(&'static str, Vec<f64>)>,
-    /// Residuals of the balances, shape `(B,)` each, see [`super::BALANCES`]. NaN for a run that did not reach its end.
+    /// Residuals of the balances, shape `(B,)` each, see [`super::BALANCES`]. NaN for a run that did not reach its end, and in a batch with
+    /// metrics.
     pub balances: [Vec<f64>; 4],
     /// The metrics of the runs. NaN for a run that did not reach its end.
     pub metrics: Vec<Metric>,
@@ -96,7 +97,7 @@ pub struct GroupRecorder<'a> {
     record: Vec<f64>,
     /// For each run, the number of written records.
     written: Vec<usize>,
-    /// For each run, the time at which a monitor was not finite.
+    /// For each run, the time at which a monitor was not finite, s. Infinite if all were finite.
     faults: Vec<f64>,
     /// For each run, its metrics in progress.
     summed: Vec<Measuring<'a>>,

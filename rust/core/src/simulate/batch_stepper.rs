@@ -30,7 +30,8 @@ pub struct BatchStepper {
 }
 
 impl BatchStepper {
-    /// Prepare steps of size `dt`, s, of the classical Runge-Kutta method, for `count` rows of `plant`.
+    /// Prepare steps of size `dt`, s, of the classical Runge-Kutta method, for `count` rows of `plant`. Errors:
+    /// [`Error::Input`](crate::error::Error::Input) if `dt` is not positive.
     pub fn new(plant: &PlantSpec, count: usize, dt: f64) -> Result<Self> {
         positive("dt", dt)?;
         let law = LawSpec::External(ExternalSpec::idle(plant.model(), plant.kind()));
@@ -77,8 +78,9 @@ impl BatchStepper {
         }
     }
 
-    /// Advance the states `x`, shape `(B, states)`, by `steps` steps. `tau`: inputs, shape `(B, n)`, N m or N. Return whether `poll`
-    /// stopped the work before all rows were complete. A row that diverges is not finite.
+    /// Advance the states `x`, shape `(B, states)`, by `steps` steps. `tau`: inputs, shape `(B, n)`, in the unit of
+    /// [`Run::tau`](super::Run::tau). Return whether `poll` stopped the work before all rows were complete. A row that diverges is not
+    /// finite.
     pub fn advance(&self, tau: &[f64], steps: usize, threads: usize, poll: &mut dyn FnMut() -> bool, x: &mut [f64]) -> bool {
         let (states, n) = (self.states(), self.plant.n());
         assert!(steps > 0 && x.len() * n == tau.len() * states, "a state and an input for each row");

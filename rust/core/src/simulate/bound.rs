@@ -1,11 +1,10 @@
-//! The limit of a state: `|q_i|, |v_i| <= limit` for the positions and velocities of the plant, including positions and velocities of
-//! motors.
+//! The limit of a state: `|x_i| <= limit` for all states of the plant, which are positions, velocities and bristle deflections.
 //!
 //! In a stiff loop with large steps, a state becomes meaningless long before it stops being finite. The limit detects this early.
 
 use crate::scalar::Real;
 
-/// The default limit, rad, m, rad/s or m/s. A million rad are about 160 000 revolutions.
+/// The default limit, in the units of the states: rad, m, rad/s or m/s. A million rad are about 160 000 revolutions.
 pub const DEFAULT_STATE_LIMIT: f64 = 1e6;
 
 /// The limit of a state.

@@ -37,7 +37,8 @@ pub struct ClosedLoop<'a, S: Real> {
     closing: Closing<'a>,
     /// The saturation limits of the input. Empty if there is no saturation.
     limits: Vec<S>,
-    /// The clock of a controller with delay, jitter, noise or resolution. `None` for an ideal controller.
+    /// The clock of a sampled controller that does more than hold the law's output, or whose law is a function of the caller. `None` for
+    /// other controllers.
     sampler: Option<Sampler<S>>,
     /// The size of the plant's state.
     states: usize,
@@ -231,7 +232,7 @@ impl<'a, S: Real> ClosedLoop<'a, S> {
         }
     }
 
-    /// Whether the exogenous input is constant in time.
+    /// Whether the exogenous input of the state rates is constant between its jumps.
     pub fn autonomous(&self) -> bool {
         (self.closing.held || self.world.has_targets()) && !self.world.has_smooth_force()
     }

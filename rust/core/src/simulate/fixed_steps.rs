@@ -9,7 +9,7 @@ use super::stop::Stop;
 use crate::integrate::{Buffer, FixedStep, System};
 use crate::scalar::Real;
 
-/// The number of steps between two checks.
+/// The largest number of steps between two checks.
 const BLOCK: usize = 32;
 
 /// The faults of the lanes of a run. A fault is a state that is not finite or beyond the limit.
@@ -23,8 +23,8 @@ pub struct Faults {
 /// Receives the records of a run of fixed steps.
 pub trait Record<F, B> {
     fn record(&mut self, i: usize, t: f64, system: &mut F, x: &B);
-    /// Accept all steps so far, and the records that the system stored within these steps. [`run`] calls this function after each
-    /// successful check.
+    /// Accept all steps so far, and the records that the system stored within these steps. With such records, [`run`] calls this function
+    /// after each block of steps.
     fn accept(&mut self, system: &mut F);
 }
 
@@ -162,8 +162,8 @@ fn run_block<S, F, M, B>(
     }
 }
 
-/// Return the number of steps in the block that starts at `step`. A block that starts between two samples ends at the next sample. So a
-/// repeated block uses the same held input.
+/// Return the number of steps in the block that starts at `step`. A block that starts between two samples ends at the next sample or
+/// earlier. So a repeated block uses the same held input.
 fn block(step: usize, hold: usize) -> usize {
     if hold == 0 {
         return BLOCK;

@@ -33,7 +33,8 @@ impl std::fmt::Debug for Force {
 }
 
 impl Force {
-    /// Return a force with the wrenches `values` from the increasing times `starts`, s.
+    /// Return a force with the wrenches `values` from the increasing times `starts`, s. Errors: [`Error::Input`] if times do not increase,
+    /// or if a number is not finite.
     pub fn steps(starts: Vec<f64>, values: Vec<Wrench>) -> Result<Self> {
         finite("force", &starts)?;
         if let Some(i) = (1..starts.len()).find(|&i| starts[i] <= starts[i - 1]) {

@@ -11,7 +11,7 @@ use crate::plant::PlantSpec;
 /// The largest number of stored values of motions in all keys together: 32 MB.
 pub const MOST_NUMBERS: usize = 1 << 22;
 
-/// The key of a recorded loop: all data of the loop except the values of the loop parameters.
+/// The key of a recorded loop: all data of the loop. A comparison of keys ignores the values of the loop parameters.
 pub struct Key {
     plant: PlantSpec,
     law: LawSpec,

@@ -22,7 +22,7 @@ use std::collections::BTreeSet;
 pub struct Listed {
     /// The name of the program among the programs of the loop.
     pub part: String,
-    /// The names of all programs of the loop, each with its number of instructions.
+    /// The names of all programs of the loop, each with its number of operations.
     pub parts: Vec<(String, usize)>,
     /// The name of the engine, as runs report it.
     pub engine: &'static str,
@@ -39,7 +39,8 @@ pub struct Listed {
 }
 
 /// Return the listing of program `part` of the loop of run 0. `batch`: whether it is the program for lanes. If `part` is `None`, the
-/// program is the whole step, or the rates if the step is divided into parts.
+/// program is the whole step. If no program computes a whole step, it is the rates. Errors: [`Error::Input`] for a loop that runs without
+/// programs, [`Error::Unknown`] for an unknown part, and errors of an invalid loop.
 pub fn list_loop(problem: &Problem, batch: bool, part: Option<&str>) -> Result<Listed> {
     let fixed = matches!(problem.options.method.kind(), Kind::ExplicitSteps(_));
     require_recordable(problem, fixed)?;

@@ -49,21 +49,22 @@ pub struct MeasureLayout {
     pub unit_peak: Range<usize>,
     /// Twice the integral of the squared distance of each frame, m^2 s.
     pub distance: Range<usize>,
-    /// The largest distance of each frame, m.
+    /// The largest squared distance of each frame, m^2.
     pub distance_peak: Range<usize>,
-    /// Twice the integral of the squared input of each joint.
+    /// Twice the integral of the squared input of each joint, (N m)^2 s or N^2 s.
     pub tau: Range<usize>,
     /// The largest absolute input of each joint, N m or N.
     pub tau_peak: Range<usize>,
     /// Twice the time outside of the limits, s.
     pub beyond: usize,
-    /// Four numbers: the energy minus the supplied energy at the first record; the largest energy, supplied energy and balance, J.
+    /// Four numbers: the energy minus the supplied energy at the first record; the largest magnitudes of energy, supplied energy and
+    /// balance, J.
     pub energy: Range<usize>,
-    /// Four numbers: the Lyapunov function plus the dissipation integral at the first record; the largest and the last Lyapunov function;
-    /// the largest balance.
+    /// Four numbers: the Lyapunov function plus the dissipation integral at the first record; its largest and last value; the largest
+    /// magnitude of its balance, J.
     pub lyapunov: Range<usize>,
     pub violations: usize,
-    /// The sum of the residuals of all monitors. It is not finite if a residual was not finite.
+    /// The sum of skewness and balances over all records. It is not finite if one of them was not finite.
     pub sum: usize,
     pub error_final: Range<usize>,
     pub distance_final: Range<usize>,
@@ -111,7 +112,7 @@ impl Plan {
         (0..problem.plants.len().max(problem.laws.len())).map(|run| Plan::of(problem, run, measures, aims)).collect()
     }
 
-    /// Whether both plans have the same metrics, apart from the values of numbers.
+    /// Whether both plans have the same metrics and the same joint limits. Targets, settling bands and tolerances may differ.
     pub fn same_shape(&self, other: &Plan) -> bool {
         self.places == other.places
             && std::mem::discriminant(&self.wanted) == std::mem::discriminant(&other.wanted)

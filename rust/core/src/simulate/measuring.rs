@@ -24,7 +24,7 @@ pub struct Measuring<'a> {
     desired: Vec<f64>,
     /// The sums and extrema from which the metrics are computed.
     kept: Vec<f64>,
-    /// The index of the last record.
+    /// The number of records so far.
     count: usize,
     /// The time of the last record, s.
     pub t: f64,
@@ -35,7 +35,7 @@ pub struct Measuring<'a> {
     first_time: f64,
     first: Vec<f64>,
     settled: Option<f64>,
-    /// The time at which a monitor was not finite.
+    /// The time at which a monitor was not finite, s. Infinite if all were finite.
     pub fault: f64,
     /// Whether a program has computed the sums `kept`.
     given: bool,

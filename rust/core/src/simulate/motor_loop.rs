@@ -19,7 +19,8 @@ impl Problem<'_> {
         for run in 0..self.plants.len().max(self.laws.len()) {
             let (Some(plant), Some(law)) = (self.plant(run).elastic(), self.law(run).reduction()) else { continue };
             let motors = LockedMotors::new(plant, law, f64::INFINITY);
-            // Stable intervals of the sample time beyond the first unstable one are ignored.
+            // For the first run, stable intervals of the sample time beyond the first unstable one are ignored. Any other run is refused
+            // only if it is unstable at this sample time.
             let limit = if run == 0 || motors.radius(period) >= 1.0 { motors.unstable_up_to(period) } else { f64::INFINITY };
             if period >= limit {
                 let problem = format!(

@@ -28,8 +28,8 @@ pub struct Notes {
 }
 
 impl Problem<'_> {
-    /// Whether programs can compute complete records. Complete records in programs require records at steps, and norms of levels whose
-    /// computation does not branch.
+    /// Whether programs can compute complete records. Complete records in programs require records at steps, no metrics, and norms of
+    /// levels whose computation does not branch.
     pub fn notes_in_programs(&self) -> bool {
         let branches = self.options.monitors && self.laws.iter().any(|law| !law.route().is_recordable());
         self.measures.is_none() && matches!(self.options.times, Times::Every(_)) && !branches

@@ -12,7 +12,7 @@ use std::sync::atomic::Ordering;
 /// lanes.
 const CHUNK: usize = 1024;
 
-/// Fewer rows than this number are solved on one thread.
+/// The least number of rows, rounded up to a multiple of `CHUNK`, that is solved on several threads.
 const FEW: usize = 2 * CHUNK;
 
 /// Solve the rows for an arm. `q`: positions, shape `(rows, n)`, rad or m. `velocities`: task velocities, shape `(rows, m)`, or `(m,)` for

@@ -19,7 +19,7 @@ use crate::plant::{PlantKind, PlantSpec};
 pub struct Options {
     /// End time of the run, s. The run starts at time 0.
     pub t_end: f64,
-    /// Step size of a fixed-step method, s.
+    /// Step size of a fixed-step method, s. `None` means the sample period.
     pub dt: Option<f64>,
     /// The integration method.
     pub method: Method,
@@ -35,7 +35,8 @@ pub struct Options {
     pub tau_max: Option<Vec<f64>>,
     /// Whether to compute and record the monitors, such as the energy balance.
     pub monitors: bool,
-    /// A run ends if a position (rad, m) or velocity (rad/s, m/s) of the plant exceeds this limit. Infinity means no limit.
+    /// A run ends if the magnitude of a state of the plant exceeds this limit. The states are positions (rad, m), velocities (rad/s, m/s)
+    /// and bristle deflections (rad, m). Infinity means no limit.
     pub state_limit: f64,
 }
 
@@ -101,7 +102,8 @@ pub enum Ended {
 /// The time grid of a method with fixed steps.
 pub struct Fixed {
     pub schedule: Schedule,
-    /// The number of steps per sample of a sampled law, or 0 without sampling.
+    /// The number of steps between two calls of the sampled controller. It is 1 if the controller does more than hold the law's output, and
+    /// 0 without sampling.
     pub hold: usize,
 }
 
@@ -174,7 +176,7 @@ impl<'a> Problem<'a> {
         o.monitors && o.sampling.is_none() && o.tau_max.is_none() && all
     }
 
-    /// Whether a law has a projector. Its loss is then monitored.
+    /// Whether the projection loss of a law is monitored. The law must have a projector or a compensated coupling, and must not be guarded.
     pub fn watches_loss(&self) -> bool {
         let impedance = self.law(0).coordinates().is_some() && !matches!(self.law(0), LawSpec::Guarded(_));
         self.options.monitors && impedance && self.laws.iter().any(|law| law.has_projection_loss())
@@ -296,7 +298,8 @@ impl<'a> Problem<'a> {
         Ok(())
     }
 
-    /// Validate the problem and return its time grid.
+    /// Validate the problem and return its time grid. Errors: [`Error::Input`] or [`Error::WrongShape`] for an invalid argument,
+    /// [`Error::Memory`] if the records exceed the memory.
     pub fn validate(&self) -> Result<Division> {
         let o = &self.options;
         if !(o.t_end >= 0.0 && o.t_end.is_finite()) {

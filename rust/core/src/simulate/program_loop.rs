@@ -24,7 +24,7 @@ pub struct ProgramLoop<'a, S: Real> {
     pub(super) frames: Vec<Frame>,
     now: Exogenous<S>,
     pub(super) held: bool,
-    /// The clock of a controller with delay, jitter, noise or resolution. `None` for an ideal controller.
+    /// The clock of a sampled controller that does more than hold the law's output. `None` for other controllers.
     sampler: Option<Sampler<S>>,
     pub(super) tau: Vec<S>,
     pub(super) dz: Vec<S>,

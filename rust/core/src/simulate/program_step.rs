@@ -186,8 +186,8 @@ fn run_noting(
     }
 }
 
-/// Evaluate the exogenous inputs of `steps` whole steps of size `h`, s. The result is `None` if runs have different inputs, or if the table
-/// would be too large.
+/// Evaluate the exogenous inputs of `steps` whole steps of size `h`, s. The result is `None` if runs have different inputs, if the step is
+/// in parts, or if the table would be too large.
 pub fn tabulate(recorded: &Recorded, world: &World, steps: usize, h: f64) -> Option<Vec<f64>> {
     let layout = &recorded.layout;
     let (width, new) = (layout.exogenous(), layout.new_instants());

@@ -21,7 +21,7 @@ use crate::scalar::{Array8, Real};
 use crate::trace::Engine;
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// Runs with fewer steps are faster without a program, because making a program takes longer.
+/// Single runs with fewer steps are faster without a program, because making a program takes longer.
 const SHORT: usize = 20;
 
 /// The number type of a group of runs.

@@ -118,7 +118,7 @@ impl Solved<'_> {
         self.direct.system.controlled()
     }
 
-    /// Return the sample times before `t_end`, s.
+    /// Return the times before `t_end` at which the sampler takes samples and at which their outputs act, s. Empty without a sampler.
     pub fn instants(&self, t_end: f64) -> Vec<f64> {
         self.direct.system.instants(t_end)
     }

@@ -1,4 +1,4 @@
-//! Recorded closed loops. For each structure, the programs of a step of its method, of its rates and of its law are made once.
+//! Recorded closed loops. For each structure, the programs of a step of its method and of its law are made once.
 //!
 //! A frame of these programs has the following slots in order:
 //! - the loop parameters (masses, gains, targets, limits);
@@ -66,7 +66,8 @@ impl Recorded {
     }
 }
 
-/// Whether the loops of a problem can be programs. Programs require fixed explicit steps and a law that does not branch on data.
+/// Whether the loops of a problem can be programs. Programs require fixed explicit steps and a law that does not branch on data. They also
+/// require a plant without stick-slip friction, and no force that is a function of the caller.
 pub fn is_recordable(problem: &Problem) -> bool {
     matches!(problem.options.method.kind(), Kind::ExplicitSteps(_))
         && problem.law(0).route().is_recordable()

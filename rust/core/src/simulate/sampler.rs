@@ -4,7 +4,8 @@ use super::sampling::{CHANNELS, ON_TIME, Sampling};
 use super::torque_sensing::{Sensed, TorqueSensing};
 use crate::scalar::Real;
 
-/// The number of stored outputs. A faulty block of steps is repeated from its start, and needs its old input.
+/// The number of stored samples, in addition to those that delays require. A faulty block of steps is repeated from its start, and needs
+/// its old input.
 const KEPT: usize = 64;
 
 /// One sample: the measurement and the output of the law.

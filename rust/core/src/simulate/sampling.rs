@@ -1,9 +1,9 @@
 //! Settings of a sampled controller: sample times, measurements, and the times at which outputs act.
 //!
-//! Sample `k` is taken at `t_k = k T + j_k`, where the jitter `j_k` is uniform in [0, jitter]. The law receives the measurement that is
+//! Sample `k` is taken at `t_k = k T + j_k`, where the jitter `j_k` is uniform in [0, jitter). The law receives the measurement that is
 //! `sensor_delay` samples old. The measurement has noise and the resolution of the encoders. The law's output acts from `t_k + delay` on,
 //! with a limited rate of change. Every random number is a function of seed, sample and channel (splitmix64; Steele, Lea and Flood 2014).
-//! So a repeated run has the same bits. A run that continues from an intermediate state also has the same bits.
+//! So a repeated run, and a run that continues from an intermediate state, have the same random numbers.
 
 use super::schedule::require_memory;
 use crate::error::{Error, Result, positive};
@@ -33,7 +33,7 @@ pub struct Sampling {
     pub sensor_delay: usize,
     /// Standard deviations of the noise of the four channels, in the units of the channels.
     pub noise: [f64; 4],
-    /// Resolutions of the four channels, in the units of the channels. Zero means an exact measurement.
+    /// Resolutions of the four channels, in the units of the channels. Zero means no rounding.
     pub resolution: [f64; 4],
     /// The largest change of the input per second, N m/s or N/s. Infinity means no limit.
     pub rate_limit: f64,
@@ -59,7 +59,7 @@ impl Sampling {
         }
     }
 
-    /// Refuse numbers that are out of range.
+    /// Refuse numbers that are out of range. Errors: [`Error::Input`].
     pub fn validate(&self) -> Result<()> {
         positive("sample_time", self.period)?;
         let nonnegative = |name: &str, x: f64| {
@@ -89,13 +89,14 @@ impl Sampling {
         Ok(())
     }
 
-    /// Refuse a run of length `t_end`, s, whose samples exceed the memory.
+    /// Refuse a run of length `t_end`, s, whose samples exceed the memory. Errors: [`Error::Input`] for more than 1e12 samples,
+    /// [`Error::Memory`] if the samples exceed the memory.
     pub fn require_memory(&self, t_end: f64) -> Result<()> {
         if t_end / self.period > MOST_SAMPLES {
             let least = t_end / MOST_SAMPLES;
             return Err(Error::input("sample_time", format!("is too small for the run: expected at least {least}, got {}", self.period)));
         }
-        // A controller with jitter, delay, noise or resolution stores all its instants in advance.
+        // With an adaptive method, a controller that does more than hold the law's output stores all its instants in advance.
         if self.is_plain() { Ok(()) } else { require_memory((t_end / self.period) as u128) }
     }
 

@@ -18,7 +18,7 @@ const LOOK: usize = 1 << 12;
 /// The times of the records of a run.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Times {
-    /// The start, and the ends of every `k`-th accepted step. A run of fixed steps also records its end.
+    /// The start, the ends of every `k`-th accepted step, and the end of the run.
     Every(usize),
     /// These times, s, increasing, within `[0, t_end]`.
     At(Vec<f64>),
@@ -47,7 +47,7 @@ pub fn require_memory(records: u128) -> Result<()> {
     Vec::<u8>::new().try_reserve_exact(size).map_err(|_| refused)
 }
 
-/// A record of a fixed-step run, `offset` seconds after the end of step number `step`.
+/// A record of a fixed-step run, `offset` seconds after the end of the first `step` steps.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Record {
     pub step: usize,

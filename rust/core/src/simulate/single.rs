@@ -35,7 +35,7 @@ pub struct Run {
     pub theta_dot: Vec<f64>,
     /// States of the law, shape `(K, p)`.
     pub z: Vec<f64>,
-    /// Bristle deflections of LuGre friction, shape `(K, n)`. Empty for other plants.
+    /// Bristle deflections of LuGre friction, shape `(K, n)`, rad or m. Empty for other plants.
     pub bristles: Vec<f64>,
     /// Torques of dry friction, shape `(K, n)`, N m or N. Empty without dry friction.
     pub friction: Vec<f64>,
@@ -43,7 +43,8 @@ pub struct Run {
     pub monitors: Vec<(&'static str, Vec<f64>)>,
     /// The reason of the end of the run.
     pub status: Status,
-    /// The end of the run, s: `t_end`, or the time of a fault.
+    /// The end of the run, s: `t_end`, or the time of the fault or event that ended the run. After an interruption, it is the time reached
+    /// with an adaptive method, and `t_end` with fixed steps.
     pub ended: f64,
     /// The number of evaluations of the state rates.
     pub evaluations: u64,
@@ -69,7 +70,7 @@ struct RunRecorder<'a> {
     /// The monitors. They are created at the first record that has no monitors from a program, because creation compiles an arm.
     monitor: Option<Box<Monitors<'a>>>,
     values: Vec<f64>,
-    /// The time at which a monitor was not finite.
+    /// The time at which a monitor was not finite, s. Infinite if all were finite.
     fault: f64,
     /// The error after which no more records are stored, because the memory is full.
     full: Result<()>,
@@ -168,12 +169,14 @@ impl RunRecorder<'_> {
     }
 }
 
-/// Run the one run of `problem`. If a fault occurs, the result has the records before the fault, and the status of the fault.
+/// Run the one run of `problem`. If a fault occurs, the result has the records before the fault, and the status of the fault. Errors: those
+/// of [`Problem::validate`], and [`Error::Memory`] if the records exceed the memory.
 pub fn simulate(problem: &Problem, stop: &dyn Stop) -> Result<Run> {
     simulate_observed(problem, stop, None)
 }
 
 /// Run like [`simulate`]. With an adaptive method, the observer also receives the events and the polynomials of the steps, as requested.
+/// Errors: those of [`simulate`], and [`Error::Input`] for an observer with a method of fixed steps.
 pub fn simulate_observed(problem: &Problem, stop: &dyn Stop, mut observer: Option<&mut RunObserver>) -> Result<Run> {
     let division = problem.validate()?;
     problem.require_memory(1)?;

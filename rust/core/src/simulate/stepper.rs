@@ -29,7 +29,7 @@ pub trait Stepping: Send {
     fn status(&self) -> Status;
     /// The number of steps since the start.
     fn steps(&self) -> u64;
-    /// Whether [`Stepping::resume`] can reproduce the bits of the next steps. Between two samples, state and input are not sufficient.
+    /// Whether [`Stepping::resume`] can reproduce the bits of the next steps. Between two samples, state and input may be insufficient.
     fn resumable(&self) -> bool;
     /// Continue after `steps` steps from the state `x`, shape `(states + p,)`, and the input `tau`, shape `(n,)`, of [`Stepping::read`].
     /// `diverged`: whether the last step had diverged.
@@ -43,7 +43,8 @@ struct Stepper<S, F, M> {
     x: Vec<S>,
     tau: Vec<S>,
     dt: f64,
-    /// The number of steps per sample, or 0 for a law that is evaluated in every stage.
+    /// The number of steps between two calls of the sampled controller. It is 1 if the controller does more than hold the law's output, and
+    /// 0 for a law that is evaluated in every stage.
     hold: u64,
     /// Whether the law is continuous, or sampled with a controller that only holds its output. Of the samples, the loop then needs only the
     /// held input `tau`.
@@ -163,7 +164,7 @@ where
     }
 }
 
-/// Refuse a method without fixed steps.
+/// Refuse a method without fixed steps. Errors: [`Error::Input`].
 pub fn require_fixed_steps(method: Method) -> Result<()> {
     if method.is_adaptive() {
         let fixed: Vec<&str> = Method::ALL.iter().filter(|method| !method.is_adaptive()).map(|method| method.name()).collect();
@@ -173,7 +174,8 @@ pub fn require_fixed_steps(method: Method) -> Result<()> {
     Ok(())
 }
 
-/// Return the stepper of the one run of a problem. Monitors are not allowed, because their integrals would be part of the state.
+/// Return the stepper of the one run of a problem. The problem must have no monitors, because their integrals would be part of the state.
+/// Errors: [`Error::Input`] for an adaptive method, those of [`Problem::validate`], and [`Error::Memory`] for an arm that is too large.
 pub fn stepper(problem: &Problem) -> Result<Box<dyn Stepping>> {
     let o = &problem.options;
     require_fixed_steps(o.method)?;

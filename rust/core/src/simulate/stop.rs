@@ -4,9 +4,9 @@ use std::cell::{Cell, RefCell};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-/// The time between two checks.
+/// The shortest time between two checks.
 const SLICE: Duration = Duration::from_millis(20);
-/// The number of calls between two readings of the clock. Each block of steps makes one call.
+/// The number of calls between two readings of the clock. Each block of fixed steps and each adaptive step makes one call.
 const CALLS_PER_CLOCK: u32 = 16;
 
 /// The regular check of a run.
@@ -21,7 +21,7 @@ impl Stop for AtomicBool {
     }
 }
 
-/// Calls `poll` every 20 ms on the thread of the run. So Ctrl-C requires no other thread.
+/// Calls `poll` on the thread of the run, at most once per 20 ms. So Ctrl-C requires no other thread.
 pub struct Poller<'a> {
     poll: RefCell<&'a mut dyn FnMut() -> bool>,
     questions: Cell<u32>,

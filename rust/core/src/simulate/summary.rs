@@ -3,8 +3,8 @@
 use super::measures::{ErrorReference, Plan};
 use std::ops::Range;
 
-/// If the reference moves by less than this distance, rad or m, overshoot is not computed. The same limit, per second, applies to its speed
-/// at the end.
+/// Overshoot is not computed if a joint starts within this distance, rad or m, of its last reference. It is also not computed if the
+/// reference still moves faster than this number per second at the end.
 const STILL: f64 = 1e-9;
 
 /// Data of a run for its summary, in addition to the stored numbers.

@@ -23,7 +23,7 @@ impl Problem<'_> {
 }
 
 impl<S: Real> Sums<S> {
-    /// Create the metrics `plan` of run `run` of a problem.
+    /// Create the metrics `plan` of run `run` of a problem. `storage`: whether the monitored energy is the law's storage function.
     pub fn new(problem: &Problem, run: usize, plan: &Plan, storage: bool) -> Self {
         let (plant, law) = (problem.plant(run), problem.law(run));
         Sums {

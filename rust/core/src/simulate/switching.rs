@@ -54,7 +54,8 @@ impl Switching {
         Some(Switching { probe: Probe::new(plant), wall, stops, which, touches })
     }
 
-    /// Return the depth and the push `k d + c d_dot` of contact `i` at plant state `x`.
+    /// Return the depth `d`, m or rad, and the push `k d + c d_dot`, N or N m, of contact `i` at plant state `x`. `k` is the stiffness of
+    /// the contact, and `c` its damping.
     fn contact(&mut self, i: usize, x: &[f64]) -> (f64, f64) {
         let (mut i, n) = (i, self.probe.trig.len());
         if let Some(wall) = &self.wall {

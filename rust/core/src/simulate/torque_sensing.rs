@@ -1,9 +1,10 @@
 //! Joint torque sensors in a sampled loop. With the torque `tau_J = K (theta - q)` of the plant's springs at sample `k`,
 //!
-//! `tau_f' = w_c (tau_J - tau_f)` over the time since sample `k - 1`, `reading = round((tau_f + bias + noise)/step) step`, `q = theta -
-//! K_law^-1 reading`.
+//! `tau_f' = w_c (tau_J - tau_f)` over the time since sample `k - 1`, `reading = round((tau_f + bias + noise)/step) step`,
+//! `q = theta - K_law^-1 reading`,
 //!
-//! This `q` replaces the measured link position, so that `K_law (theta - q)` in the law is the reading. The filters start at rest.
+//! where `w_c` is the bandwidth of the sensor, `step` its resolution, and `K_law` the law's stiffness. This `q` replaces the measured link
+//! position, so that `K_law (theta - q)` in the law is the reading. At the first sample, `tau_f = tau_J`.
 
 use super::problem::Problem;
 use super::sampling::{Sampling, gaussian};
@@ -34,7 +35,7 @@ pub struct TorqueSensing<S> {
     sensor: TorqueSensor,
     /// The stiffness `K` of the plant.
     stiffness: AnyGain<S>,
-    /// The inverse `K_law^-1` of the law's stiffness.
+    /// The inverse `K_law^-1` of the law's stiffness. `K_law` is `K` for a law without a stiffness.
     compliance: AnyGain<S>,
     stretch: Vec<S>,
     readings: Vec<S>,
@@ -60,7 +61,8 @@ impl<S: Real> TorqueSensing<S> {
         })
     }
 
-    /// Compute the torques `now` at sample `k` and plant state `x` from the previous sample, and write the link positions to `measured`.
+    /// Compute the torques `now` at sample `k` and plant state `x` and write the link positions to `measured`. `before`: the torques at the
+    /// previous sample and the time since then, s.
     pub fn sense(&mut self, seeds: &[u64], k: u64, x: &[S], before: Option<(&Sensed<S>, f64)>, now: &mut Sensed<S>, measured: &mut [S]) {
         let n = self.stretch.len();
         for i in 0..n {
@@ -88,7 +90,7 @@ impl<S: Real> TorqueSensing<S> {
 }
 
 impl Problem<'_> {
-    /// Refuse torque sensors for a plant or a law without elastic joints.
+    /// Refuse torque sensors for a plant without elastic joints, a `bias` of another length, and noise or resolution of `q`.
     pub(super) fn validate_torque_sensor(&self, sampling: &Sampling) -> Result<()> {
         let Some(sensor) = &sampling.torque_sensor else { return Ok(()) };
         let plant = self.plant(0);

@@ -34,7 +34,8 @@ impl Options {
 
 impl<'a> Problem<'a> {
     /// Return one run from the joint positions `q0` and velocities `v0`, shape `(n,)` each. An elastic plant starts with unloaded springs.
-    /// A velocity-controlled plant requires `v0 = 0`.
+    /// A velocity-controlled plant requires `v0 = 0`. Errors: [`Error::WrongShape`] for a wrong length, [`Error::Input`] for a velocity of
+    /// a velocity-controlled plant.
     pub fn new(plant: &'a PlantSpec, law: &'a LawSpec, q0: &DVector<f64>, v0: &DVector<f64>, options: Options) -> Result<Self> {
         let n = plant.n();
         for (name, value) in [("q0", q0), ("v0", v0)] {
@@ -50,7 +51,7 @@ impl<'a> Problem<'a> {
         Ok(Problem { plants: vec![plant], laws: vec![law], x0, forces: Vec::new(), force_frame: None, options, measures: None })
     }
 
-    /// Return one run from rest at the joint positions `q0`, shape `(n,)`, rad or m.
+    /// Return one run from rest at the joint positions `q0`, shape `(n,)`, rad or m. Errors: [`Error::WrongShape`] for a wrong length.
     pub fn from_rest(plant: &'a PlantSpec, law: &'a LawSpec, q0: &DVector<f64>, options: Options) -> Result<Self> {
         Problem::new(plant, law, q0, &DVector::zeros(plant.n()), options)
     }

@@ -21,8 +21,7 @@ use crate::status::Status;
 
 /// The number of evaluations of each function per step.
 const CHECKS_PER_STEP: usize = 4;
-/// After this number of successive contact changes at practically the same time, a step is accepted in full, without a change of its
-/// length.
+/// After this number of successive mode changes at practically the same time, a step is accepted in full, without a change of its length.
 const MOST_SWITCHES: usize = 8;
 const PROGRESS: f64 = 1e-14;
 
@@ -89,7 +88,7 @@ impl RunObserver {
 /// The last evaluation of an event function.
 #[derive(Clone, Copy, Debug, Default)]
 struct LastValue {
-    /// The last sign that is not zero. It is zero before the first evaluation.
+    /// The sign of `value`: -1, 0 or 1.
     sign: f64,
     value: f64,
     count: usize,

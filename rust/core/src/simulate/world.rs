@@ -5,8 +5,8 @@ use crate::motion::{Motion, Table};
 use crate::scalar::Real;
 use std::borrow::Cow;
 
-/// The time step of finite differences of the desired acceleration, s. The resulting error of the Jacobian has second order, and is far
-/// below the error of a step.
+/// The time step of finite differences of the desired acceleration and of a smooth force, s. The resulting error of the time derivative is
+/// proportional to this step.
 const JERK_STEP: f64 = 1e-6;
 
 /// The exogenous input of a loop at one instant.
@@ -74,7 +74,7 @@ impl<'a> World<'a> {
         self.motions.iter().flatten().all(|motion| matches!(**motion, Motion::Hold(_)))
     }
 
-    /// Whether the exogenous input is constant.
+    /// Whether all desired motions are constant and no force acts.
     pub fn is_still(&self) -> bool {
         self.has_targets() && self.forces.is_empty() && self.pushed.is_none()
     }

@@ -20,8 +20,8 @@ use crate::trace::tape::{Moving, Op};
 use crate::trace::{Evaluation, form};
 use std::sync::OnceLock;
 
-/// The number of groups in one block. A group is the directions in the lanes of one register. The function is evaluated once for all
-/// groups.
+/// The largest number of groups in one block. A group is the directions in the lanes of one register. The function is evaluated once for
+/// all groups.
 const GROUPS_PER_BLOCK: usize = 2;
 
 /// Sizes of the arguments and results of a loop's functions.

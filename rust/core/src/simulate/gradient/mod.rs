@@ -1,6 +1,6 @@
 //! Derivatives of a run with respect to its parameters (Griewank and Walther 2008; Hairer, Norsett and Wanner, section I.14).
 //!
-//! A run is a list of operations on one state `X`: steps `x' = x + h sum b_i k_i`, samples of the law, and records. The forward pass
+//! A run is a list of operations on one state `X`: steps `x_next = x + h sum b_i k_i`, samples of the law, and records. The forward pass
 //! applies the operations to the tangents `X_p`. The backward pass applies the adjoints of the operations, in reverse order. It reads the
 //! states before the operations from memory, or computes them again. The rates and the law are recorded programs, which are differentiated
 //! as programs. Adaptive methods repeat the steps of the run, so that step sizes have no derivative. Where a contact changes, the tangents
@@ -159,7 +159,8 @@ fn prepare<'a>(problem: &'a Problem<'a>, parameters: Parameters, stop: &dyn Stop
 /// Return the derivatives of the records of run 0 of `problem`, at the times of its options. Each part that [`record_parts`] names has an
 /// array of shape `(records, numbers, parameters)`, in the units of the record per unit of the parameter.
 ///
-/// Errors: `Input` for a parameter without a derivative, `Solve` if the run ends early or has no derivative (at a grazed contact).
+/// Errors: `Input` for a parameter, method, law or plant without a derivative, `Solve` if the run ends early or has no derivative (at a
+/// grazed contact).
 pub fn sensitivities(problem: &Problem, parameters: Parameters, stop: &dyn Stop) -> Result<Vec<Vec<f64>>> {
     let prepared = prepare(problem, parameters, stop)?;
     let (parts, _) = record_parts(problem);

@@ -24,7 +24,8 @@ fn part<T: Clone>(all: &[T], row: usize, each: usize) -> Vec<T> {
 
 impl<'a> Rows<'a> {
     /// Divide a problem into rows with the same number of runs. The problem has one plant or one per run, and one law or one per run. It
-    /// has no force, one force, or one per row. `sizes` lists the number of parameters of each name.
+    /// has no force, one force, or one per row. `sizes` lists the number of parameters of each name. Errors: [`Error::WrongShape`] for
+    /// another number of plants, laws or forces.
     pub fn of(problem: &Problem<'a>, parameters: &'a [Vec<Parameter>], sizes: &'a [usize]) -> Result<Self> {
         let (rows, runs) = (parameters.len(), problem.runs());
         let width = runs.checked_div(rows).unwrap_or(0);
@@ -70,7 +71,8 @@ impl<'a> Rows<'a> {
         Parameters { all: &self.parameters[row], sizes: self.sizes, shared: &[] }
     }
 
-    /// Call `work` with each row and its part of the output. The derivative of a run that ends early does not exist, and its row is NaN.
+    /// Call `work` with each row and its part of the output. The derivative of a run that ends early or grazes a contact does not exist,
+    /// and its row is NaN.
     fn each<'b, T: Fill + Send>(
         &'b self,
         threads: usize,

@@ -1,10 +1,10 @@
 //! Parameters of one name that vary in the same few runs, so that no parameter needs separate runs.
 //!
 //! Most inputs of a recorded program depend on one parameter of a name: `kp_i / kd_i` depends on `kp_i` alone. So all parameters of the
-//! name may vary in the same runs. A *probe* is a run in which half of the parameters vary. Each parameter has a code: bit `b` is set if it
-//! varies in probe `b`. For each input, the set of probes that change it is a code too. The input depends on the parameter with this code.
-//! All codes have equally many ones, and the union of two codes has more. An input that depends on several parameters therefore has a code
-//! that no parameter has. Such an input is refused.
+//! name may vary in the same runs. A *probe* is a run in which about half of the parameters vary. Each parameter has a code: bit `b` is set
+//! if it varies in probe `b`. For each input, the set of probes that change it is a code too. The input depends on the parameter with this
+//! code. All codes have equally many ones, and the union of two codes has more. An input that depends on several parameters therefore has a
+//! code that no parameter has. Such an input is refused.
 
 use super::Parameter;
 use crate::error::{Error, Result};

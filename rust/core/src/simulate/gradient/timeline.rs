@@ -46,7 +46,7 @@ pub struct Switch {
 /// The contact modes of a run, and the changes between them.
 #[derive(Clone, Debug)]
 pub struct Contacts {
-    /// The modes that occur. A run without event location has one empty mode.
+    /// The modes that occur. A run with fixed steps or without contacts has one empty mode.
     pub modes: Vec<Vec<Touch>>,
     pub guards: Vec<Guard>,
     pub switches: Vec<Switch>,
@@ -90,7 +90,7 @@ impl Timeline {
     }
 
     /// List the operations of the one run of a problem. The options contain the times of the records. An adaptive run is computed first, to
-    /// obtain its steps.
+    /// obtain its steps. Error: `Solve` if that run ends early.
     pub fn of(problem: &Problem, stop: &dyn Stop) -> Result<Self> {
         let o = &problem.options;
         let contacts = Contacts { modes: Vec::new(), guards: Vec::new(), switches: Vec::new() };

@@ -1,7 +1,8 @@
-//! The quantities of the identities at one state: the largest entry of `N + N'` with `N = dM/dt - 2 C`, the energy `E` and the Lyapunov
-//! function `V1`. `E` is the energy stored in the plant, or the law's storage function.
+//! The quantities of the identities at one state: the largest absolute entry of `N + N'` with `N = dM/dt - 2 C`, the energy `E` and the
+//! Lyapunov function `V1`. `E` is the energy stored in the plant, or the law's storage function.
 //!
-//! `M`, `a` and `E` are the quantities of the true plant. `dM/dt` comes from dual numbers, so that its formula is independent of `C`.
+//! `M`, `E` and the inertial parameters are the quantities of the true plant. `dM/dt` comes from dual numbers, so that its formula is
+//! independent of `C`.
 
 use super::{Flow, Moment, Monitor, MonitorKind, Scope};
 use crate::dynamics::ArmAt;

@@ -7,10 +7,10 @@
 //! E(t) - E(0) - int P dt = 0
 //! ```
 //!
-//! `E` is the energy stored in the plant, or the law's storage function. `P` is the power supplied to it. `V1` is the Lyapunov function.
-//! For a rigid arm with Cartesian impedance, a monitor checks its target model. For a law of elastic joints, a monitor is
-//! `max |tau_J - u|`. A law with a storage function also has the passivity at its port, `int F.x_dot - (E(t) - E(0))`, which is never
-//! negative in a passive loop.
+//! `E` is the energy stored in the plant, or the law's storage function. `P` is the power supplied to it. `V1` is the Lyapunov function,
+//! where `a` are the inertial parameters and `a_hat` their estimates. For a rigid arm with Cartesian impedance, a monitor checks its target
+//! model. For a law of elastic joints with an outer loop, a monitor is `max |tau_J - u|`. A law with a storage function also has the
+//! passivity at its port, `int F.x_dot - (E(t) - E(0))`, which is never negative in a passive loop.
 //!
 //! [`Checks`] computes the monitors on any number type, so that programs can compute them within a step.
 
@@ -48,7 +48,7 @@ pub struct Monitored {
     pub storage: bool,
     /// Whether the target model of an impedance law is monitored.
     pub target: bool,
-    /// Whether the loss of a projector is monitored.
+    /// Whether the loss of a projector or of a compensated coupling is monitored.
     pub loss: bool,
 }
 
@@ -87,7 +87,7 @@ pub struct Moment<'a, S: Real> {
     pub identities: Identities<S>,
     /// `E - int P` and `V1 + int s' Kd s` at the first record.
     pub first: [S; 2],
-    /// The loss of the law's projector. `None` for a law without a projector.
+    /// The loss of the law's projector. `None` for a law without a projector, or if the loss is not monitored.
     pub loss: Option<S>,
     /// The monitor's own integrals, from the start to this record.
     pub integrals: &'a [S],

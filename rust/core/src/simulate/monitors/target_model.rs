@@ -29,7 +29,7 @@ pub struct TargetModel<S: Real> {
     stiffness: AnyGain<S>,
     damping: AnyGain<S>,
     plant: Box<dyn Plant<S> + Send>,
-    /// The frame at which the force acts, if the force is not in the law's axes.
+    /// The frame at which the force acts, if the problem names one. Otherwise the force acts at the law's frame.
     elsewhere: Option<usize>,
     moving: ArmAt<Dual<S>>,
     moving_q: Vec<Dual<S>>,
@@ -44,7 +44,7 @@ pub struct TargetModel<S: Real> {
     jacobian: Vec<S>,
     /// The product `J L^-T`, shape `(m, n)`.
     spread: Vec<S>,
-    /// The vector `L^-1 tau`, shape `(n,)`.
+    /// The vector `L^-1 C v`, then the vector `L^-1 J_F' F` of a force `F` at a frame with the Jacobian `J_F`, shape `(n,)`.
     torque: Vec<S>,
     /// A symmetric matrix, shape `(m, m)`.
     square: Vec<S>,
