@@ -7,7 +7,7 @@
 //!
 //! The columns of `Y(q, v, v_r, a_r)` are stacked over pseudo-random states, and scaled to length one. They are examined in the order of
 //! the parameters, from base to tip. A column is dependent if its distance from the span of the earlier columns is a rounding error. So a
-//! dependent parameter is always grouped with parameters of the same body and of bodies nearer to the base.
+//! dependent parameter is always grouped with earlier parameters.
 
 use crate::dynamics::{Model, Quantity, Query};
 use crate::error::Result;
@@ -115,7 +115,7 @@ pub struct BaseParameters {
 struct Seeded(u64);
 
 impl Seeded {
-    /// Fill `x` with uniform numbers in (-scale, scale).
+    /// Fill `x` with uniform numbers in [-scale, scale).
     fn fill(&mut self, scale: f64, x: &mut [f64]) {
         for x in x {
             self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
@@ -128,6 +128,7 @@ impl Seeded {
 }
 
 /// Compute the base parameters of `arm` under the gravity of the model. `armature` and `friction` add the parameters of joints.
+/// Errors: `Memory`, and `Input` for `armature` or `friction` of a planar PR arm.
 pub fn base_parameters(arm: &Model, armature: bool, friction: bool) -> Result<BaseParameters> {
     let n = arm.n();
     let query = Query { armature, friction, ..Quantity::Regressor.into() };

@@ -33,7 +33,8 @@ fn eigen(p: &Pseudo<f64>) -> Result<(Vec<f64>, Vec<f64>)> {
 
 /// Compute the eigenvalues of each body's pseudo-inertia, and the reason why a body is impossible.
 ///
-/// `pi`, `(10 b,)`, has ten parameters for each of `b` bodies, in SI units.
+/// `pi`, `(10 b,)`, has ten parameters for each of `b` bodies, in SI units. Errors: `WrongShape` for another length, `Input` for numbers
+/// that are not finite.
 pub fn check_parameters(pi: &[f64]) -> Result<Vec<BodyReport>> {
     let report = |body: &[f64; PARAMETERS]| {
         let (values, _) = eigen(&pseudo_inertia(body))?;
@@ -69,8 +70,8 @@ fn problem(body: &[f64; PARAMETERS]) -> String {
 /// so weights moments against masses. The eigenvalues of a projected pseudo-inertia are at least `floor` times the largest eigenvalue of
 /// all bodies.
 ///
-/// Errors: `Input` for a wrong length of `pi`, numbers that are not finite, or a `length` or `floor` that is not positive. Also if no body
-/// has a positive eigenvalue.
+/// Errors: `WrongShape` for a wrong length of `pi`. `Input` for numbers that are not finite, or a `length` or `floor` that is not positive.
+/// Also `Input` if no body has a positive eigenvalue.
 pub fn project_parameters(pi: &[f64], length: f64, floor: f64) -> Result<Vec<f64>> {
     positive("length", length)?;
     positive("floor", floor)?;

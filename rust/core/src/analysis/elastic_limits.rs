@@ -3,7 +3,7 @@
 //! - Sampled motor loop: the largest sample time for a reduced inertia `B0`, and the smallest `B0` for a sample time. They depend on the
 //!   damping ratio and on a torque sensor.
 //! - Stiffness limit of one joint (Routh): `k < K_J (1 + d/D0)(1 - d B0/(D0 M))`. With `D0 = 2 sqrt(B0 K_J)` the limit is
-//!   `K_J (1 + d/D0)(1 - d D0/(4 M K_J))`.
+//!   `K_J (1 + d/D0)(1 - d D0/(4 M K_J))`. Here `M` and `d` are inertia and damping of the link, `B0` and `D0` those of the motor.
 //! - Stiffness scale: the largest `kappa` with a stable loop. The loop has the stiffness `kappa K_m` and is linearised at rest. It is
 //!   stable if every eigenvalue has a negative real part.
 
@@ -22,11 +22,11 @@ pub fn stiffness_limit(mass: f64, joint_stiffness: f64, reduced_inertia: f64, da
     joint_stiffness * (1.0 + damping / motor_damping) * (1.0 - damping * reduced_inertia / (motor_damping * mass))
 }
 
-/// Compute the smallest motor inertia `B0 <= B`, kg m^2, whose sampled motor loop with `D0 = 2 zeta sqrt(B0 K_J)` and locked links is
-/// stable. The result is NaN if `B0 = B` is unstable.
+/// Compute the smallest reduced inertia `B0 <= B`, kg m^2, whose sampled motor loop with `D0 = 2 zeta sqrt(B0 K_J)` and locked links is
+/// stable. The result is NaN if `B0 = B` is unstable, and zero if the loop is stable down to `1e-15 B`.
 ///
 /// `inertia` is `B`, kg m^2, `stiffness` is `K_J`, N m/rad, and `sample_time` is in s. `bandwidth` of the torque sensor is in rad/s,
-/// infinite without a sensor.
+/// infinite without a sensor. Errors: `Input` for an argument that is not positive.
 pub fn smallest_reduced_inertia(inertia: f64, stiffness: f64, sample_time: f64, bandwidth: f64, damping_ratio: f64) -> Result<f64> {
     for (name, x) in
         [("motor_inertia", inertia), ("joint_stiffness", stiffness), ("sample_time", sample_time), ("damping_ratio", damping_ratio)]
@@ -41,7 +41,7 @@ pub fn smallest_reduced_inertia(inertia: f64, stiffness: f64, sample_time: f64, 
         let damping = 2.0 * damping_ratio * (b0 * stiffness).sqrt();
         let motor = LockedMotors::single(inertia, stiffness, b0, damping, bandwidth);
         // Above the first limit there are isolated stable sample times, because the motor swings back just before the next sample. They are
-        // excluded: all shorter sample times must be stable too.
+        // excluded: seven shorter sample times must be stable too.
         (1..=SHORTER).rev().all(|k| motor.radius(sample_time * f64::from(k) / f64::from(SHORTER)) < 1.0)
     };
     const SHORTER: u32 = 8;
@@ -69,6 +69,7 @@ pub fn smallest_reduced_inertia(inertia: f64, stiffness: f64, sample_time: f64, 
 /// Compute the largest `kappa` for which the loop with the stiffness `kappa K_m` and unchanged damping is stable at its equilibrium.
 ///
 /// The result is infinite if no instability is found below `1e6`, and zero if the loop with `K_m` is unstable.
+/// Errors: `Input` for a law without a spring, and those of [`equilibrium`].
 pub fn stiffness_scale(plant: &PlantSpec, law: &LawSpec, wrench: &[f64; 6], force_frame: Option<usize>, q0: &[f64]) -> Result<f64> {
     const GROWTH: f64 = 1.05;
     const CAP: f64 = 1e6;
@@ -119,7 +120,7 @@ pub struct ElasticLimits {
 /// Compute the limits of `plant` with `law` at the equilibrium that is reached from `q0`, `(n,)`.
 ///
 /// The smallest `B0` is computed for `sample_time`, s, `bandwidth` (rad/s, infinite without a torque sensor) and the damping ratio of the
-/// law.
+/// law. Errors: `Input` for a plant or a law without motors, and those of [`equilibrium`].
 pub fn elastic_limits(
     plant: &PlantSpec,
     law: &LawSpec,

@@ -1,9 +1,9 @@
 //! Equilibria of a controlled arm under a constant force:
 //!
-//! `r(q) = u(q) + J'F - g(q) = 0`, `tau_E = g(q_E) - J'F`, `theta_E = q_E + K^-1 tau_E`.
+//! `r(q) = u(q) + J'F - g(q) = 0`, `tau_E = g(q_E) - J'F`, `theta_E = q_E + K^-1 tau_E`, with the joint stiffness `K`.
 //!
 //! For a law with the plant's gravity this is `J'(K_m (x_d - x) + F) = 0`. Its solution is `x_E = x_d + K_m^-1 F` if that pose is reachable
-//! and `det J != 0`. Another solution is spurious: `J' p = 0` with `p = K_m (x_d - x) + F != 0`. It has a flag.
+//! and `det J != 0`. Another solution is spurious: `J' p = 0` with `p = K_m (x_d - x) + F != 0`. [`Equilibrium::spurious`] marks it.
 //!
 //! A null space adds `N' tau_0`. An integral adds its wrench `w`, with `K_i e = 0`. Limits of the law may hold the arm away from `x_E`. A
 //! wall and joint stops add their forces. A law of motors has its equilibrium where `tau(q, theta) = K (theta - q) = tau_E`.
@@ -40,7 +40,7 @@ pub struct Equilibrium {
     pub spurious: bool,
     /// Force of the wall on its frame, `(3,)`, N, world axes.
     pub wall_force: [f64; 3],
-    /// Whether no eigenvalue has a positive real part, apart from the eigenvalues of free motions.
+    /// Whether all eigenvalues, except those of free motions, have negative real parts, up to rounding.
     pub stable: bool,
     /// The number of free motions, which no torque opposes, such as null motions of a redundant arm without a posture.
     pub free_motions: usize,
@@ -114,8 +114,8 @@ impl<'a> TargetError<'a> {
     }
 }
 
-/// For each joint: the diagonals of `M`, of `J' K_m J` and of `J' D_m J` at `q`. For a law of joints, the last two are the diagonals of its
-/// gains.
+/// For each joint: the diagonals of `M`, of `J' K_m J` and of `J' D_m J` at `q`. For `PdGravity`, the last two are the diagonals of its
+/// gains. For other laws they are zero.
 pub(super) fn joint_view(plant: &PlantSpec, law: &LawSpec, q: &[f64]) -> (Vec<f64>, Vec<f64>, Vec<f64>) {
     let n = q.len();
     let mut m = vec![0.0; n * n];
@@ -192,7 +192,7 @@ fn reaches(law: &CartesianImpedanceSpec, push: &[f64], q0: &[f64]) -> bool {
 /// Compute the equilibrium that is reached from `q0`, `(n,)`, rad or m, under a constant wrench `[f; m]`, N and N m, world axes. The wrench
 /// acts at `force_frame`; with `None` no wrench acts.
 ///
-/// Errors: `Input` for a law without a target at rest or not made for this plant, `Solve` if the search does not converge.
+/// Errors: `Input` for a law without a target at rest or not made for this plant, `Solve` if the search does not converge, `Memory`.
 pub fn equilibrium(plant: &PlantSpec, law: &LawSpec, wrench: &[f64; 6], force_frame: Option<usize>, q0: &[f64]) -> Result<Equilibrium> {
     finite("q0", q0)?;
     // Number of `(n, n)` matrices that the memory check assumes: stiffness, mass, slopes and eigenvectors of the loop.

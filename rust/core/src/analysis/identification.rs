@@ -90,7 +90,8 @@ impl Triangle {
 /// Identify the parameters of `arm` from recorded positions, velocities, accelerations and torques, each `(samples, n)`. They are in rad or
 /// m, per s, per s^2, and N m or N.
 ///
-/// Errors: `Input` for wrong lengths, numbers that are not finite, or too few samples.
+/// Errors: `WrongShape` for wrong lengths, `Input` for numbers that are not finite, noise that is not positive, or too few samples,
+/// `Memory`.
 pub fn identify(arm: &Model, [q, v, a, tau]: [&[f64]; 4], options: &Options) -> Result<Identification> {
     let n = arm.n();
     if n == 0 {

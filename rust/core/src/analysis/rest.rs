@@ -5,8 +5,8 @@
 //!
 //! `r(q) = u(q) - L(q)`, or `r(q, theta) = [K (theta - q) - L(q), (I + Kt)^-1 (tau(q, theta) - K (theta - q))]`.
 //!
-//! For a law with a potential, `r` is minus its gradient. Then Newton's method, with the absolute values of the eigenvalues of `-dr/dy`,
-//! follows `r` downhill from a start.
+//! `K` is the joint stiffness, and `Kt` the torque gain of the law. For a law with a potential, `r` is minus its gradient. Then Newton's
+//! method, with the absolute values of the eigenvalues of `-dr/dy`, follows `r` downhill from a start.
 //!
 //! A law with a null space, an integral or limits has no potential. Its unknowns `y = [q, w]` include its integral `w`. They follow the
 //! loop without velocities, `M q' = r`, `w' = K_i e`, by implicit steps `d` whose size `h` grows: `(diag(M, 1)/h - dr/dy) d = r`
@@ -51,6 +51,7 @@ impl Rest<'_> {
     }
 
     /// Move `q` to the equilibrium of a law without a potential, along the loop without velocities. The law's integral is appended to `q`.
+    /// Errors: `Solve` if no equilibrium is found, `Input` after an overflow.
     pub fn settle(&self, q: &mut Vec<f64>) -> Result<()> {
         const STEPS: usize = 1000;
         /// The largest motion of a joint in one step, rad or m. A longer step is repeated with a smaller `h`.
@@ -97,7 +98,7 @@ impl Rest<'_> {
         Err(no_rest(STEPS))
     }
 
-    /// Move `q` downhill to an equilibrium. For a law of motors, the motor positions are appended to `q`.
+    /// Move `q` downhill to an equilibrium. For a law of motors, the motor positions are appended to `q`. Errors: as for [`Rest::settle`].
     pub fn descend(&self, q: &mut Vec<f64>) -> Result<()> {
         const STEPS: usize = 500;
         /// The largest motion of a joint in one step, rad or m. A longer step could leave the basin of the equilibrium.

@@ -71,7 +71,8 @@ impl Candidates {
 
 /// Choose `count` of `K` samples, so that their stacked regressors have a large smallest singular value.
 ///
-/// `rows`, `(K, n, p)`, has the regressor `W` of each sample. Errors: `Input` for a `count` out of range or numbers that are not finite.
+/// `rows`, `(K, n, p)`, has the regressor `W` of each sample. Errors: `Input` for a `count` out of range, numbers that are
+/// not finite, or regressors of zeros.
 pub fn select(rows: &[f64], n: usize, p: usize, count: usize) -> Result<Selection> {
     let samples = rows.len() / (n * p);
     finite("samples", rows)?;
@@ -118,7 +119,7 @@ fn shown(rows: &[f64], n: usize, p: usize) -> Result<Candidates> {
         return Err(Error::input("samples", "show nothing: expected a record of motion, got zeros"));
     }
     // Let D be the column lengths. The null space of W is D^-1 times the null space of the scaled W. The determined directions are
-    // orthogonal to the null space of W. So they are D times the range of the scaled W.
+    // orthogonal to the null space of W. So they are D times the row space of the scaled W.
     let range: Vec<Vec<f64>> =
         vectors.chunks_exact(p).rev().take(kept).map(|u| u.iter().zip(&lengths).map(|(u, d)| u * d).collect()).collect();
     let spread: Vec<f64> = (0..p * p).map(|k| range.iter().map(|u| u[k / p] * u[k % p]).sum()).collect();

@@ -4,12 +4,12 @@
 //!
 //! `kp = m w^2`, `kd = 2 z m w`, `m = s max_q diag M(q)`, where `s` is the smallest number with `M(q) <= diag(m)` at all samples.
 //!
-//! If the mass matrix is constant, each mode of `M e'' + kd e' + kp e = 0` obeys `l s^2 + 2 z w s + w^2 = 0`. Here `l` is an eigenvalue of
-//! `diag(m)^-1 M` in (0, 1]. So the natural frequency is `w / sqrt(l) >= w`, and the damping ratio `z / sqrt(l) >= z`.
+//! If the mass matrix is constant, each mode of `M e'' + kd e' + kp e = 0` obeys `l y'' + 2 z w y' + w^2 y = 0`. Here `l` is an eigenvalue
+//! of `diag(m)^-1 M` in (0, 1]. So the natural frequency is `w / sqrt(l) >= w`, and the damping ratio `z / sqrt(l) >= z`.
 //!
 //! If the input is constant over a sample `h`, the loop is `x_(k+1) = [1 h; 0 1] x_k - [h^2/2; h] [kp kd] x_k / l`. It is stable if and
-//! only if
-//! `kd h < 2 l` and `kp h < 2 kd` (Jury), that is `w h < min(4 z, l / z)`. Gains of decoupled joints: `SicilianoEtAl2009`, section 8.5.
+//! only if `kd h < 2 l` and `kp h < 2 kd` (Jury), that is `w h < min(4 z, l / z)`. Gains of decoupled joints: `SicilianoEtAl2009`, section
+//! 8.5.
 
 use super::uniform::within;
 use crate::dynamics::Model;
@@ -75,7 +75,8 @@ impl SuggestedGains {
 
 /// Suggest gains of an arm for `bandwidth`, rad/s, and a damping ratio.
 ///
-/// The law is continuous, or sampled with `sample_time`, s.
+/// The law is continuous, or sampled with `sample_time`, s. Errors: `Input` for arguments that are not positive, a bandwidth too large for
+/// the sample time, or a mass matrix that is not positive definite.
 ///
 /// ```
 /// use armlet_core::analysis::suggested_gains::suggest_gains;
@@ -156,7 +157,7 @@ fn spread(model: &Model) -> Result<(Vec<f64>, f64)> {
     Ok((largest.iter().map(|m| most * m).collect(), least / most))
 }
 
-/// A list of numbers with four digits, in brackets.
+/// A list of numbers with four decimals, in brackets.
 fn shown(values: &[f64]) -> String {
     format!("[{}]", values.iter().map(|x| format!("{x:.4}")).collect::<Vec<_>>().join(", "))
 }

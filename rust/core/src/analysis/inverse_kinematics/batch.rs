@@ -18,7 +18,8 @@ const CHUNK: usize = 32;
 /// The results for `count` targets, with `k` solutions each.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct IkRows {
-    /// Joint positions, `(count, k, n)`, the best first; NaN if a target is not finite, if the search overflows, or for missing solutions.
+    /// Joint positions, `(count, k, n)`, the best first; NaN if a target or start is not finite, if the search overflows, or for missing
+    /// solutions.
     pub q: Vec<f64>,
     /// Errors of each task, `(count, k, rows)` each, m or rad.
     pub errors: Vec<Vec<f64>>,
@@ -33,7 +34,7 @@ pub struct IkRows {
     pub status: Vec<i32>,
 }
 
-/// The rows of one thread.
+/// The rows of one piece of work.
 struct ThreadRows<'a> {
     first: usize,
     q: &'a mut [f64],
@@ -47,7 +48,8 @@ struct ThreadRows<'a> {
 /// Run [`super::inverse_kinematics`] for `count` targets.
 ///
 /// `targets` has one array per task, `(count, size)`, or `(size,)` for all rows. `q0` is `(count, n)` or `(n,)`, rad or m. `solutions` is
-/// the number of different postures per target, the best first. `poll` is called every 20 ms, and stops the search if it returns true.
+/// the number of different postures per target, the best first. `poll` is called every 20 ms. If it returns true, the call unwinds to the
+/// enclosing `interruptible`. Errors: `Input` for an invalid option or wrong sizes, `Memory`.
 ///
 /// A row that is not finite ends as `Diverged`, and does not change any other row.
 ///

@@ -2,9 +2,10 @@
 //!
 //! `dq = z + J' (J J' + (0.3 |e|^2 + floor) 1)^-1 (e - J z)`,  with the motion `z` towards the middle of the ranges.
 //!
-//! `J` and `e` have the rows of all tasks, each divided by the size of its Jacobian row. So `e` is in joint coordinates. Far from the goal,
-//! the damping shortens steps along directions with small singular values. Near the goal, the damping decreases faster than the error, so a
-//! step approaches a Newton step. No singular values are computed. With more rows than joints, the same step is computed from `J' J`.
+//! `J` and `e` have the rows of all tasks, each divided by the size of its Jacobian row. So `e` has the unit of joint positions. Far from
+//! the goal, the damping shortens steps along directions with small singular values. Near the goal, the damping decreases faster than the
+//! error, so a step approaches a Newton step. No singular values are computed. With more rows than joints, the same step is computed from
+//! `J' J`.
 
 use super::super::uniform::{mirror, within};
 use super::attempt::{StartResult, advance, aim_at_middle, better, blocked, clip, largest, misses_of};
@@ -91,7 +92,7 @@ impl Damped {
     }
 
     /// Take steps from `q`, within the limits, until all tasks are reached, until progress ends, or up to the largest number of steps. The
-    /// best result is written to `found`. Return whether the steps ended without progress.
+    /// best result is written to `found`. Return false if the largest number of steps ended them.
     pub fn descend(&mut self, q: &mut [f64], desired: &[Vec<f64>], reach: &Reach, found: &mut StartResult, iterations: &mut usize) -> bool {
         let (mut mark, mut since) = (f64::INFINITY, 0);
         clip(q, reach.bounds);
@@ -145,7 +146,7 @@ impl Damped {
         }
         aim_at_middle(q, reach.bounds, far, &mut self.z);
         self.held.fill(false);
-        // Every pass holds one more joint, so at most n + 1 passes are necessary.
+        // Every pass holds at least one more joint, so at most n + 1 passes are necessary.
         loop {
             self.solve(size);
             if !blocked(q, &self.dq, reach.bounds, &mut self.held) {
@@ -242,7 +243,7 @@ mod tests {
         }
     }
 
-    /// The matrix of rows and the matrix of joints give the same step. The test has fewer rows than joints, equal numbers, and more rows.
+    /// The matrix of rows and the matrix of joints give the same step. The test has two and four rows for three joints.
     #[test]
     fn both_matrices_have_the_same_step() {
         let arm = Arm::planar(&[0.5, 0.4, 0.3], None, None, None, [0.0, -9.81]).unwrap();

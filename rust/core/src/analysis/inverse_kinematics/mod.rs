@@ -3,10 +3,10 @@
 //!
 //! A step is `q <- clip(q + s dq)`, where `s <= 1` limits the motion of every joint. First, `dq` is a damped least-squares step for all
 //! tasks together. If such steps do not reach several tasks, `dq` solves `J_i dq = e_i` in priority, by a map that is bounded at
-//! singularities. The option `method` or `eps` selects these steps from the start. A joint at a limit is held if the step would cross the
-//! limit. Its column becomes zero, and the step is computed again. While errors are large, the remaining freedom moves joints towards the
-//! middle of their range. After a start without success, the search continues from pseudo-random starts. Several solutions of one target
-//! come from more starts.
+//! singularities. If they do not reach a single task, the last steps are of this kind too. The option `method` or `eps` selects these steps
+//! from the start. A joint at a limit is held if the step would cross the limit. Its column becomes zero, and the step is computed again.
+//! While errors are large, the remaining freedom moves joints towards the middle of their range. After a start without success, the search
+//! continues from pseudo-random starts. Several solutions of one target come from more starts.
 //!
 //! `damped` has the steps for all tasks together, `newton` the steps in priority, and `batch` the search for many targets.
 
@@ -81,7 +81,8 @@ pub type Goal = (TaskFunction, Vec<f64>);
 
 /// Search for joint positions that reach the tasks `goals`, the highest priority first, from `q0`, `(n,)`, rad or m.
 ///
-/// An unreachable target is not an error: see [`IkSolution::status`]. Errors: `Input` for an invalid option, start or target.
+/// An unreachable target is not an error: see [`IkSolution::status`]. Errors: `Input` for an invalid option, start or
+/// target, `WrongShape` for a wrong length.
 ///
 /// ```
 /// use armlet_core::analysis::inverse_kinematics::{IkOptions, inverse_kinematics};
@@ -152,7 +153,8 @@ impl IkSolver {
         Ok(IkSolver { newton, search: search.clone(), start: vec![0.0; arm.n()], found: Vec::new(), iterations: 0, restarts: 0 })
     }
 
-    /// Search from `q0`, `(n,)`, then from random starts, until `solutions` different postures reach every task.
+    /// Search from `q0`, `(n,)`, then from random starts, until `solutions` different postures reach every task or the
+    /// restarts are used up.
     fn solve(&mut self, targets: &[&[f64]], q0: &[f64], solutions: usize) -> Result<()> {
         for (desired, target) in self.newton.desired.iter_mut().zip(targets) {
             desired[..target.len()].copy_from_slice(target);

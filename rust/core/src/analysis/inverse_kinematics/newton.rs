@@ -34,7 +34,7 @@ pub(super) struct NewtonSearch {
     bounds: Vec<(f64, f64)>,
     /// Whether each joint is revolute.
     angles: Vec<bool>,
-    /// Whether a full revolution of each joint moves no body.
+    /// Whether a full revolution of each joint returns all bodies to their places.
     turns: Vec<bool>,
     search: IkOptions,
     e: Vec<f64>,
@@ -141,7 +141,7 @@ impl NewtonSearch {
         Ok(())
     }
 
-    /// Take steps in priority from `q`. Return whether the steps ended without progress, or reached the tasks of the last steps.
+    /// Take steps in priority from `q`. Return whether they reached a goal or ended without progress.
     fn in_priority(&mut self, q: &mut [f64], iterations: &mut usize) -> Result<bool> {
         let resting = self.descend_from(q, iterations)?;
         Ok(self.without_lower_tasks(q, iterations)? || resting)
@@ -174,7 +174,7 @@ impl NewtonSearch {
         Ok(false)
     }
 
-    /// Take steps from `q`. Return whether the steps ended without progress.
+    /// Take steps from `q`. Return false if the largest number of steps ended them.
     fn descend_from(&mut self, q: &mut [f64], iterations: &mut usize) -> Result<bool> {
         clip(q, &self.bounds);
         self.mark.fill(f64::INFINITY);
@@ -247,7 +247,7 @@ impl NewtonSearch {
     fn step(&mut self, q: &mut [f64], centring: f64) -> Result<f64> {
         let n = q.len();
         self.held.fill(false);
-        // Every pass holds one more joint, so at most n + 1 passes are necessary.
+        // Every pass holds at least one more joint, so at most n + 1 passes are necessary.
         loop {
             let (jacobian, command) = self.solver.solver_mut().inputs();
             let (tasks, rest) = command.split_at_mut(self.e.len());
@@ -271,7 +271,8 @@ impl NewtonSearch {
         within(&self.bounds, &self.angles, q0, state, start);
     }
 
-    /// The largest difference between `a` and `b` in a joint, rad or m. Full revolutions that move no body do not count.
+    /// The largest difference between `a` and `b` in a joint, rad or m. Full revolutions that return all bodies to their
+    /// places do not count.
     pub fn apart(&self, a: &[f64], b: &[f64]) -> f64 {
         let gap = |(turns, (a, b)): (&bool, (&f64, &f64))| {
             let gap = b - a;

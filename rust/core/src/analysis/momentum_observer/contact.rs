@@ -9,7 +9,7 @@ use crate::linalg::{axpy, clamp_gain, dot};
 const SHARE: f64 = 0.02;
 
 impl MomentumObserver {
-    /// Set the thresholds of contact, `(n,)`, > 0, N m or N.
+    /// Set the thresholds of contact, `(n,)`, > 0, N m or N. Errors: `WrongShape` for a wrong length, `Input` for other numbers.
     pub fn set_thresholds(&mut self, thresholds: Vec<f64>) -> Result<()> {
         if thresholds.len() != self.n() {
             return Err(Error::wrong_shape("threshold", &[self.n()], &[thresholds.len()]));
@@ -25,7 +25,7 @@ impl MomentumObserver {
     }
 
     /// Set the thresholds from the residuals of a free motion, rows of `n`: the absolute value of the mean plus `sigmas` standard
-    /// deviations.
+    /// deviations. Errors: `WrongShape` for fewer than two rows, `Input` for numbers that are not finite or do not vary.
     pub fn calibrate(&mut self, residuals: &[f64], sigmas: f64) -> Result<()> {
         let n = self.n();
         positive("sigmas", sigmas)?;
@@ -49,7 +49,8 @@ impl MomentumObserver {
 
     /// Compute the wrench `[f; m]` at a frame, rows of 6, N and N m, and the rest of the residual, rows of `n`.
     ///
-    /// `q` has rows of `n`. `eps` is the clamp of singular values; `None` uses a default.
+    /// `q` has rows of `n`. `eps` is the clamp of singular values of `J'`; `None` uses a default. Errors: `Input` for an observer of motors
+    /// or before the first sample, `Unknown` for the frame, `WrongShape` for `q`.
     pub fn wrench(&mut self, q: &[f64], frame: &str, eps: Option<f64>, out: &mut [f64], rest: &mut [f64]) -> Result<()> {
         if self.motors.is_some() {
             return Err(Error::input("frame", "is of no use: expected an observer of links, got one of motors"));
@@ -92,7 +93,7 @@ impl MomentumObserver {
         Ok(())
     }
 
-    /// The joint of the touched link of each arm; `None` without contact.
+    /// The joint of the touched link of each arm; `None` without contact. Errors: `Input` without thresholds.
     pub fn contacts(&self) -> Result<Vec<Option<usize>>> {
         let Some(thresholds) = &self.thresholds else {
             return Err(Error::input("threshold", "is missing: expected thresholds (n,) or calibrate() before"));

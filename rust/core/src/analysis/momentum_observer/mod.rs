@@ -10,7 +10,7 @@
 //! minus their friction.
 //!
 //! At a frame `r = J' F`. The wrench `F` is a least-squares solution, with singular values of `J'` below `eps` clamped (`linalg::clamp`).
-//! It leaves the rest `r - J' F`. The touched link is the outermost link whose joint has `|r_i|` above its threshold. A force on a link
+//! The rest is `r - J' F`. The touched link is the outermost link whose joint has `|r_i|` above its threshold. A force on a link
 //! does not load the joints beyond that link.
 
 mod contact;
@@ -76,7 +76,7 @@ pub struct MomentumObserver {
 
 impl MomentumObserver {
     /// Create the observer of `model` with the gain `K`, of size `n`, 1/s. `friction` states whether the model's viscous and Coulomb
-    /// friction is known.
+    /// friction is known. Errors: `WrongShape` for a gain of another size.
     pub fn new(model: Model, gain: Gain, friction: bool) -> Result<Self> {
         let n = model.n();
         if gain.n() != n {
@@ -104,6 +104,7 @@ impl MomentumObserver {
     }
 
     /// Observe motors of the inertia `B`, of size `n`, kg m^2. Samples are then motor positions, velocities and torques `tau_m - tau_J`.
+    /// Errors: `Input` for an observer with known friction, `WrongShape` for another size.
     pub fn of_motors(mut self, inertia: Gain) -> Result<Self> {
         if self.takes_friction {
             let problem = "goes with no motor_inertia: expected False, since the model's friction is that of its joints, got True";
@@ -137,7 +138,7 @@ impl MomentumObserver {
         self.state.residual.len() / self.n()
     }
 
-    /// Continue from a stored state.
+    /// Continue from a stored state. Errors: `Input` for wrong sizes or numbers that are not finite.
     pub fn resume(&mut self, state: ObserverState) -> Result<()> {
         let size = state.residual.len();
         if !size.is_multiple_of(self.n()) || state.momentum.len() != size || state.drift.len() != size {
@@ -150,7 +151,7 @@ impl MomentumObserver {
         Ok(())
     }
 
-    /// Start at positions `q` and velocities `v`, rows of `n`, with zero external torque.
+    /// Start at positions `q` and velocities `v`, rows of `n`, with the residual zero. Errors: as for [`MomentumObserver::update`].
     pub fn reset(&mut self, q: &[f64], v: &[f64]) -> Result<()> {
         self.check(&[("q", q), ("v", v)], None)?;
         let n = self.n();
@@ -165,8 +166,8 @@ impl MomentumObserver {
 
     /// Process a sample: positions and velocities now, and the torques since the last sample, `dt` seconds ago; rows of `n`.
     ///
-    /// The first sample only starts the observer. A sample is refused if a number of the new state would not be finite. Then nothing
-    /// changes.
+    /// The first sample only starts the observer. Errors: `WrongShape` for a wrong size. `Input` for numbers that are not finite, also in
+    /// the new state. After an error, the state is unchanged.
     pub fn update(&mut self, q: &[f64], v: &[f64], tau: &[f64], dt: f64) -> Result<()> {
         positive("dt", dt)?;
         if self.rows() == 0 {

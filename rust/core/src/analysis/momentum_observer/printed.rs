@@ -120,7 +120,8 @@ $steps    return sound;
 ";
 
 impl MomentumObserver {
-    /// Print the observer as C: a header, a source file and a CMake file. The C code starts with a new state.
+    /// Print the observer as C: a header, a source file and a CMake file. The C code starts with a new state. Errors: `Input` for too many
+    /// joints or invalid options.
     ///
     /// ```
     /// use armlet_core::analysis::momentum_observer::MomentumObserver;
