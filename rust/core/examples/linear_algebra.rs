@@ -87,7 +87,7 @@ fn times() {
     }
 }
 
-/// Print the error of the smallest values of matrices whose rows have sizes from 1 to 1e-12.
+/// Print the error of the smallest singular value, or of the product of the eigenvalues, of matrices with scales from 1 to 1e-12.
 fn errors() {
     println!("\n| smallest value of a graded matrix, relative error | armlet | nalgebra |\n|---|---:|---:|");
     let n = 6;
@@ -100,7 +100,8 @@ fn errors() {
     let theirs = DMatrix::from_row_slice(n, n, &a).singular_values().min();
     let error = |x: f64, want: f64| (x / want - 1.0).abs();
     println!("| singular values of D Q | {:.1e} | {:.1e} |", error(svd.s()[n - 1], scale[n - 1]), error(theirs, scale[n - 1]));
-    // If S is nearly the identity, the product of the eigenvalues of D S D is |D|^2 |S|. Here |S| = (1 - 0.1)^(n - 1) (1 + 0.1 (n - 1)).
+    // The product of the eigenvalues of D S D is its determinant |D|^2 |S|. S has ones on its diagonal and 0.1 elsewhere, so that |S| = (1
+    // - 0.1)^(n - 1) (1 + 0.1 (n - 1)).
     for (name, order) in [("falling", [0, 1, 2, 3, 4, 5]), ("rising", [5, 4, 3, 2, 1, 0]), ("mixed", [3, 0, 5, 1, 4, 2])] {
         let root = |i: usize| scale[order[i]].sqrt();
         let s: Vec<f64> = (0..n * n).map(|at| if at / n == at % n { 1.0 } else { 0.1 } * root(at / n) * root(at % n)).collect();

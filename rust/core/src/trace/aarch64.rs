@@ -4,8 +4,8 @@
 //!
 //! An instruction is a word of 32 bits: a pattern and three register numbers. Register `d` is in bits 0 to 4, `n` in bits 5 to 9, and `m`
 //! in bits 16 to 20. Only loads and stores access memory, so that an operand in memory is first loaded into a scratch register. Register x0
-//! points to the frame, x1 to the constants, and x2 to the stream. Register x3 has the number of remaining iterations. In scalar code, the
-//! bits of a register beyond the first number are undefined.
+//! points to the frame (the memory of the program), x1 to the constants, and x2 to the stream. Register x3 has the number of remaining
+//! iterations. In scalar code, the bits of a register beyond the first number are undefined.
 
 use super::instruction::{Assemble, Base, Binary, Convention, Form, Order, Product, Set, Source};
 
@@ -269,8 +269,8 @@ impl Assembler {
             self.word(access.unscaled | (offset as u32 & 0x1FF) << 12, register, base, 0);
         } else {
             let [low, high] = [offset as u32 & 0xFFFF, offset as u32 >> 16];
-            // movz sets the low half of the register and clears the rest. movn sets the low half and fills the rest with ones. movk sets
-            // only the next half.
+            // movz sets the low 16 bits of the register and clears the rest. movn sets the low 16 bits and fills the rest with ones. movk
+            // sets only bits 16 to 31.
             let (start, rest) = if offset < 0 { (0x9280_0000 | (!low & 0xFFFF) << 5, 0xFFFF) } else { (0xD280_0000 | low << 5, 0) };
             self.word(start, OFFSET, 0, 0);
             if high != rest {

@@ -218,7 +218,8 @@ fn assembled(form: Form, fill: impl FnOnce(&mut Assembler)) -> Vec<u8> {
     code.finish()
 }
 
-/// Return the text and the bytes of all operations, of the prologue and epilogue, and of the return instruction.
+/// Return the text and the bytes of all operations, of the end of an iteration, of the prologue and epilogue, and of the return
+/// instruction.
 fn encoded() -> (Vec<String>, Vec<u8>) {
     let (mut lines, mut bytes) = (Vec::new(), Vec::new());
     for form in forms() {

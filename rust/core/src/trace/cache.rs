@@ -6,8 +6,8 @@ use std::sync::{Mutex, MutexGuard, PoisonError, TryLockError};
 /// The maximum number of stored entries of each kind.
 pub const KEPT: usize = 64;
 
-/// Return the content of a lock, or `None` if another thread holds the lock. The function never waits. In a forked process it could wait
-/// for ever, if another thread of the parent process held the lock during the fork.
+/// Return the content of a lock, or `None` if another thread holds the lock. The function never waits. A waiting function could wait for
+/// ever in a forked process, if another thread of the parent process held the lock during the fork.
 pub fn free<T>(mutex: &Mutex<T>) -> Option<MutexGuard<'_, T>> {
     match mutex.try_lock() {
         Ok(guard) => Some(guard),
@@ -30,7 +30,7 @@ impl<T: Clone> Cache<T> {
         Cache(Mutex::new(VecDeque::new()))
     }
 
-    /// Return the matching entry, if one exists.
+    /// Return the matching entry; `None` if there is none, or if another thread holds the lock.
     pub fn find(&self, is: impl Fn(&T) -> bool) -> Option<T> {
         let mut entries = free(&self.0)?;
         let at = entries.iter().position(is)?;

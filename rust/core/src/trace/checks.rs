@@ -169,7 +169,7 @@ impl Machine {
                 let merge = |mask: u64, yes: f64, no: f64| f64::from_bits(mask & yes.to_bits() | !mask & no.to_bits());
                 (dst, std::array::from_fn(|lane| merge(bits(mask[lane]), yes[lane], no[lane])))
             }
-            // In all forms, only the sign bit of a mask is defined.
+            // In forms that do not select bits, only the sign bit of a mask is defined.
             Operation::SignMask(dst, a) if self.form.selects_bits() => {
                 (dst, register(a).map(|a| f64::from_bits((a.to_bits() as i64 >> 63) as u64)))
             }

@@ -1,8 +1,9 @@
 //! Derivatives of a recorded computation along one direction (forward mode, Griewank and Walther 2008, section 3.1).
 //!
-//! For `y = f(x)` and a direction `x_dot` of the inputs, the tangent is `y_dot = f'(x) x_dot`. Its operations follow the operations of `y`.
-//! An *entry* is one recorded operation. An entry that does not depend on a varying input has the derivative zero, and folding removes all
-//! operations on this zero. At a corner (such as `|x|` at zero), the result is the derivative of the selected branch, as in `scalar::Dual`.
+//! For `y = f(x)` with the Jacobian `J = dy/dx`, and a direction `x_dot` of the inputs, the tangent is `y_dot = J x_dot`. Its operations
+//! follow the operations of `y`. An *entry* is one recorded operation. An entry that does not depend on a varying input has the derivative
+//! zero, and folding removes all operations on this zero. At a corner (such as `|x|` at zero), the result is the derivative of the selected
+//! branch, as in `scalar::Dual`.
 
 use super::tape::{Op, Tape};
 

@@ -1,8 +1,8 @@
 //! Machine code from a straight-line program. If all registers are used, the value with the furthest next read leaves its register (Belady
 //! 1966).
 //!
-//! This value is then stored in a slot of the frame, after the slots of the program. An instruction reads inputs and constants directly
-//! from memory if it can, and if the value is not read again soon.
+//! This value is then stored in a slot of the frame (the memory of the program), unless it is already in memory. New slots follow the slots
+//! of the program. An instruction reads a value directly from memory if it can, and if the value is not read again soon.
 
 use super::instruction::{Assemble, Base, Binary, Convention, Form, Order, Product, Set, Source};
 use super::lifetimes::{Lifetimes, NEVER};

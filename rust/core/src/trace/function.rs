@@ -1,7 +1,8 @@
-//! Recorded functions of numbers. The program of a function is made once per structure and stored for later recordings.
+//! Recorded functions of numbers. The program of a function is made once for all recordings with equal operations.
 //!
-//! A *set-up parameter* is a number that is constant in a run. A frame has these slots in order: the set-up parameters, the inputs, the
-//! largest angle of the run, and the results. The program rounds like direct evaluation, so that both give the same bits.
+//! A *set-up parameter* is a number that is constant in a run. A *frame* is the memory of a program. It has these slots in order: the
+//! set-up parameters, the inputs, the largest magnitude of an angle, and the results. The program rounds like direct evaluation, so that
+//! both give the same bits.
 
 use super::cache::Cache;
 use super::frame::Frame;
@@ -17,7 +18,7 @@ use std::sync::Arc;
 /// The number of calls for one configuration after which the program of a function is made.
 pub const CALLS: usize = 16;
 
-/// The maximum sum of the operations of all stored functions.
+/// The maximum sum of the recorded entries of all stored functions.
 const KEPT_OPERATIONS: usize = 1 << 20;
 
 /// A function, shared by all recordings of the same structure.
@@ -67,7 +68,8 @@ pub struct Recorded {
     pub answer: Vec<u32>,
 }
 
-/// Record `answer` as a function of the set-up parameters and of `inputs` inputs. The result is `None` if the code branches on data.
+/// Record `answer` as a function of the set-up parameters and of `inputs` inputs. The result is `None` if the code reads a number that is
+/// not a constant.
 pub fn recorded<T>(inputs: usize, set_up: impl FnOnce() -> T, answer: impl FnOnce(T, &[Sym]) -> Vec<Sym>) -> Option<Recorded> {
     sym::begin();
     let made = set_up();

@@ -23,8 +23,8 @@ impl Cases {
         self.len
     }
 
-    /// Add a case: a function, its memory, its stream with `turns` iterations, and the expected numbers at the start of the frame. Bits
-    /// must be equal, but all NaN are equal.
+    /// Add a case: a function, its memory, its stream with `turns` iterations, and the expected numbers at the start of its memory
+    /// (`frame`). Bits must be equal, but all NaN are equal.
     pub fn add(&mut self, code: &[u8], frame: &[f64], constants: &[f64], (stream, turns): (&[f64], usize), expected: &[f64]) {
         assert!(code.len().is_multiple_of(4) && expected.len() <= frame.len());
         let i = self.len;

@@ -1,4 +1,4 @@
-//! Names of set-up parameters. A label is the name of a scope and an index in this scope.
+//! Names of set-up parameters (`sym`). A label is the name of a scope and an index in this scope.
 
 /// A name with an index. A parameter without a label has an empty name. A label without an index has index 0.
 pub type Label = (&'static str, u32);

@@ -13,7 +13,7 @@
 //! - iOS;
 //! - unwinding and debugging through the code, which has no unwind tables.
 //!
-//! No test compiles the code for Apple silicon and for Windows on aarch64.
+//! `make test` does not compile the code for Apple silicon and for Windows on aarch64.
 //!
 //! On aarch64, the instruction cache is not updated by writes. It is flushed before the first run.
 

@@ -1,4 +1,5 @@
-//! A program without machine code: a loop over its instructions. Each instruction computes all lanes of the frame.
+//! A program without machine code: a loop over its instructions. Each instruction computes all lanes of the frame, which is the memory of
+//! the program.
 //!
 //! The results have the same bits as the emitted code of the same instruction set. Tests compare both results. The portable program runs
 //! where the system refuses executable memory. Computed values are in slots after the slots of the program. After the last read of a value,

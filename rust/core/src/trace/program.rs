@@ -1,4 +1,4 @@
-//! A program: a recorded computation that runs on frames.
+//! A program: a recorded computation that runs on frames. A frame is the memory of a running program.
 //!
 //! It is machine code if the system allows executable memory. Otherwise it is evaluated instruction by instruction, with the same bits. The
 //! environment variable `ARMLET_PROGRAMS=portable` selects this evaluation.
@@ -62,7 +62,7 @@ pub fn form(packed: bool) -> Form {
 /// The slots of a frame that a program may use in addition to inputs and outputs.
 #[derive(Clone, Copy)]
 pub struct Scratch {
-    /// The slot that receives the largest magnitude of the angles of all runs.
+    /// The slot with the largest magnitude of all angles since the caller last cleared this slot.
     pub reach: u32,
     /// The first free slot.
     pub free: usize,

@@ -1,6 +1,6 @@
 //! A recording divided into segments. If a part of a long computation repeats, the segments before and after it become separate programs.
 //!
-//! A value that a later segment reads is stored in a slot of the frame.
+//! A value that a later segment reads is stored in a slot of the frame, which is the memory of the program.
 
 use super::straight::{Part, SlotTable};
 use super::tape::Op;
@@ -9,8 +9,8 @@ use super::tape::Op;
 pub struct Cut {
     /// The number of entries before the end of the segment.
     pub end: u32,
-    /// The values that later segments read, as pairs `(slot, entry)`: the slot that stores the value, and the index of its recorded
-    /// operation.
+    /// The outputs of the segment, as pairs `(slot, entry)`: the slot that stores the value, and the index of its recorded operation.
+    /// `join` adds the values that later segments read.
     pub outputs: Vec<(u32, u32)>,
 }
 

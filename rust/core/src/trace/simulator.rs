@@ -1,8 +1,9 @@
 //! An interpreter of the x86-64 instructions that the encoder emits. Its results have the bits of a processor.
 //!
-//! It runs AVX-512 code on processors without AVX-512. It follows the convention of programs: frame in rdi, constants in rsi, stream in
-//! rdx, iterations in rcx, return at the end. It accesses no other memory, and panics on any other instruction. The result of an operation
-//! on NaN follows Intel's manual, volume 1, section 4.8.3.5: the first operand that is NaN, made quiet.
+//! It runs AVX-512 code on processors without AVX-512. It follows the convention of programs. Register rdi points to the frame (the memory
+//! of the program), rsi to the constants, and rdx to the stream. The number of iterations is in rcx. It accesses no other memory, and
+//! panics on any other instruction. The result of an operation on NaN follows Intel's manual, volume 1, section 4.8.3.5: the first operand
+//! that is NaN, made quiet.
 
 use super::instruction::Base;
 use iced_x86::{Decoder, DecoderOptions, Instruction, Mnemonic, OpKind, Register};
@@ -24,9 +25,8 @@ struct Machine<'a> {
 
 /// Run the machine code of a program until it returns.
 ///
-/// # Panics
-/// Panics on an instruction that the encoder does not emit, and at the end of code without a return. Also panics on a slot that is not
-/// aligned, or that is outside of the frame and the constants.
+/// # Panics Panics on an instruction that the encoder does not emit, and at the end of code without a return. Also panics on a slot that is
+/// not aligned, or that is outside of frame, constants and stream.
 pub fn simulate(code: &[u8], frame: &mut [f64], constants: &[f64], stream: &[f64], turns: usize) {
     // At the start, registers have arbitrary contents.
     let registers = std::array::from_fn(|r| [0x7FF4_DEAD_0000_0000 + r as u64; LANES]);
@@ -157,7 +157,7 @@ impl Machine<'_> {
     }
 
     /// Write the result to a register. Legacy code preserves the rest of the register, and AVX code clears the part beyond its width. A
-    /// scalar instruction copies the second number from its first operand, except that a load clears it.
+    /// scalar instruction copies the second number from its first source operand, except that a load clears it.
     fn write(&mut self, i: &Instruction, to: Register, vex: bool, scalar: bool, lanes: usize, value: Lanes) {
         let second = self.registers[number(if vex && i.op_count() > 2 { i.op_register(1) } else { to })][1];
         let register = &mut self.registers[number(to)];

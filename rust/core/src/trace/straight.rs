@@ -94,14 +94,15 @@ pub struct Straight {
     pub instructions: Vec<Instruction>,
     /// The results: `(slot, index of the value)`.
     pub outputs: Vec<(u32, u32)>,
-    /// The slot of the largest magnitude of all angles whose sine is computed. If this magnitude exceeds
+    /// The slot of the largest magnitude of all angles whose sine is computed. If this magnitude reaches
     /// [`REDUCTION_LIMIT`](crate::scalar::trig::REDUCTION_LIMIT), the results are not valid.
     pub reach: Option<u32>,
     /// The inputs that change in every iteration, for a program that repeats.
     pub stream: Option<Stream>,
 }
 
-/// A stream: inputs in an array outside of the frame. In each iteration, the position in this array advances by `advance` slots.
+/// A stream: inputs in an array outside of the frame (the memory of the program). In each iteration, the position in this array advances by
+/// `advance` slots.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Stream {
     /// The index of the first input of the stream.

@@ -1,11 +1,11 @@
 //! The number type for recording: an implementation of [`Real`] that records the operations on it.
 //!
 //! A recording has two phases. In the *set-up*, plants, laws and arms are built. Numbers that may differ between runs are *set-up
-//! parameters*: [`Real::from_lanes`] creates them, and they become inputs. The numbers 0, 1 and -1 are constants instead, and are folded.
-//! In the *evaluation*, [`input`] declares the inputs, and [`Real::splat`] creates constants.
+//! parameters*: [`Real::from_lanes`] and [`Real::parameter`] create them, and they become inputs. The numbers 0, 1 and -1 are constants
+//! instead, and are folded. In the *evaluation*, [`input`] declares the inputs, and [`Real::splat`] creates constants.
 //!
-//! `Sym` reports two lanes. Code for one lane may branch on its value, and is therefore not selected. If code nevertheless reads the value
-//! of a lane, the recording fails ([`Recording::failed`]).
+//! `Sym` reports two lanes. Code for one lane may branch on its value, and is therefore not selected. If code nevertheless reads a lane
+//! that is not a constant, the recording fails ([`Recording::failed`]).
 
 use super::label::Label;
 use super::tape::{Moving, Op, Tape};
@@ -34,7 +34,7 @@ pub struct Recording {
     pub labels: Vec<Label>,
     /// The entries of all set-up parameters. Two runs share a program if these entries and all data except numbers are equal.
     pub structure: Vec<u32>,
-    /// Whether the code read a value or branched on it. Then the recording is not valid.
+    /// Whether the code read a value that is not a constant, or gave two lanes different values. Then the recording is not valid.
     pub failed: bool,
 }
 

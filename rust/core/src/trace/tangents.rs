@@ -1,7 +1,8 @@
 //! A recorded computation with its derivatives along several directions (forward mode, Griewank and Walther 2008, section 3.1).
 //!
-//! For `y = f(x)` and directions `x_dot` of the inputs, the result is `y` and `f'(x) x_dot`. The derivatives of each operation follow the
-//! operation immediately. So its value need not be stored until the program computes them. All directions use the same values.
+//! For `y = f(x)` with the Jacobian `J = dy/dx`, and directions `x_dot` of the inputs, the result is `y` and `J x_dot`. The derivatives of
+//! each operation follow the operation immediately. So its value need not be stored until the program computes them. All directions use the
+//! same values.
 
 use super::differentiate::{needed, rate};
 use super::tape::{Op, Tape};
@@ -11,7 +12,8 @@ pub struct Tangents {
     pub ops: Vec<Op>,
     /// The entries of the outputs.
     pub values: Vec<u32>,
-    /// The entries of the derivatives: all outputs along the first direction, then all outputs along the next direction.
+    /// The entries of the derivatives of the first `moved` outputs: all of them along the first direction, then all along the next
+    /// direction.
     pub rates: Vec<u32>,
 }
 

@@ -1,7 +1,7 @@
 //! A tape is the list of recorded operations. It folds constants, zeros and ones, and equal operations share an entry.
 //!
 //! Folding does not change the value of a finite computation. It simplifies `0 x`, `1 x`, `x + 0`, `-(-x)` and `a + (-b)`, and never
-//! changes the order of a sum or product. A tape without folding records every operation of the source, for comparisons with it.
+//! regroups sums or products. A tape without folding records every operation, for comparisons with the folded tape.
 
 use super::label::Labels;
 use super::memo::Memo;
@@ -96,7 +96,8 @@ pub(super) struct Tape {
     pub values: Vec<f64>,
     /// The labels of the set-up parameters that became inputs.
     pub labels: Labels,
-    /// The entry of each set-up parameter. Recordings with different structures have different lists.
+    /// The entry of each set-up parameter; `fixed` adds its entry only if some parameter varies. Recordings with different structures have
+    /// different lists.
     pub structure: Vec<u32>,
     pub inputs: u32,
     pub set_up: bool,
@@ -109,7 +110,7 @@ pub(super) struct Tape {
 
 impl Tape {
     /// Return a tape with the constants 0, 1 and -1 as entries 0 to 2. A set-up parameter with such a value refers to these entries and not
-    /// to an input.
+    /// to an input, unless it varies.
     pub fn new() -> Self {
         Tape::that(true)
     }

@@ -70,7 +70,7 @@ pub fn forget_stream(stream: Option<Stream>, frame: &mut Frame) {
 pub fn random_program(random: &mut Random, inputs: usize, length: usize, back: usize, fused: bool) -> Straight {
     use Instruction::*;
     let mut instructions: Vec<Instruction> = (0..inputs as u32).map(Input).collect();
-    // The last two constants limit the results. Otherwise NaN would occur, and the sign and payload of a NaN may come from either operand.
+    // The constants 2 and -2 limit the results. Otherwise NaN would occur, and the sign and payload of a NaN may come from either operand.
     instructions.extend([1.5f64, -0.25, -0.0, 2.0, -2.0, 0.5].map(|x| Const(x.to_bits())));
     let (sign, most, least, half) = (inputs as u32 + 2, inputs as u32 + 3, inputs as u32 + 4, inputs as u32 + 5);
     // Masks and numbers are separate, because SSE2 requires masks whose bits are all set or all clear.

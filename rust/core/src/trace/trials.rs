@@ -1,4 +1,5 @@
-//! Tests of single operations. A trial has machine code, memory before the run, and memory after the run as plain Rust computes it.
+//! Tests of single operations. A trial has machine code, memory before the run, and memory after the run as plain Rust computes it. The
+//! frame is the memory that the code changes.
 
 use super::checks::{Machine, Operation, Random};
 use super::instruction::{Assemble, Base, Convention, Form, Set, Source};
@@ -50,7 +51,7 @@ pub fn between_files<A: Assemble>(form: Form, operations: &[Operation]) -> Vec<u
     code.finish()
 }
 
-/// Return `count` trials with random operations and numbers. Every kind of operation occurs.
+/// Return `count` trials with random operations and numbers. Every kind of operation of this form occurs.
 pub fn trials<A: Assemble>(form: Form, count: usize, seed: u64) -> impl Iterator<Item = Trial> {
     let mut random = Random(seed);
     let mut seen = [0; 9];

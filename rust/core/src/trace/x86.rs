@@ -3,7 +3,7 @@
 //!
 //! An instruction is a prefix, an opcode, a ModRM byte (`mode reg rm`) and, for memory, a displacement. The prefix has the upper bits of
 //! register numbers, and the first of three operands. The encoder selects the shortest of several encodings. Register rdi points to the
-//! frame, rsi to the constants, and rdx to the stream. Register rcx has the number of remaining iterations.
+//! frame (the memory of the program), rsi to the constants, and rdx to the stream. Register rcx has the number of remaining iterations.
 
 use super::opcode::{Map, Opcode, Operand, Prefix, opcode};
 

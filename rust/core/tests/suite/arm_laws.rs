@@ -156,7 +156,7 @@ fn recursions_agree() {
 }
 
 /// Return the central difference of `f` along `v`, with one extrapolation. Its error is `h^4` (1e-12 for h = 1e-3) and the rounding error
-/// `eps / h` (2e-13). Both are multiplied with the growth of fourth derivatives in long chains.
+/// `eps / h` (2e-13). Both are multiplied with the growth of higher derivatives in long chains.
 fn slope(f: &mut dyn FnMut(f64) -> Vec<f64>) -> Vec<f64> {
     let h = 1e-3;
     let at: Vec<Vec<f64>> = [-h, h, -2.0 * h, 2.0 * h].into_iter().map(f).collect();
@@ -236,7 +236,8 @@ fn jacobians_agree_with_differences() {
             });
             close("dJ/dt", &j_dot, &rate, DIFFERENCE, 1.0);
 
-            // The virtual power of a wrench determines the torque J' F, at the poses of the previous Jacobian.
+            // The virtual power of a wrench determines the torque J' F. `frame_pose` computes the poses at `q` again, because the
+            // differences changed them.
             let wrench: [f64; 6] = std::array::from_fn(|_| rng.unit());
             let want: Vec<f64> = (0..n).map(|k| 0.25 - 2.0 * (0..6).map(|r| j[r * n + k] * wrench[r]).sum::<f64>()).collect();
             let mut tau = vec![0.25; n];
@@ -305,7 +306,6 @@ fn derivatives_agree_with_differences() {
             (Quantity::ForwardDynamics, Quantity::ForwardDynamicsDerivatives),
         ] {
             let mut evaluator = Evaluator::new(&arm);
-            // Coulomb friction jumps at zero velocity. All velocities here are far from zero.
             let with = |quantity: Quantity| Query { friction: true, ..quantity.into() };
             let blocks = slopes_shape(slopes, n);
             let mut got = vec![f64::NAN; blocks * n * n];
@@ -322,7 +322,8 @@ fn derivatives_agree_with_differences() {
                     });
                     let scale = if block == 1 { v[j].abs().min(1.0) } else { 1.0 };
                     let column: Vec<f64> = (0..n).map(|i| scale * got[(block * n + i) * n + j]).collect();
-                    // For forward dynamics, the tolerance is relative to the accelerations, which are large if the last link is light.
+                    // The tolerance is relative to the largest derivative. Derivatives of accelerations are large if the last link is
+                    // light.
                     close(&format!("{slopes:?} {block} by {j}"), &column, &rate, 10.0 * DIFFERENCE, largest(&column).max(1.0));
                 }
             }

@@ -1,5 +1,5 @@
-//! Tests of elastic joints against `oracle_ex3_elastic_public.json` with 25 digits. They compare outputs of laws, trajectories of every
-//! method, equilibria and limits.
+//! Tests of elastic joints against `oracle_ex3_elastic_public.json` with 25 digits. They compare outputs of laws, trajectories of four
+//! methods, equilibria and limits.
 
 use crate::arm_common::{numbers, vectors};
 use armlet_core::analysis::elastic_limits::{smallest_reduced_inertia, stiffness_limit, stiffness_scale};
@@ -89,7 +89,7 @@ fn trajectories() {
         let t_end = *times.last().unwrap();
         let samples = case["expected"]["samples"].as_array().unwrap();
         let names = ["q", "qd", "theta", "thetad"];
-        // RK4 has steps of 0.1 ms, for modes up to 300/s. The stiff method has the tolerance 1e-11.
+        // RK4 has steps of 0.1 ms, for modes up to 300/s. The other methods have the tolerance 1e-11.
         for (method, monitors) in [
             (Method::Rk4, true),
             (Method::Rk4, false),

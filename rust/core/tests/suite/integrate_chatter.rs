@@ -53,7 +53,7 @@ impl Problem for Noisy {
     }
 }
 
-/// A triangular wave. The slope jumps 64 times, and the solution continues after each jump.
+/// A triangular wave. The slope jumps 63 times, and the solution continues after each jump.
 struct Wave;
 impl Problem for Wave {
     const N: usize = 2;

@@ -88,7 +88,8 @@ fn steps_allocate_nothing() {
     let impedance = CartesianImpedanceSpec::new(two.clone(), target, gain(2, 200.0), gain(2, 30.0), &frame, "xy").unwrap();
     let impedance = LawSpec::CartesianImpedance(impedance);
     let push = Force::steps(vec![0.01], vec![[5.0, 0.0, 0.0, 0.0, 0.0, 0.0]]).unwrap();
-    // The solver uses both its regular and its singular algorithm, because the target of the second level is at a singularity of the arm.
+    // The solver uses both its regular and its singular algorithm, because the target of the second level is unreachable and leads the arm
+    // to a singularity.
     let arm = six.tree("arm").unwrap();
     let names: Vec<&str> = arm.frame_names().collect();
     let level = |function: TaskFunction, target: Vec<f64>| {

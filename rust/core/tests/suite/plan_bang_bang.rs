@@ -157,7 +157,7 @@ fn zero_moves_and_asymmetric_bounds() {
     let falling = bang_bang_time(half, half, 1.0, 1.5, -1.0, 1.0).unwrap();
     assert!(!falling.feasible && falling.t_min.is_nan());
     assert_eq!(falling.reason(), Reason::CannotHold { limit: Limit::TauMax, theta: half, missing: 0.5 });
-    // The smallest representable motions on both sides of zero.
+    // The smallest representable motions in both directions.
     for end in [f64::from_bits(half.to_bits() + 1), f64::from_bits(half.to_bits() - 1)] {
         let tiny = bang_bang_time(half, end, 1.0, 0.5, -1.0, 1.0).unwrap();
         assert!(tiny.feasible && near(tiny.t_min, 2.0 * ((end - half).abs() / 0.5).sqrt(), 1e-12), "{tiny:?}");

@@ -158,8 +158,8 @@ fn swings_with_viscous_friction_arrive_at_rest() {
 
 #[test]
 fn friction_that_settles_leaves_the_slow_motion() {
-    // With large friction, v = N/d up to I|G|/d^2, where N is the net torque. So the time is T = d int dx/N (computed with Simpson's rule),
-    // plus some time constants at the ends.
+    // With large friction, v = N/d up to a relative error I|G|/d^2, where N is the net torque. So the time is T = d int dx/N (computed with
+    // Simpson's rule), plus some time constants at the ends.
     let (mut random, mut settled) = (Random::new(131), 0);
     for _ in 0..300 {
         let p = Problem::nominal(&mut random);

@@ -27,7 +27,7 @@ fn straight_line() {
     assert!((p.motion.duration() - 1.0).abs() < 1e-12);
 }
 
-/// At a reversal of the path, q' = 0, so that no speed limit restricts the path speed.
+/// At a reversal of the path, `dq/ds = 0`, so that no speed limit restricts the path speed.
 #[test]
 fn turning_back_with_much_torque() {
     let q = [0.3171705300029175, 1.1445280548279282, 0.24228325436612685, -0.5987319715652603, 0.2792056757544894];

@@ -61,7 +61,7 @@ fn a_swing_can_win_and_can_make_feasible() {
     // This case has a known result: the motion from pi/2 to 3 rad with tau_max = 1.02 G.
     let o = torque_optimal_time(FRAC_PI_2, 3.0, 1.0, 1.0, -1.02, 1.02).unwrap();
     assert!((o.t - 8.419).abs() < 5e-4 && (o.best.t - 5.702).abs() < 5e-4 && o.best.kind == Family::BackSwing, "{o:?}");
-    // The same motion reversed in time moves from pi - 3 beyond the goal and back.
+    // The same motion, mirrored and reversed in time, first passes the goal and then returns.
     let o = torque_optimal_time(-3.0, -FRAC_PI_2, 1.0, 1.0, -1.02, 1.02).unwrap();
     assert!((o.best.t - 5.702).abs() < 5e-4 && o.best.kind == Family::Overshoot, "{o:?}");
     // The torque is too weak to leave the horizontal directly. Only a swing is feasible.
@@ -287,7 +287,8 @@ fn small_arguments_and_refusals() {
         let o = torque_optimal_time(0.0, d, 2.0, 0.7, -1.0, 3.0).unwrap();
         assert!(near(o.t, (2.0 * 2.0 * d * 4.0 / 3.0f64).sqrt(), 1e-7), "{d}: {}", o.t);
     }
-    // The quadrature changes its method at the length 2 pi. The test compares both sides of this length.
+    // The quadrature changes its formula at a phase length of pi. At the distance 2 pi, both phases have this length. The test compares
+    // both sides.
     let f = |d: f64| torque_optimal_time(-0.3, -0.3 + d, 1.0, 0.4, -1.0, 1.0).unwrap().t;
     assert!(near(f(2.0 * PI - 1e-9), f(2.0 * PI + 1e-9), 1e-8) && near(f(6.1), 0.5 * (f(6.1 - 1e-4) + f(6.1 + 1e-4)), 1e-8));
     for (name, bad) in [

@@ -1,4 +1,4 @@
-//! Tests of decompositions: Penrose conditions, orthonormality and relative accuracy. They must terminate for every input.
+//! Tests of decompositions: Penrose conditions, orthonormality and relative accuracy. The decompositions must terminate for every input.
 
 use crate::priority_support::{Random, apart, norm, product};
 use armlet_core::error::Error;

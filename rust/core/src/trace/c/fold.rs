@@ -1,5 +1,5 @@
-//! Constant folding for C code. Operations on known set-up parameters are computed before the routine is written, with the rounding of the
-//! program.
+//! Constant folding for C code. Operations on known set-up parameters, except sine and cosine, are computed before the routine is written,
+//! with the rounding of the program.
 
 use super::super::tape::Op;
 

@@ -10,7 +10,7 @@ use crate::scalar::trig::REDUCTION_LIMIT;
 use std::collections::HashMap;
 use std::fmt::Write;
 
-/// The number of statements in one function. The compile time per statement grows with the length of a function.
+/// The largest number of statements in one function. The compile time per statement grows with the length of a function.
 const LENGTH: usize = 2000;
 
 const NONE: usize = usize::MAX;
@@ -39,7 +39,7 @@ pub struct Printed {
     pub statements: usize,
 }
 
-/// One statement. A call of the sine function computes two entries.
+/// One statement. A call of the sine function computes one or two entries.
 struct Statement {
     makes: Vec<u32>,
     reads: Vec<u32>,

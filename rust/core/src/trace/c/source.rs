@@ -46,7 +46,7 @@ impl COptions {
         COptions { prefix: prefix.into(), fused: crate::scalar::fuses() }
     }
 
-    /// Refuse a prefix that is not an identifier of C, or not allowed as the name of a CMake target.
+    /// Check the prefix. Errors: `Input` if it is too long, not an identifier of C, reserved, or not allowed as the name of a CMake target.
     pub fn validate(&self) -> Result<()> {
         let prefix = self.prefix.as_str();
         if is_identifier(prefix) && prefix.len() <= LONGEST_PREFIX && !RESERVED_WORDS.contains(&format!(" {prefix} ")) {
@@ -69,7 +69,7 @@ fn is_identifier(name: &str) -> bool {
     name.starts_with(|c: char| c.is_ascii_alphabetic()) && name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_')
 }
 
-/// Refuse names of functions that are not identifiers of C, that are repeated, or that every source file defines.
+/// Check names of functions. Errors: `Input` if a name is not an identifier of C, is repeated, or is one that every source file defines.
 pub fn require_names<'a>(argument: &str, names: impl Iterator<Item = &'a str>) -> Result<()> {
     let mut known = HashSet::new();
     for (i, name) in names.enumerate() {
@@ -109,7 +109,7 @@ pub struct CSource {
 }
 
 impl CSource {
-    /// Start with empty files.
+    /// Start with empty files. Errors: as for [`COptions::validate`].
     pub fn new(options: &COptions) -> Result<Self> {
         options.validate()?;
         let upper = options.prefix.to_ascii_uppercase();
@@ -159,7 +159,7 @@ impl CSource {
         (calls.into_iter().map(|call| format!("    sound &= {call};\n")).collect(), slots)
     }
 
-    /// Return the files. Their comments begin with `about`.
+    /// Return the files. The first comment of the header contains the text `about`.
     pub fn files(self, about: &str) -> Vec<CFile> {
         let CSource { options, upper, declarations, body, statements } = self;
         let COptions { prefix, fused } = options;

@@ -1,4 +1,4 @@
-//! Problems with known solutions, generic over the number type, and a common interface to every method.
+//! Problems, most of them with known solutions, generic over the number type, and a common interface to the methods.
 
 use armlet_core::integrate::*;
 use armlet_core::scalar::{Array8, Dual8, Real};
@@ -100,7 +100,7 @@ pub fn distance(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum::<f64>().sqrt()
 }
 
-/// A point on a circle with varying speed: not linear in time, and not autonomous.
+/// A point on a circle with varying speed. Its rate depends on time, and not linearly.
 pub struct Circle;
 impl Problem for Circle {
     const N: usize = 2;
@@ -120,7 +120,7 @@ impl Exact for Circle {
     }
 }
 
-/// `x0 = 1 / (2 - t/2)` has a rate that is proportional to its square. `x1 = exp(sin t)` depends on `x0`.
+/// `x0 = 1 / (2 - t/2)` has a rate that is proportional to its square. The rate of `x1 = exp(sin t)` is computed from `x0` too.
 pub struct Riccati;
 impl Problem for Riccati {
     const N: usize = 2;

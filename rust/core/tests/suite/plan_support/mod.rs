@@ -88,8 +88,8 @@ impl Problem {
         Problem { theta0, thetaf, inertia: r.log(0.1, 10.0), gravity: r.range(-0.5, 2.0), tau_min, tau_max }
     }
 
-    /// Return problem `k`. The strata alternate: nominal, tiny motions 1e-16..1e-6, limits 1e-3..1e8 with gravity of similar size, special
-    /// angles.
+    /// Return problem `k`. The strata alternate: nominal; end angles within 1e-16..1e-6 rad of the start or of zero; torques scaled by
+    /// 1e-3..1e8; angles at multiples of pi/2.
     pub fn stratum(r: &mut Random, k: usize) -> Self {
         let mut p = Problem::nominal(r);
         match k % 4 {

@@ -19,7 +19,7 @@ pub fn planar_jacobian(lengths: &[f64], q: &[f64], tip: usize) -> Vec<f64> {
     j
 }
 
-/// A multiplicative random generator of the form of L'Ecuyer 1988 with 64 bits (Knuth's MMIX constants). The output is its high bits.
+/// A linear congruential random generator with 64 bits (Knuth's MMIX constants). The output is its high bits.
 pub struct Random(u64);
 
 impl Random {
