@@ -82,7 +82,7 @@ impl Drop for Restore {
     }
 }
 
-/// Run `work`. It stops at its next call of `look` after a request from `watch`.
+/// Run `work`. It stops at its next call of `look` after a request from `watch`. Errors: `Interrupted` if it stopped.
 pub fn interruptible<R>(watch: Watch, work: impl FnOnce() -> R) -> Result<R, Interrupted> {
     let restore = Restore(WATCHED.replace(Some(Watched { watch, next: Instant::now() + SLICE })));
     let result = catch_unwind(AssertUnwindSafe(work));

@@ -1,4 +1,5 @@
-//! Allocation of memory whose size the caller decides. If memory is insufficient, the result is an error, and the process continues.
+//! Allocation of memory whose size the caller decides. If memory is insufficient, the result is the error
+//! `Memory`, and the process continues.
 
 use crate::error::{Error, Result};
 use crate::interrupt::look;
@@ -8,7 +9,7 @@ pub const PIECE: usize = 1 << 14;
 /// The number of elements between two checks, for elements that own memory.
 const SMALL_PIECE: usize = 1 << 10;
 
-/// Return an empty vector with the capacity `n`. Errors, as of all functions of this file that can fail: `Memory`.
+/// Return an empty vector with the capacity `n`.
 pub fn reserved<T>(n: usize) -> Result<Vec<T>> {
     let mut out = Vec::new();
     more(&mut out, n)?;
@@ -91,7 +92,7 @@ pub fn zeros(n: usize) -> Result<Vec<f64>> {
     filled(n, 0.0)
 }
 
-/// Return `n` zeros. For large `n`, the system provides each page of memory when it is first used.
+/// Return `n` default values, zeros for numbers. For large `n`, the system provides each page of memory when it is first used.
 pub fn untouched<T: Clone + Default>(n: usize) -> Result<Vec<T>> {
     reserved::<T>(n)?;
     Ok(vec![T::default(); n])
@@ -124,7 +125,7 @@ pub fn ensure<T>(out: &mut Vec<T>, n: usize) -> Result<()> {
     if out.capacity() - out.len() < n { more(out, n) } else { Ok(()) }
 }
 
-/// Append `values`. The capacity grows by half, because many such vectors grow record by record.
+/// Append `values`. If the capacity is too small, it grows by at least half, because many such vectors grow record by record.
 pub fn append<T: Copy>(out: &mut Vec<T>, values: &[T]) -> Result<()> {
     if out.capacity() - out.len() < values.len() {
         more(out, values.len().max(out.len() / 2))?;
@@ -133,8 +134,7 @@ pub fn append<T: Copy>(out: &mut Vec<T>, values: &[T]) -> Result<()> {
     Ok(())
 }
 
-/// Refuse a size, in bytes, that cannot be allocated now. For structures with many small parts, `bytes` estimates their sum. Errors:
-/// `Memory`.
+/// Refuse a size, in bytes, that cannot be allocated now. For structures with many small parts, `bytes` estimates their sum.
 pub fn require(bytes: usize) -> Result<()> {
     reserved::<u8>(bytes).map(drop)
 }

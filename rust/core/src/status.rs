@@ -15,7 +15,7 @@ pub enum Status {
     /// The run reached its end, or the solver found a result.
     #[default]
     Success = 0,
-    /// The state, its derivative or a monitor is no longer finite, or the state exceeded the limit that the caller set.
+    /// The state, its derivative, a monitor or a result is not finite, or the state exceeded the limit that the caller set.
     Diverged = 1,
     /// The adaptive step size decreased below the resolution of time.
     StepUnderflow = 2,
@@ -25,11 +25,12 @@ pub enum Status {
     Interrupted = 4,
     /// An event ended the run.
     Event = 5,
-    /// The result has a residual: a direction is lost, or a task is scaled.
+    /// The result has a residual: a direction is lost, a task is scaled, or a lower task is not reached.
     Degraded = 6,
-    /// No solution exists: the constraints contradict each other.
+    /// No solution was found, for example because the constraints contradict each other.
     Infeasible = 7,
-    /// The adaptive step size became so small that the run would exceed the maximum number of steps.
+    /// The adaptive step size became so small that the run would exceed the maximum number of steps. Or the run chattered along a jump
+    /// of its derivative.
     Stalled = 8,
     /// The tolerances are below the rounding error of an implicit method's error estimate.
     ExcessAccuracy = 9,

@@ -109,7 +109,7 @@ pub struct ElasticLimits {
     pub reduced_inertia_min: Vec<f64>,
     /// For each joint: the stiffness limit with the other joints held, N m/rad.
     pub stiffness_max: Vec<f64>,
-    /// For each joint: the stiffness `(J' K_m J)_ii` of the law, N m/rad, which `stiffness_max` bounds.
+    /// For each joint: the stiffness of the law, N m/rad, which `stiffness_max` bounds: `(J' K_m J)_ii`, or `kp_ii` for a PD law.
     pub stiffness: Vec<f64>,
     /// The largest factor of the law's stiffness with a stable loop at this equilibrium.
     pub stiffness_scale_max: f64,

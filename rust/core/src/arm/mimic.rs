@@ -166,7 +166,7 @@ impl Arm {
     }
 
     /// Whether `mimics` are valid: sorted, finite, and with existing joints whose leaders are not followers. An arm with mimic joints has
-    /// at most [`MOST_BODIES`] joints.
+    /// at most 256 joints.
     pub fn mimics_are_sound(&self) -> bool {
         let mut follows = vec![false; self.joints.len()];
         for mimic in &self.mimics {

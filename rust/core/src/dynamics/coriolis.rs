@@ -20,7 +20,7 @@ use crate::memory::set;
 use crate::scalar::Real;
 use crate::spatial::{Inertia, Matrix, Matrix3, Vector, Vector3};
 
-/// The cross product of `w` with each column of a symmetric matrix.
+/// The cross product of `w` with each column of a matrix.
 fn cross_columns<S: Real>(w: Vector3<S>, m: Matrix3<S>) -> Matrix3<S> {
     Matrix3::from_columns(&[w.cross(m.axis(0)), w.cross(m.axis(1)), w.cross(m.axis(2))])
 }

@@ -1,4 +1,4 @@
-//! Test whether the mass matrix of a model is positive definite. Only for arms with mimic joints is the matrix computed.
+//! Test whether the mass matrix of a model is positive definite. The matrix is computed only for arms with mimic joints.
 //!
 //! `M = (1 + K) D (1 + K)'`, where `K` is strictly triangular, and `D` is diagonal with `D_i = S_i' IA_i S_i + armature_i` (Jain 2011,
 //! section 7.5). `IA_i` is an articulated inertia. So `M > 0` if all `D_i > 0`. The cost is linear in the number of joints. Rounding errors

@@ -10,8 +10,8 @@ use nalgebra::{DMatrix, DVector, Isometry3, Matrix3, Rotation3, Translation3, Un
 /// # On nalgebra's types
 ///
 /// `q`, `v`, `a` and `tau` are `(n,)`. A frame is an index (see [`crate::arm::Arm::frame_index`]). A wrong size is the error
-/// `WrongShape`. A number that is not finite is the error `Input`. A result that is not finite, because of a singular mass matrix or an
-/// overflow, is the error `Solve`.
+/// `WrongShape`. A number that is not finite or an index of no frame is the error `Input`. A result that is not finite, because of a
+/// singular mass matrix or an overflow, is the error `Solve`.
 ///
 /// ```
 /// use armlet_core::arm::Arm;

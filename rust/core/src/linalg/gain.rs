@@ -14,11 +14,13 @@ pub struct Gain {
 }
 
 impl Gain {
+    /// Return the gain `k I` of size `n`. Errors: `Input` if `k` is not positive and finite.
     pub fn scalar(argument: &str, n: usize, k: f64) -> Result<Self> {
         crate::error::positive(argument, k)?;
         Ok(Gain { n, values: vec![k; n] })
     }
 
+    /// Return the gain `diag(values)`. Errors: `Input` if a number is not positive and finite.
     pub fn diagonal(argument: &str, values: Vec<f64>) -> Result<Self> {
         finite(argument, &values)?;
         if let Some(i) = values.iter().position(|&k| k <= 0.0) {

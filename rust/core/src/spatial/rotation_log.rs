@@ -17,13 +17,13 @@ pub fn rotation_log<S: Real>(r: &Matrix3<S>) -> Vector3<S> {
     let at = |row: usize, column: usize| r[(row, column)];
     let one = S::splat(1.0);
     let (x, y, z) = (at(0, 0), at(1, 1), at(2, 2));
-    // Four times the squares of w, x, y, z. The largest is at least 1.
+    // Four times the squares of the four components of the quaternion. The largest is at least 1.
     let squares = [one + x + y + z, one + x - y - z, one - x + y - z, one - x - y + z];
     let differences = [at(2, 1) - at(1, 2), at(0, 2) - at(2, 0), at(1, 0) - at(0, 1)];
     let sums = [at(0, 1) + at(1, 0), at(0, 2) + at(2, 0), at(1, 2) + at(2, 1)];
     let [dx, dy, dz] = differences;
     let [xy, xz, yz] = sums;
-    // Candidate k is (w, x, y, z), multiplied with twice the square root of squares[k].
+    // Candidate k is the quaternion, multiplied with twice the square root of squares[k].
     let candidates = [[squares[0], dx, dy, dz], [dx, squares[1], xy, xz], [dy, xy, squares[2], yz], [dz, xz, yz, squares[3]]];
     let (mut best, mut quaternion) = (squares[0], candidates[0]);
     for k in 1..4 {

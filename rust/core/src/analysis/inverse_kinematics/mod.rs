@@ -3,10 +3,10 @@
 //!
 //! A step is `q <- clip(q + s dq)`, where `s <= 1` limits the motion of every joint. First, `dq` is a damped least-squares step for all
 //! tasks together. If such steps do not reach several tasks, `dq` solves `J_i dq = e_i` in priority, by a map that is bounded at
-//! singularities. If they do not reach a single task, the last steps are of this kind too. The option `method` or `eps` selects these steps
-//! from the start. A joint at a limit is held if the step would cross the limit. Its column becomes zero, and the step is computed again.
-//! While errors are large, the remaining freedom moves joints towards the middle of their range. After a start without success, the search
-//! continues from pseudo-random starts. Several solutions of one target come from more starts.
+//! singularities. If damped steps do not reach a single task, the last steps also use this map. The option `method` or `eps` selects these
+//! steps from the start. A joint at a limit is held if the step would cross the limit. Its column becomes zero, and the step is computed
+//! again. While errors are large, the remaining freedom moves joints towards the middle of their range. After a start without success, the
+//! search continues from pseudo-random starts. Several solutions of one target come from more starts.
 //!
 //! `damped` has the steps for all tasks together, `newton` the steps in priority, and `batch` the search for many targets.
 
