@@ -121,7 +121,7 @@ fn sum<S: Real>(x: S) -> f64 {
     part[0]
 }
 
-/// The integral over one panel, and an error estimate as in QUADPACK.
+/// The integral over one panel, and an error estimate like that of QUADPACK.
 #[inline(always)]
 fn panel<S: Real>(f: &impl Integrand, a: f64, b: f64) -> (f64, f64) {
     let (centre, half) = (S::splat(0.5 * (a + b)), S::splat(0.5 * (b - a)));

@@ -125,7 +125,8 @@ impl Assemble for Assembler {
             Product::NegAdd => (FMLS, false),
             Product::NegSub => (FMLS, true),
         };
-        // The sum is computed in `dst`, unless `dst` is also a factor, because the sum would overwrite this factor.
+        // The sum is computed in `dst` if `dst` has the addend, and if its negation does not overwrite a factor. Otherwise it is computed
+        // in a scratch register.
         let sum = match z {
             _ if dst == z && !(negative && (dst == x || dst == y)) => dst,
             FETCHED => FETCHED,

@@ -15,7 +15,7 @@ use crate::scalar::trig::REDUCTION_LIMIT;
 use std::collections::VecDeque;
 use std::sync::Arc;
 
-/// The number of calls for one configuration after which the program of a function is made.
+/// The number of calls with a single configuration, not a batch, after which the program of a function is made.
 pub const CALLS: usize = 16;
 
 /// The maximum sum of the recorded entries of all stored functions.

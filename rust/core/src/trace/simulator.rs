@@ -25,8 +25,9 @@ struct Machine<'a> {
 
 /// Run the machine code of a program until it returns.
 ///
-/// # Panics Panics on an instruction that the encoder does not emit, and at the end of code without a return. Also panics on a slot that is
-/// not aligned, or that is outside of frame, constants and stream.
+/// # Panics
+/// Panics on an instruction that the encoder does not emit, and at the end of code without a return. Also panics on a slot that is not
+/// aligned, or that is outside of frame, constants and stream.
 pub fn simulate(code: &[u8], frame: &mut [f64], constants: &[f64], stream: &[f64], turns: usize) {
     // At the start, registers have arbitrary contents.
     let registers = std::array::from_fn(|r| [0x7FF4_DEAD_0000_0000 + r as u64; LANES]);

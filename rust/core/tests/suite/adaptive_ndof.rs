@@ -1,4 +1,4 @@
-//! Tests of adaptive control of chains against trajectories with 25 digits, as single runs and in lanes.
+//! Tests of adaptive control of chains against trajectories computed with mpmath, as single runs and in lanes.
 
 use crate::arm_common::{chain, numbers, vectors};
 use armlet_core::dynamics::Model;

@@ -1,4 +1,5 @@
-//! Tests of the planar 2R arm with elastic joints. Programs and direct evaluation must give the same steps, states and monitors.
+//! Tests of the planar 2R arm with elastic joints. Programs and direct evaluation must give the same steps, and the same states and
+//! monitors up to rounding errors.
 
 use armlet_core::arm::Arm;
 use armlet_core::dynamics::Model;

@@ -1,5 +1,5 @@
-//! Tests of elastic joints against `oracle_ex3_elastic_public.json` with 25 digits. They compare outputs of laws, trajectories of four
-//! methods, equilibria and limits.
+//! Tests of elastic joints against `oracle_ex3_elastic_public.json`, computed with mpmath. They compare outputs of laws, trajectories of
+//! four methods, equilibria and limits.
 
 use crate::arm_common::{numbers, vectors};
 use armlet_core::analysis::elastic_limits::{smallest_reduced_inertia, stiffness_limit, stiffness_scale};

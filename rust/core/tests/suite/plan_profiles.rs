@@ -5,7 +5,7 @@ use armlet_core::plan::{bang_bang_time, minimum_jerk_time, trapezoid_time};
 
 type Shape = Box<dyn Fn(f64) -> (f64, f64)>;
 
-/// Return (s, s'') of the trapezoid at the time fraction u.
+/// Return `s` and `s'' = d^2 s/du^2` of the trapezoid at the time fraction `u`.
 fn trapezoid(u: f64, r: f64) -> (f64, f64) {
     let v = 1.0 / (1.0 - r);
     if u < r {
@@ -82,7 +82,7 @@ fn random_problems_against_a_sampling_checker() {
                 assert!(r.missing >= 0.0 && r.t_min.is_nan(), "{j} {p:?} {r:?}");
                 let base = (p.inertia * (p.thetaf - p.theta0).abs() / scale).sqrt();
                 for e in 0..50 {
-                    // Between two samples, a maximum may exceed them by (s' D/900)^2/8 of the scale, where s' <= 2.
+                    // Between two samples, a maximum may exceed them by (s' D/900)^2/8 of the scale, where `s' = ds/du <= 2`.
                     let hidden = 1e-6 * (1.0 + (p.thetaf - p.theta0).powi(2)) * scale;
                     assert!(excess(&p, base * 10f64.powf(-0.5 + 0.1 * e as f64), ramp, shape) > -hidden, "{j} {p:?} {r:?}");
                 }

@@ -1,4 +1,5 @@
-//! Tests of the macro-micro 4R arm against vectors with 120 digits: classes, ranks, exact and clamped methods, bounds, continuity.
+//! Tests of the macro-micro 4R arm against vectors from arithmetic with up to 120 digits: classes, ranks, exact and clamped methods,
+//! bounds, continuity.
 
 use crate::priority_support::{apart, norm, planar_jacobian, times};
 use armlet_core::priority::{PriorityMethod, PriorityOptions, PrioritySolver, Solution, solve_priority};

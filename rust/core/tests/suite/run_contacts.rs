@@ -1,5 +1,6 @@
-//! Tests of contacts and events in runs. Between their changes, held contacts must equal free ones. A stop must be reached at the expected
-//! time. The energy balance must be zero through a damped stop.
+//! Tests of contacts and events in runs. A held contact keeps its state (apart, pressed or slack) until an event changes it. Until then,
+//! its force must equal the force of a contact without a held state. A stop must be reached at the expected time. The energy balance must
+//! be zero through a damped stop.
 
 use armlet_core::arm::Arm;
 use armlet_core::dynamics::Model;
