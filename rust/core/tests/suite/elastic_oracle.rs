@@ -21,7 +21,8 @@ fn matrix(name: &str, value: &Value) -> Gain {
     Gain::full(name, 2, value.as_array().unwrap().iter().flat_map(numbers).collect()).unwrap()
 }
 
-/// Return plant and law of a case, with scaled damping and reduced inertia.
+/// Return plant and law of a case. `b0` is the reduced inertia as a fraction of `B`; zero selects the `B0` of the case. The damping is
+/// scaled by `d_m`.
 fn scaled(input: &Value, [b0, d_m]: [f64; 2]) -> (PlantSpec, LawSpec) {
     let r = |key: &str| numbers(&input["robot"][key])[0];
     let pair = |key: &str| vec![r(&format!("{key}1")), r(&format!("{key}2"))];

@@ -1,5 +1,5 @@
-//! Tests of the classification of the macro-micro arm for all 27 sign patterns of (sin q2, sin q3, sin q4), with random link lengths and
-//! many revolutions.
+//! Tests of the classification of the macro-micro arm for all 27 sign patterns of (sin q2, sin q3, sin q4). Link lengths are random, and
+//! joints turn many times.
 
 use crate::priority_support;
 

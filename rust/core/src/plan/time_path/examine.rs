@@ -57,7 +57,7 @@ impl States {
     }
 }
 
-/// The smallest relative distance to the limits at which a block may be skipped. It is larger than the error of the parabola through three
+/// The smallest relative distance to the limits at which a block may be skipped. It is larger than the error of the bound from three
 /// samples.
 const FAR_ENOUGH: f64 = 0.01;
 /// Number of segments between two checks for an interrupt.
@@ -215,7 +215,7 @@ impl<F: FnMut(usize, usize, f64, f64)> GenericKernel for Examine<'_, F> {
                 self.copy(order, &mut values);
                 order += 1;
             }
-            // An upper bound of the relative excess of each block: a parabola through three samples, plus a margin.
+            // An upper bound of the relative excess of each block: the largest of three samples, plus a margin for the values between them.
             let mut nearest = 0;
             if let Some(window) = window {
                 for block in 0..width / S::LANES {
