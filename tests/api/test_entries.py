@@ -164,5 +164,5 @@ def test_odd_arguments_of_functions_raise_exceptions() -> None:
 
 
 def test_every_class_of_the_extension_has_slots_of_its_own() -> None:
-    """The test above calls many methods, so it is not empty."""
+    """The classes of the extension have many special methods, which the test above calls. So that test is not empty."""
     assert sum(len(slots(value)) for value in vars(_core).values() if inspect.isclass(value)) > 60

@@ -85,7 +85,7 @@ def test_wheels(tmp_path: Path, platform: str, binary: bytes, without: str, wron
 
 
 def test_the_folder_of_the_build_leaves(tmp_path: Path) -> None:
-    """Only the bill of materials changes. RECORD has its new hash, and other files are unchanged."""
+    """Only the bill of materials and its hash in RECORD change."""
     path = wheel(tmp_path, "manylinux_2_17_x86_64", elf(62, "2.17"), without="sboms")
     bill, record = ("armlet-0.1.0.dist-info/" + name for name in ("sboms/armlet.cyclonedx.json", "RECORD"))
     with zipfile.ZipFile(path, "a") as archive:

@@ -1,6 +1,6 @@
 """Random one-link problems for `bang_bang_time` and `torque_optimal_time`, checked by numpy.
 
-bang-bang:   every torque of the profile at t_min and t_max is inside the limits, and some torque of any other duration is not
+bang-bang:   every torque of the profile at t_min and t_max is inside the limits. It is so no longer if t_min is shorter or t_max longer
 optimum:     time = sum of int 2 sqrt(L) ds / sqrt(2 w(L s^2) / I) over the legs, w the mean net torque from the rest point. Gauss
              rules have 32 and 64 nodes. Energies agree at the switches and are positive. No random swing is faster
 possible:    if the energy of each phase, a straight line over the angle, exceeds the potential at samples, some motion is found

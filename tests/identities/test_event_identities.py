@@ -233,7 +233,7 @@ def test_events_are_saved_with_the_run(tmp_path: Path) -> None:
 
 
 def test_a_function_may_carry_direction_and_terminal() -> None:
-    """The attributes of a function are those of scipy. In 3 s the link passes 0.4 rad twice upwards and twice downwards, every pi/5 s."""
+    """The attributes of a function are those of scipy. The link passes 0.4 rad every pi/5 s, in turn upwards and downwards."""
 
     def crossing(**marks: Any) -> Any:
         def level(t: float, q: Any, v: Any) -> float:

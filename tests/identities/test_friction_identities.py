@@ -43,7 +43,7 @@ def test_a_stuck_joint_stays(options: dict[str, Any]) -> None:
         )
         assert np.abs(run.q - q0).max() == 0.0
         assert (run.v == 0.0).all()
-        # The friction torque equals the applied torque, up to rounding of a few N m.
+        # The friction torque equals the applied torque, a few N m, up to rounding.
         np.testing.assert_allclose(run.friction[-1], torque + jacobian.T @ force, atol=1e-13)
 
 

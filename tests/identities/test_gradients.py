@@ -112,7 +112,7 @@ def compare(plant: Any, law: Any, names: list[str], options: dict[str, Any], tol
 
 
 def wanted(name: str, plant: Any, law: Any, options: dict[str, Any]) -> list[str]:
-    """All parameters of a loop except those of its arms, which other tests check, and thresholds."""
+    """Parameters of a loop, without those of its arms, thresholds, damping ratios and initial motor states."""
     known = named_numbers(plant, law, start_of(options))
     drives = ("arm.damping", "arm.friction", "arm.armature")
     left = ("arm.parameters", *drives, ".eps", "friction_speed", "rounding", "damping_ratio", "theta0", "theta_dot0")

@@ -1,7 +1,7 @@
 """The figure of a program: its data flow from left to right, one column per depth.
 
-A *line* is one operation of the program. A *node* of the figure is a line, an input or an output. An edge to a distant column has
-intermediate nodes, so that it passes around other nodes.
+A *line* is one operation of the program. A *node* of the figure is a line, an input, an output or an intermediate point of an edge.
+An edge to a distant column has such points, so that it passes around other nodes.
 """
 
 from __future__ import annotations

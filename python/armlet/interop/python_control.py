@@ -1,14 +1,16 @@
 """Arms and closed loops as systems of python-control: nonlinear systems, and linear systems about a state.
 
-    rigid     x = [q, v]                    q' = v,  v' = M^-1 (u - C v - g)
+    rigid     x = [q, v]                    q' = v,  v' = M^-1 (u - C v - g - tau_f)
     elastic   x = [q, v, theta, theta_dot]  v' = M^-1 (tau_J - C v - g),  B theta_ddot + F theta_dot + tau_J = u,
                                             tau_J = K (theta - q) + D (theta_dot - v)
     velocity  x = [q]                       q' = u
 
-In a closed loop, `u = law(t, x) + d` with a disturbance `d`. The state of the law, such as an adaptive estimate, is the last part of x.
+`tau_f` is the friction of `RigidArm(friction=True)`, otherwise zero. In a closed loop, `u = law(t, x) + d` with a disturbance `d`.
+The state of the law, such as an adaptive estimate, is the last part of x.
 
-The linear system about `(x0, u0)` is `dx' = A dx + B du`. `A` and `B` of the arm are exact (Carpentier and Mansard 2018). Derivatives of
-the law are five-point differences `f' = (f(-2h) - 8 f(-h) + 8 f(h) - f(2h)) / (12 h)`.
+The linear system about `(x0, u0)` is `dx' = A dx + B du`. `A` and `B` of an arm with frames are exact (Carpentier and Mansard 2018).
+Derivatives of a closed-form arm (`pendulum`, `planar_pr`) and of the law are five-point differences
+`f' = (f(-2h) - 8 f(-h) + 8 f(h) - f(2h)) / (12 h)`.
 """
 
 from __future__ import annotations
@@ -44,7 +46,7 @@ def to_control(
 
     The inputs of an arm are `tau1..`, N m or N (`u1..` of a velocity-controlled arm, rad/s or m/s). The inputs of a loop are disturbances
     `d1..`, which are added to the arm's inputs. The states are `q1..`, `v1..`, `theta1..`, `theta_dot1..`, `estimate1..`. The outputs are
-    the states and, of a loop, also the law's `tau1..`.
+    the states and, of a loop, also the law's outputs `tau1..` or `u1..`.
 
     Args:
         plant: the plant, without a wall; an arm means `RigidArm(arm)`.

@@ -50,7 +50,7 @@ class Recorded:
     stats: dict[str, Any]
     #: How the run ended: one `Status`, or one integer per run of a batch.
     status: Any
-    #: Class name of the law, such as "Adaptive". It determines the figure that `plot` draws.
+    #: Class name of the law, such as "Adaptive". It determines the unit of the inputs, and panels of the figure.
     law_name: str
     #: The arm of the plant, or of a batch's first plant; None in a run that was read from a file.
     arm: Any

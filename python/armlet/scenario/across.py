@@ -1,4 +1,4 @@
-"""Checks that involve several tables of a scenario: laws that need a motion, and laws that use the joint stiffness of the plant."""
+"""Checks that one table alone cannot express: motions that laws need, values that they take from the plant, the source of a robot."""
 
 from __future__ import annotations
 
