@@ -31,7 +31,7 @@ pub enum Keep {
     Metrics(Measures),
 }
 
-/// Return the number of runs that one group computes at the same time.
+/// Return the number of runs that one group of programs computes at the same time. Without programs, a group has one run.
 pub fn lanes() -> usize {
     programs::Lanes::LANES
 }

@@ -33,9 +33,9 @@ pub struct BatchRuns {
     pub v: Vec<f64>,
     /// Inputs of the plant, shape `(B, K, n)`, N m or N. They are velocities for a velocity-controlled plant.
     pub tau: Vec<f64>,
-    /// Motor positions of elastic plants, shape `(B, K, n)`, rad. Empty for other plants.
+    /// Motor positions of elastic plants, shape `(B, K, n)`, rad or m. Empty for other plants.
     pub theta: Vec<f64>,
-    /// Motor velocities of elastic plants, shape `(B, K, n)`, rad/s. Empty for other plants.
+    /// Motor velocities of elastic plants, shape `(B, K, n)`, rad/s or m/s. Empty for other plants.
     pub theta_dot: Vec<f64>,
     /// States of the laws, shape `(B, K, p)`.
     pub z: Vec<f64>,

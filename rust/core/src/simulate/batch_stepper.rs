@@ -15,8 +15,8 @@ use crate::scalar::trig::REDUCTION_LIMIT;
 use crate::trace::{Frame, form, rows};
 use std::sync::Arc;
 
-/// The number of rows that a thread computes as one piece of work. Fewer rows are computed on the calling thread, because starting another
-/// thread takes as long as computing 64 rows.
+/// The number of rows that a thread computes as one piece of work. At most this number of rows are computed on the calling thread, because
+/// starting another thread takes as long as computing 64 rows.
 const CHUNK: usize = 64;
 
 /// Computes the steps of all rows. The caller stores the states.

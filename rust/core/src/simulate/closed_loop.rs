@@ -24,7 +24,7 @@ pub struct Closing<'a> {
 }
 
 impl Closing<'_> {
-    /// Whether the integral of the power that the law dissipates is monitored.
+    /// Whether the integral of the law's dissipation is monitored, which is the rate at which its Lyapunov function decreases.
     pub fn watches_dissipation(&self) -> bool {
         self.monitored && !self.storage
     }
@@ -247,7 +247,8 @@ impl<'a, S: Real> ClosedLoop<'a, S> {
         self.plant.hold(contacts);
     }
 
-    /// Return depth and force of contact `i` of the plant at state `x`. Requires [`ClosedLoop::turn_to`] at this state.
+    /// Return the depth `d`, m or rad, and the push `k d + c d_dot`, N or N m, of contact `i` of the plant at state `x`. `k` is the
+    /// stiffness of the contact, and `c` its damping. Requires [`ClosedLoop::turn_to`] at this state.
     pub fn contact(&mut self, i: usize, x: &[S]) -> [S; 2] {
         self.plant.contact(i, &self.trig, &x[..self.states])
     }

@@ -28,7 +28,8 @@ pub trait Record<F, B> {
     fn accept(&mut self, system: &mut F);
 }
 
-/// Run `system` from the state `x`, with the steps and records of `schedule`.
+/// Run `system` from the state `x`, with the steps and records of `schedule`. `hold`: the number of steps between two calls of the sampled
+/// controller, or 0 without sampling.
 pub fn run<S, F, M, B>(
     system: &mut F,
     method: &mut M,

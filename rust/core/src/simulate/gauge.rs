@@ -30,7 +30,7 @@ pub struct Identities<S> {
     pub skewness: S,
     pub energy: S,
     pub lyapunov: S,
-    /// The integrals of the power that the law dissipates, and of the power supplied to the stored energy, J: see
+    /// The integrals of the law's dissipation, and of the power supplied to the stored energy, J: see
     /// [`Exchange`](super::monitors::identities::Exchange).
     pub quadratures: [S; 2],
 }

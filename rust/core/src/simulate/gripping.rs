@@ -1,4 +1,5 @@
-//! Stick-slip friction in a loop: the changes between sticking and sliding.
+//! Stick-slip friction in a loop: the changes between sticking and sliding. In an elastic plant this friction acts on the motors, and the
+//! velocity of a joint means the velocity of its motor.
 //!
 //! Adaptive methods locate two kinds of instants: the torque of a stuck joint leaves its limits, or a sliding joint comes to rest. At this
 //! instant the velocity is set to zero, and the equations at rest decide which joints stick. Methods of fixed steps make this decision at
@@ -50,7 +51,7 @@ impl<S: Real> ClosedLoop<'_, S> {
         self.settle(t, x, leaving);
     }
 
-    /// Stop the joints whose velocity is opposite to their direction of sliding. Return whether any joint was stopped.
+    /// Stop the joints whose velocity is opposite to their direction of sliding. Return whether any velocity changes.
     pub fn arrest(&mut self, x: &mut [S]) -> bool {
         let n = self.tau.len();
         self.plant_mut().stick_slip().is_some_and(|(friction, first)| friction.arrest(&mut x[first..first + n]))

@@ -95,8 +95,8 @@ pub fn list_loop(problem: &Problem, batch: bool, part: Option<&str>) -> Result<L
     Ok(Listed { part: chosen.to_owned(), parts, engine: engine().name(), set, lanes: chosen_form.lanes(), size, inputs, stages })
 }
 
-/// Pass each program of the loop of run 0 to `watch`. The problem has fixed steps. Return the loop parameters, which are the first slots of
-/// a frame, and the slot of the step size. The result is `None` if the loop branches on data.
+/// Pass each program of the loop of run 0 to `watch`. The problem must have an explicit method of fixed steps. Return the loop parameters,
+/// which are the first slots of a frame, and the slot of the step size. The result is `None` if the loop branches on data.
 pub fn watch_steps(problem: &Problem, batch: bool, watch: Watch) -> Option<(Vec<f64>, usize)> {
     let common = Common::of(problem, batch);
     let recorded = recorded::record_watched(problem, 0, common, None, watch)?;

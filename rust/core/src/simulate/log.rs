@@ -72,7 +72,7 @@ impl Log {
         self.row(i, k)[states * lanes..].copy_from_slice(&frame.numbers()[from.start * lanes..from.end * lanes]);
     }
 
-    /// Pass all records to `take` and remove them. `time(k)` is the time of step `k`.
+    /// Pass all records to `take` and remove them. `time(k)` is the time at the start of step `k`, s.
     pub fn pass_on(&mut self, time: &dyn Fn(usize) -> f64, take: impl FnOnce(&Block)) {
         if self.count > 0 {
             let all = self.frames.len() * self.lanes;

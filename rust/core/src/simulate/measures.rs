@@ -27,7 +27,7 @@ pub struct Bounds {
 /// The indices of the numbers that metrics store between records. The last indices are quantities of the last record.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct MeasureLayout {
-    /// The time between the last two records, s.
+    /// The time from the last record to the next one, s.
     pub since: usize,
     /// The number of records.
     pub count: usize,
@@ -51,9 +51,9 @@ pub struct MeasureLayout {
     pub distance: Range<usize>,
     /// The largest squared distance of each frame, m^2.
     pub distance_peak: Range<usize>,
-    /// Twice the integral of the squared input of each joint, (N m)^2 s or N^2 s.
+    /// Twice the integral of the squared input of each joint, in the squared unit of [`Run::tau`](super::Run::tau) times s.
     pub tau: Range<usize>,
-    /// The largest absolute input of each joint, N m or N.
+    /// The largest absolute input of each joint, in the unit of [`Run::tau`](super::Run::tau).
     pub tau_peak: Range<usize>,
     /// Twice the time outside of the limits, s.
     pub beyond: usize,

@@ -31,7 +31,7 @@ pub struct Options {
     pub sampling: Option<Sampling>,
     /// The times of the records.
     pub times: Times,
-    /// The saturation of the input: the largest `|tau|` per joint, shape `(n,)`, N m or N.
+    /// The saturation of the input: the largest `|tau|` per joint, shape `(n,)`, in the unit of [`Run::tau`](super::Run::tau).
     pub tau_max: Option<Vec<f64>>,
     /// Whether to compute and record the monitors, such as the energy balance.
     pub monitors: bool,
@@ -270,7 +270,7 @@ impl<'a> Problem<'a> {
         Ok(())
     }
 
-    /// Refuse arms that are too large for the memory, before the workspaces of `at_once` runs are allocated.
+    /// Refuse arms that are too large for the memory, before the workspaces of `at_once` runs are allocated. Errors: [`Error::Memory`].
     pub fn require_memory(&self, at_once: usize) -> Result<()> {
         // Estimates of the memory of one run: the number of matrices of the dynamics and the law, of Jacobians with their decompositions,
         // and of vectors.

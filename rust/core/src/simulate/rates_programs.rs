@@ -1,4 +1,4 @@
-//! Programs of the state rates of a closed loop and of their derivatives, for adaptive and implicit methods.
+//! Programs of the state rates of a closed loop and of their derivatives, for adaptive and implicit methods and for steppers.
 //!
 //! The rates are a program for one run. The derivatives are programs for lanes, with one direction per lane. A first program computes the
 //! rates and all values that the derivatives read. A second program computes `x_dot -> f'(x) x_dot`, in several passes over all directions.

@@ -7,7 +7,8 @@
 //! - the input and the rate of the law, and the values that one part of a step passes to a later part;
 //! - the largest angle so far, and the part of a record that follows the state.
 //!
-//! Runs share programs if they have the same structure: zeros and ones at the same positions among their numbers.
+//! Runs share programs if they have the same structure. Their plants and laws have the same shape. The zeros and ones among their loop
+//! parameters are at the same positions.
 //!
 //! A small loop is recorded as a whole step, which repeats itself along a stream of exogenous inputs. In a large loop, the rates are a
 //! separate program, which runs in every stage. The code of a whole step would exceed the processor's instruction cache.

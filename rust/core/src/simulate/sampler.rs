@@ -23,7 +23,7 @@ pub struct Sampler<S> {
     sampling: Sampling,
     /// The seed of the random numbers of each lane.
     seeds: Vec<u64>,
-    /// The step size of a fixed-step method, to which sample times are rounded, s. It is 0 for an adaptive method.
+    /// The step size of a fixed-step method, s. The jitter is rounded down to a multiple of it. It is 0 for an adaptive method.
     grid: f64,
     ring: Vec<StoredSample<S>>,
     delayed: u64,

@@ -35,7 +35,7 @@ pub struct Sampling {
     pub noise: [f64; 4],
     /// Resolutions of the four channels, in the units of the channels. Zero means no rounding.
     pub resolution: [f64; 4],
-    /// The largest change of the input per second, N m/s or N/s. Infinity means no limit.
+    /// The largest change of the input per second, in the unit of [`Run::tau`](super::Run::tau) per s. Infinity means no limit.
     pub rate_limit: f64,
     /// The joint torque sensors of a plant with elastic joints. The law then computes link positions from sensors and motor encoders.
     pub torque_sensor: Option<TorqueSensor>,
@@ -44,7 +44,7 @@ pub struct Sampling {
 }
 
 impl Sampling {
-    /// Return an ideal controller with the sample period `period`, s.
+    /// Return a controller that only holds the law's output, with the sample period `period`, s.
     pub fn every(period: f64) -> Self {
         Sampling {
             period,

@@ -29,9 +29,9 @@ pub struct Run {
     pub v: Vec<f64>,
     /// Inputs of the plant, shape `(K, n)`, N m or N. They are velocities for a velocity-controlled plant.
     pub tau: Vec<f64>,
-    /// Motor positions of an elastic plant, shape `(K, n)`, rad. Empty for other plants.
+    /// Motor positions of an elastic plant, shape `(K, n)`, rad or m. Empty for other plants.
     pub theta: Vec<f64>,
-    /// Motor velocities of an elastic plant, shape `(K, n)`, rad/s. Empty for other plants.
+    /// Motor velocities of an elastic plant, shape `(K, n)`, rad/s or m/s. Empty for other plants.
     pub theta_dot: Vec<f64>,
     /// States of the law, shape `(K, p)`.
     pub z: Vec<f64>,

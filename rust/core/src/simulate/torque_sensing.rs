@@ -61,8 +61,8 @@ impl<S: Real> TorqueSensing<S> {
         })
     }
 
-    /// Compute the torques `now` at sample `k` and plant state `x` and write the link positions to `measured`. `before`: the torques at the
-    /// previous sample and the time since then, s.
+    /// Compute the torques `now` at sample `k` and plant state `x`, and write the link positions to `measured`. `before`: the torques at
+    /// the previous sample and the time since then, s.
     pub fn sense(&mut self, seeds: &[u64], k: u64, x: &[S], before: Option<(&Sensed<S>, f64)>, now: &mut Sensed<S>, measured: &mut [S]) {
         let n = self.stretch.len();
         for i in 0..n {

@@ -73,7 +73,7 @@ impl Sizes {
     }
 }
 
-/// A recorded function `y = f(c, u, x, held)`.
+/// A recorded function `y = f(c, u, x, held)` of the loop parameters `c`, the exogenous input `u`, the state `x` and the held input.
 pub struct Function {
     ops: Vec<Op>,
     values: Vec<f64>,

@@ -138,7 +138,7 @@ pub trait MonitorKind {
     fn build<S: Real>(scope: &Scope) -> Option<Box<dyn Monitor<S> + Send>>;
 }
 
-/// Lists the kinds of monitors, in the order of their series. Each kind is in its own file and in this list.
+/// Lists the kinds of monitors, in the order of their series.
 macro_rules! monitors {
     ($($kind:ty,)*) => {
         /// The names of the series of a run, without the norms of levels.
