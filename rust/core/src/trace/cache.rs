@@ -39,7 +39,8 @@ impl<T: Clone> Cache<T> {
         Some(entry)
     }
 
-    /// Store an entry. Remove the oldest entries until at most [`KEPT`] remain and `fits` is true.
+    /// Store an entry. Remove the oldest entries until at most [`KEPT`] remain and `fits` is true. If another thread holds the lock,
+    /// nothing is stored.
     pub fn keep(&self, entry: T, fits: impl Fn(&VecDeque<T>) -> bool) {
         let Some(mut entries) = free(&self.0) else { return };
         entries.push_back(entry);

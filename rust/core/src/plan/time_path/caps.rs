@@ -86,7 +86,7 @@ impl PathProblem<'_> {
         slopes
     }
 
-    /// The cap at the midpoint of segment `i`, from the speed limit with the index `row`; NaN if there are too few grid points to
+    /// The cap at the midpoint of segment `i`, from the speed limit with the index `row`. It is NaN if there are too few grid points to
     /// interpolate.
     fn between(&self, row: usize, i: usize, first: usize, last: usize) -> f64 {
         let Some((start, [weights])) = self.stencils.0.of(i, first, last) else { return f64::NAN };

@@ -22,7 +22,7 @@ use crate::error::Result;
 use crate::interrupt::look;
 use crate::motion::TimedPath;
 
-/// Exponents `k`: the search tries windows of `2^k` times the duration of the fastest timing.
+/// Exponents `j`: the search tries windows of `2^j` times the duration of the fastest timing.
 const WINDOWS: std::ops::RangeInclusive<i32> = -8..=1;
 /// Factors for the finer search around the best window.
 const STEPS: [f64; 4] = [1.5, 1.2, 1.1, 1.05];
