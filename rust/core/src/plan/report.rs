@@ -162,8 +162,8 @@ pub enum MonotoneReason {
         /// Missing torque, N m.
         missing: f64,
     },
-    /// With friction: push and brake have no point of equal speeds. The push ends at `push`, and the brake can begin at `brake`. Both angles
-    /// are as `x` in `Hump`.
+    /// With friction: push and brake have no point of equal speeds. The push ends at `push`, and the brake can begin at `brake`. Both
+    /// angles are measured as `x` in `Hump`.
     Apart {
         /// Angle where the push ends, rad.
         push: f64,

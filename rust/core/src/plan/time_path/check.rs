@@ -30,8 +30,8 @@ pub(super) const INTERPOLATION: f64 = 1e-10;
 /// Number of grid points in one interpolation.
 pub(super) const WINDOW: usize = 6;
 
-/// The limits of all rows, in blocks of `BLOCK`: torques and accelerations of joints and frame as in [`LimitRows`], then speeds and norms
-/// if they are limited.
+/// The limits of all rows, in blocks of `BLOCK`. First are torques and accelerations of joints and frame, as in [`LimitRows`]. Then follow
+/// speeds and norms if they are limited.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Limits {
     pub lo: Vec<f64>,
