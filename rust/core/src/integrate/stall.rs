@@ -2,8 +2,8 @@
 //! present rate.
 //!
 //! If the input switches (at a target out of reach, or at a bound), steps across the switch are rejected. The steps along the switch then
-//! become very small. A *window* is a fixed number of attempts. A window is slow if the remaining time would require more than `MAX_STEPS`
-//! attempts at its rate. The run ends after ten consecutive slow windows.
+//! become very small. A *window* is a fixed number of attempts. A window is slow if the remaining time of the segment would require more
+//! than `MAX_STEPS` attempts at its rate. The run ends after ten consecutive slow windows.
 
 use super::adaptive::{MAX_STEPS, Work};
 use crate::status::Status;

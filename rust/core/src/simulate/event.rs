@@ -78,7 +78,7 @@ pub struct Crossings {
 }
 
 impl Crossings {
-    /// Append a crossing of event `index` at time `t`, s, and plant state `x`.
+    /// Append a crossing of event `index` at time `t`, s, and plant state `x`. Errors: [`Error::Memory`](crate::error::Error::Memory).
     pub fn add(&mut self, index: usize, t: f64, x: &[f64]) -> Result<()> {
         append(&mut self.index, &[index])?;
         append(&mut self.t, &[t])?;

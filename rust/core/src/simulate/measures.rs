@@ -99,7 +99,8 @@ pub struct Plan {
 }
 
 impl Problem<'_> {
-    /// Return the plans of the metrics: none, one for all runs, or one per run.
+    /// Return the plans of the metrics: none, one for all runs, or one per run. Errors: [`Error::Input`] if a setting is not finite, or if
+    /// a frame is given without a reference of the joints. [`Error::Unknown`] for an unknown frame.
     pub fn plans(&self) -> Result<Vec<Plan>> {
         self.measures.as_ref().map_or(Ok(Vec::new()), |measures| Plan::all(self, measures))
     }

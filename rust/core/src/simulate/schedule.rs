@@ -160,7 +160,7 @@ impl Schedule {
         }
     }
 
-    /// Return the times of all records, s.
+    /// Return the times of all records, s. Errors: [`Error::Memory`].
     pub fn record_times(&self) -> Result<Vec<f64>> {
         require_memory(self.count() as u128)?;
         let mut times = memory::reserved(self.count())?;

@@ -129,7 +129,7 @@ impl RunRecorder<'_> {
         Ok(())
     }
 
-    /// Append the records of a block, up to a record with a monitor that is not finite.
+    /// Append the records of a block that precede the first record with a monitor that is not finite.
     fn keep_block(&mut self, block: &Block) -> Result<()> {
         let (run, monitors) = (&mut *self.run, self.values.len());
         let (mut sound, numbers) = (true, &self.numbers);

@@ -123,7 +123,8 @@ impl Fill for &mut [f64] {
 }
 
 /// Return the derivatives of the records of each row, at the times of the options. Each part that [`record_parts`] names has an array of
-/// shape `(rows, records, numbers, parameters)`.
+/// shape `(rows, records, numbers, parameters)`. The numbers of a row whose run ends early or grazes a contact are NaN. Errors: `Input` for
+/// a parameter, method, law or plant without a derivative, `Memory` if the result exceeds the memory.
 pub fn sensitivities_of_rows(rows: &Rows, threads: usize, poll: &mut dyn FnMut() -> bool) -> Result<Vec<Vec<f64>>> {
     let Some(first) = rows.problems.first() else { return Ok(Vec::new()) };
     let (parts, records, count) = (record_parts(first).0, records(first), rows.parameters(0).all.len());
@@ -144,7 +145,7 @@ pub fn sensitivities_of_rows(rows: &Rows, threads: usize, poll: &mut dyn FnMut()
 }
 
 /// Return [`super::adjoint`] of each row, shape `(rows, parameters)`. `weights` has shape `(rows, records, numbers)`. Each thread stores
-/// about `memory` bytes of states.
+/// about `memory` bytes of states. NaN and errors: as for [`sensitivities_of_rows`].
 pub fn adjoint_of_rows(rows: &Rows, weights: &[f64], memory: usize, threads: usize, poll: &mut dyn FnMut() -> bool) -> Result<Vec<f64>> {
     let Some(first) = rows.problems.first() else { return Ok(Vec::new()) };
     let (width, count) = (records(first) * record_parts(first).1, rows.parameters(0).all.len());

@@ -87,8 +87,8 @@ impl<S: Real> Theory<S> {
     }
 }
 
-/// The integrals that the balances require. They are the integral of the law's dissipation, which is the rate at which its Lyapunov
-/// function decreases, and the integral of the power supplied to the stored energy. A law with a storage function `E` replaces them by the
+/// The integrals that the balances require. The first is the integral of the law's dissipation, the rate at which its Lyapunov function
+/// decreases. The second is the integral of the power supplied to the stored energy. A law with a storage function `E` replaces them by the
 /// integrals of `F.x_dot - E'` and of `E'`, where `F.x_dot` is the external power.
 pub struct Exchange;
 
