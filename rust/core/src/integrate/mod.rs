@@ -172,7 +172,7 @@ pub trait FixedStep<S: Real, F: System<S>, B: Buffer<S>> {
     /// Advance `x` from `t` to `t + h`, s. `end` is the time at which the last input is evaluated. It is `t + h`, or just before `t + h` if
     /// the input jumps there.
     fn step(&mut self, system: &mut F, t: f64, h: f64, end: f64, x: &mut B);
-    /// Advance `x` by `count` steps of size `h`, s, from the time `first h` on. Return false if the method has only single steps.
+    /// Advance `x` by `count` steps of size `h`, s, from the time `first * h` on. Return false if the method has only single steps.
     fn stride(&mut self, _system: &mut F, _first: usize, _count: usize, _h: f64, _x: &mut B) -> bool {
         false
     }

@@ -113,8 +113,8 @@ pub fn simulate_batch(mut problem: Problem, keep: Keep, threads: usize, poll: &m
     Ok(out)
 }
 
-/// Reserve memory for the records without writing to it. The first write to a row is by its group. The result is an error if the memory is
-/// insufficient.
+/// Reserve memory for the records without writing to it. The group of a row is the first to write to it. The result is an error if the
+/// memory is insufficient.
 fn allocate(problem: &Problem, t: Vec<f64>, plan: Option<&Plan>) -> Result<BatchRuns> {
     let (runs, records, columns) = (problem.runs(), t.len(), Columns::of(problem));
     let (n, p) = (columns.n, columns.p);

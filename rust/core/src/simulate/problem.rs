@@ -165,8 +165,8 @@ impl<'a> Problem<'a> {
             && (0..runs).all(|run| self.law(run).storage().is_some_and(|law| law.has_storage(self.plant(run))))
     }
 
-    /// Whether the target model of an impedance law is monitored. The law must act alone and at every instant. The external force must be
-    /// the only other force on the links.
+    /// Whether the target model of an impedance law is monitored. The law must act at every instant, without limits. Only the law, gravity
+    /// and the external force may act on the links.
     pub fn watches_target(&self) -> bool {
         let o = &self.options;
         let alone =

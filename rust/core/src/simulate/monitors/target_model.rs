@@ -1,4 +1,5 @@
-//! The target model of Cartesian impedance (Hogan 1985). It holds at every instant for an arm on which only this law acts:
+//! The target model of Cartesian impedance (Hogan 1985). It holds at every instant for an arm on which only this law, gravity and the
+//! external force `F` act:
 //!
 //! `M_x x'' + (S_x + D_m) x' + K_m (x - x_d) = F`, `M_x = (J M^-1 J')^-1`, `S_x x' = M_x (J M^-1 C v - J' v)`.
 //!
