@@ -2,7 +2,7 @@
 
     tau = M(q) a + C(q, v) v + g(q) determines the same combinations of pi as M(q; pi) and g(q; pi), because C has only derivatives of M:
         W z = 0,  W = rows M_ij(q; e_k) and g_i(q; e_k) at random q,  z = null space of W by SVD             (Gautier 1991)
-    column j depends on earlier columns if the null space has a vector whose last nonzero entry is j:  reduced echelon form R from the back,
+    column j depends on earlier columns if the last nonzero entry of some null vector is j:   reduced echelon form R from the back,
         W_j = -sum_k R_jk W_k over the remaining columns k,   so  Y = Y_b P,  P_kj = -R_jk,  P_kk = 1
     record:  W_b beta = tau over all samples at once,  W_b / (noise, lengths) = U S V',  beta = V S^-1 U' tau,
         sigma^2 = |tau - W_b beta|^2 / (rows - rank),  cov = sigma^2 V S^-2 V'                     (Gautier and Khalil 1992)

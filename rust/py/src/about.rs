@@ -9,7 +9,8 @@ use pyo3::types::{PyDict, PyList};
 ///
 /// Returns:
 ///     A dict: `version`, `profile` of the build ("debug" or "release"), `instruction_set` in use, `best_instruction_set` of the processor.
-///     It also has `lanes` (float64 numbers per register), `programs` ("machine" or "portable"), and `threads` (their default number).
+///     It also has `lanes` (runs that a batch computes as one group), `programs` ("machine" or "portable"), and `threads` (default number
+///     of threads).
 ///
 /// Raises:
 ///     (nothing): an unknown instruction set raises an error at import.

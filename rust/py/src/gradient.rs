@@ -31,8 +31,8 @@ enum Name {
 impl Named {
     /// Assign runs to the parameters. Run 0 is the run to differentiate, and the runs of each name follow.
     ///
-    /// A parameter that varies alone has one run per weight. Parameters that vary together have runs that identify the parameter, one for
-    /// each bit of the codes, and then one run per weight.
+    /// A parameter that varies alone has one run per weight. Parameters that vary together have one probe per bit of their codes, and then
+    /// one common run per weight. The probes show which parameter changes an input of the program.
     fn of(function: &str, value: &Bound<'_, PyAny>, names: &Bound<'_, PyAny>, runs: usize) -> Result<Self, Failure> {
         let (shape, weights) = numbers(function, "weights", value, &[Form(&[Axis::Any("P"), Axis::Any("W")])])?;
         let (names, points): (Vec<Name>, usize) = (names.extract()?, shape[1]);

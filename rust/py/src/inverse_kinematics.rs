@@ -82,8 +82,9 @@ const NAME: &str = "inverse_kinematics";
 
 /// Search for joint positions at which the tasks are reached: damped Newton steps within the joint limits.
 ///
-/// `q <- clip(q + s dq)`, where `dq` is a damped least-squares step for all tasks together. If these steps do not reach all of several
-/// tasks, `dq` solves `J_i dq = e_i` in the order of priority. Then a lower task that conflicts with a higher one is reached only in part.
+/// `q <- clip(q + s dq)`, where `dq` is a damped least-squares step for all tasks together, and `s <= 1` limits it to `step_max`. If these
+/// steps do not reach all of several tasks, `dq` solves `J_i dq = e_i` in the order of priority. Then a lower task that conflicts with a
+/// higher one is reached only in part.
 /// If the search from `q0` fails, searches from random starts within the limits follow. Equal seeds make equal starts.
 ///
 /// Args:

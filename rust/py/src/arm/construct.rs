@@ -76,10 +76,10 @@ fn gravity3(function: &str, gravity: Option<&Bound<'_, PyAny>>) -> Result<[f64; 
 ///     xacro_arguments: values of the arguments that `<xacro:arg>` declares, by name (keyword only).
 ///
 /// A *follower* is a joint whose position is `multiplier q_leader + offset`. Its body remains in the arm, but `q` has no entry for it.
-/// `arm.file_positions(q)` returns its position. The limits of a follower narrow the position and speed limits of the leader. The leader
-/// gets `multiplier**2` of the follower's armature and damping, and `|multiplier|` of its Coulomb friction. The leader's effort limit does
-/// not change, because one motor moves the leader and its followers. If `root` and `tip` exclude a leader, its first follower becomes the
-/// leader.
+/// `arm.file_positions(q)` returns its position. The limits of a follower narrow the position and speed limits of the leader, unless no
+/// motion would remain. The leader gets `multiplier**2` of the follower's armature and damping, and `|multiplier|` of its Coulomb friction.
+/// The leader's effort limit does not change, because one motor moves the leader and its followers. If `root` and `tip` exclude a leader,
+/// its first follower becomes the leader.
 ///
 /// The order of `q` is depth first, with siblings in the order of the file. The names of the frames are the names of the links. Meshes are
 /// never opened. `arm.report` lists unusual values, parts that armlet does not use, and a mass matrix that is not positive definite.
@@ -229,7 +229,7 @@ pub fn planar_arm(
 /// Source: Robotics 2 exam, Sapienza, 10 June 2022, exercise 4.
 ///
 /// Returns:
-///     The arm, with one joint and no frames.
+///     The arm, with one joint and the frame "link1", whose origin is on the joint axis.
 ///
 /// Raises:
 ///     InputError: a number is not finite, or the inertia is not positive.

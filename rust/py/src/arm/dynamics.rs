@@ -132,7 +132,8 @@ impl Arm {
     ///     out: an array to write to (keyword only).
     ///
     /// Raises:
-    ///     InputError: an argument is not finite or has the wrong shape, the frame is unknown, or `out` cannot be written.
+    ///     InputError: an argument is not finite or has the wrong shape, `wrench` or `wrench_frame` is alone, the frame is unknown, or
+    ///         `out` cannot be written.
     ///
     /// Source: the recursive Newton-Euler algorithm, Luh, Walker and Paul, On-line computational scheme for mechanical manipulators, 1980.
     ///
@@ -166,8 +167,7 @@ impl Arm {
     ///     out: an array to write to (keyword only).
     ///
     /// Raises:
-    ///     InputError: an argument is not finite or has the wrong shape, the frame is unknown, the mass matrix is singular, or `out`
-    ///         cannot be written.
+    ///     InputError: as for `inverse_dynamics`, or the mass matrix is singular.
     ///
     /// Source: the articulated-body algorithm, Featherstone, The calculation of robot dynamics using articulated-body inertias, 1983.
     ///

@@ -128,8 +128,8 @@ impl Arm {
     ///     inertia: inertia of the load about its centre of mass, in the axes of the frame, `(3, 3)`, kg m^2; zero if None.
     ///
     /// Raises:
-    ///     InputError: the frame is unknown, a number is not finite, the mass is negative, the inertia is not symmetric or is physically
-    ///         impossible, or the arm has no links.
+    ///     InputError: the frame is unknown, a number is not finite, the mass is negative, or the arm has no links. An inertia that is not
+    ///         symmetric or physically impossible also raises it.
     ///
     /// >>> import armlet as al
     /// >>> arm = al.planar_arm([1.0])
@@ -190,7 +190,7 @@ impl Arm {
         })
     }
 
-    /// Write the arm as URDF: the text, and a list with one line for each property that URDF cannot express.
+    /// Write the arm as URDF: the text, and a list of the properties that URDF cannot express and of added links, one line each.
     ///
     /// If the list is empty, `load_urdf(text)` returns an arm with equal bits. The attribute `armature` of `<dynamics>` is the rotor
     /// inertia. The angles and the centre of mass in a URDF are rounded. So the attribute `rotation` of `<origin>` has the exact rotation,

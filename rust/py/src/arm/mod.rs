@@ -31,8 +31,9 @@ use pyo3::types::{PyDict, PyTuple};
 /// threads.
 ///
 /// `C` is the matrix of the Christoffel symbols. Angles are in rad, lengths in m, torques in N m, and forces of prismatic joints in N. The
-/// dynamics include the rotors' inertia (armature), and include friction only with `friction=True`. Jacobians are geometric: the first
-/// three rows are the velocity of the frame's origin, the last three the angular velocity, in world axes.
+/// dynamics include the rotors' inertia (armature), and include friction only with `friction=True`. `planar_pr` has neither, and refuses
+/// `friction=True` and `armature=True`. Jacobians are geometric: the first three rows are the velocity of the frame's origin, the last
+/// three the angular velocity, in world axes.
 #[pyclass(frozen, module = "armlet", name = "Arm")]
 pub struct Arm {
     pub model: ArmModel,

@@ -136,7 +136,7 @@ pub(super) fn target<'py>(given: &mut Arguments<'py>, value: &Bound<'py, PyAny>,
 ///     nullspace: a `NullSpace`, for arms with more joints than m (keyword only).
 ///     feedforward: `F_ff`, a wrench in the m coordinates, `(m,)`, N and N m (keyword only).
 ///     compensate_coupling: compensate the coupling between null-space motion and the frame (keyword only).
-///     eps: the smallest singular value in `L` and in the null-space projector, between 0 and 1; 0.02 if None (keyword only).
+///     eps: the smallest singular value in `L` and in the null-space projector, 1e-7 <= `eps` < 1; 0.02 if None (keyword only).
 ///     integral_gain: `K_i`, N/(m s) and N m/(rad s), at least zero: scalar, `(m,)`, or positive definite `(m, m)` (keyword only).
 ///     wrench_max: the largest magnitude of each entry of `F`, N and N m, scalar or `(m,)`; no limit if None (keyword only).
 ///     tau_max: the largest commanded torque, N m or N, scalar or `(n,)`; no limit if None (keyword only).
