@@ -210,16 +210,16 @@ def cartesian_path(
     Args:
         arm: an arm with frames.
         poses: two or more poses in world axes: `(K, 4, 4)`, or `(K, m)` rows with one number per letter of `axes`. Without `axes` a row
-        is position (m) and rotation vector (rad), m = 6.
+            is position (m) and rotation vector (rad), m = 6.
         q0: initial guess of the joint positions at the first pose, `(n,)`, rad or m. It determines the branch of solutions.
         frame: name of the frame. This and all following arguments are keyword-only.
         tolerance: largest error between knots: one number for m and rad, or `(2,)`.
         axes: letters such as "xyz" or "x y rz"; None: the whole pose. It contains none, one, or all of rx, ry, rz.
         kind: "lines": straight lines in position and geodesics in rotation; "spline": one smooth curve through all poses.
         blend: radius of the rounded corners of lines, m, at most half of each segment. With 0 a corner is rounded only within the
-        tolerance.
-        arcs: indices of poses in the middle of an arc, only for "lines". The arc is the circle through the previous, this and the next
-        position.
+            tolerance.
+        arcs: indices of poses in the middle of an arc, only for "lines". The arc is on the circle through the previous, this and the next
+            position.
         limits: whether the path must respect the joint limits of the arm.
 
     Returns:
@@ -228,6 +228,7 @@ def cartesian_path(
     Raises:
         InputError: a type or shape is wrong, a number is not finite or out of range, a name is unknown, or all poses are equal. It is also
             raised if the three positions of an arc are on one line.
+
     Source: docs/time_path.md.
 
     >>> import armlet as al

@@ -128,6 +128,7 @@ def from_pinocchio(model: Any) -> Arm:
 
     Raises:
         InputError: `model` is not a model, or has a joint of another type (free flyer, spherical); the message names it.
+
     Source: docs/migration.md.
     """
     _expect(model, "from_pinocchio", "pinocchio.Model", "jointPlacements")
@@ -243,6 +244,7 @@ def from_mujoco(model: Any, *, mimic: Literal["joined", "independent"] = "joined
 
     Raises:
         InputError: `model` is not a model, or has a free or ball joint; the message names it.
+
     Source: docs/interop.md.
     """
     _expect(model, "from_mujoco", "mujoco.MjModel", "body_parentid")

@@ -83,7 +83,7 @@ class Event:
     """A zero crossing that a run locates: `simulate(..., events=[al.Event.joint(0, 0.5, stop=True)])`.
 
     Compiled code evaluates all kinds except `function`, which calls Python inside the loop and is slow. The event function is evaluated at
-    four points of every step. So the run misses two crossings within a quarter of a step.
+    four points of every step. So the run can miss two crossings within a quarter of a step.
 
     Args:
         kind, arguments: the kind of the monitored quantity, and its arguments. Use the class methods below, which set both.

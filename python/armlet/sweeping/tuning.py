@@ -137,7 +137,7 @@ def tune(
         threads: number of threads, as for `simulate_batch`.
         progress: True writes the number of finished generations and the remaining time to standard error. A function is called with the
             number of the generation and the lowest cost so far.
-        **metrics: arguments of `armlet.metrics`: `band`, `settle`, `tolerance`, `reference`, `frame`; not used with gradients.
+        **metrics: arguments of `armlet.metrics`: `band`, `settle`, `reference`, `frame`; not used with gradients.
 
     Returns:
         The best values by path, their cost, and the table of all candidates.
