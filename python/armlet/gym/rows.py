@@ -99,7 +99,7 @@ class Rows:
         self.states = Stepper(self.plant, rows, self.dt, self.steps)
         self.k = np.zeros(rows, dtype=np.int64)
         self.goal = np.zeros((rows, 0))
-        # One row of bounds per arm: numpy combines arrays of equal shape ten times as fast as it broadcasts a short row.
+        # One row of bounds per arm: numpy combines arrays of equal shape faster than it broadcasts a short row.
         self._each = _Bounds(*(np.tile(side, (rows, 1)) for side in (self.low, self.high, low, high, self.v_limit, self.tau_max)))
         self._apart = works_row_by_row(self.task)
         # Task errors after the last step and later resets; None if they are unknown.

@@ -259,8 +259,8 @@ impl MomentumObserver {
 
     /// Compute the wrench `F = [f; m]` at the origin of `frame` that explains `r` best: `(6,)` or `(B, 6)`, N and N m, world axes.
     ///
-    /// `F` is the least-squares solution of `r = J' F` with the smallest norm, if no singular value of `J'` is below `eps`. A nonzero
-    /// singular value `s` below `eps` is inverted as `s / eps^2`. The default of `eps` is 0.02 times the largest row norm of `J'`. The
+    /// `F` is the least-squares solution of `r = J' F` with the smallest norm, if all nonzero singular values of `J'` are at least `eps`. A
+    /// smaller one, `s`, is inverted as `s / eps^2`. The default of `eps` is 0.02 times the largest row norm of `J'`. The
     /// argument `q` must be the positions of the last sample.
     #[pyo3(signature = (q, frame, *, eps=None))]
     fn wrench<'py>(

@@ -179,7 +179,7 @@ pub fn example_urdf(py: Python<'_>, name: &Bound<'_, PyAny>) -> PyResult<&'stati
 ///
 /// Args:
 ///     lengths: lengths of the links, `(n,)`, m; not negative.
-///     masses: masses of the links, `(n,)`, kg, not negative; 1 kg per metre of length if None.
+///     masses: masses of the links, `(n,)`, kg, not negative; 1 kg per metre of length if None (keyword only, as all below).
 ///     coms: distance of each link's centre of mass from the joint of the link, `(n,)`, m; half the length if None.
 ///     inertias: inertia of each link about its centre of mass, `(n,)`, kg m^2, not negative; the inertia of a uniform rod if None.
 ///     gravity: acceleration of gravity in the x-y plane, `(2,)`, m/s^2; (0, -9.81) if None.

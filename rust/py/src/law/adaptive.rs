@@ -13,9 +13,9 @@ use pyo3::types::{PyBool, PyString, PyTuple};
 /// Adaptive tracking (Slotine and Li): `tau = Y a_hat + Kp e + Kd e_dot`, `a_hat_dot = Gamma Y' s`.
 ///
 /// `e = q_d - q`, `Lambda = Kd^-1 Kp`, `v_r = v_d + Lambda e`, `a_r = a_d + Lambda e_dot`, `s = v_r - v`, and `Y(q, v, v_r, a_r)` is the
-/// arm's regressor. The error `e` goes to zero from every initial state and every initial estimate. The estimate `a_hat` converges to the
-/// true parameters `a` only under excitation. Without `armature=True` the rotor inertia is known, and the law adds `armature a_r` to the
-/// torque.
+/// arm's regressor. Without leakage and dead zone, the error `e` goes to zero from every initial state and every initial estimate. The
+/// estimate `a_hat` converges to the true parameters `a` only under excitation. Without `armature=True` the rotor inertia is known, and
+/// the law adds `armature a_r` to the torque.
 ///
 /// The estimate has all inertial parameters, or the base set of inertial parameters. The requested parameters of joints follow, each with
 /// its column of `Y`. The columns are `a_r` (rotor inertia), `v_r` (damping), `tanh(v_r / v_s)` (Coulomb friction) and

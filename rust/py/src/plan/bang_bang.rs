@@ -24,7 +24,7 @@ use pyo3::prelude::*;
 ///     gravity_moment: mass times gravity times distance of the centre of mass, N m. With a negative value, the angles are measured from
 ///         the upward vertical.
 ///     tau_max: largest torque, N m, >= 0; > 0 if `tau_min` is None.
-///     tau_min: smallest torque, N m, <= 0; `-tau_max` if None.
+///     tau_min: smallest torque, N m, <= 0; `-tau_max` if None (keyword only).
 ///
 /// Returns:
 ///     A `BangBangReport` for numbers. Arrays broadcast, and return a `BangBangBatch` whose fields are arrays. If no duration is feasible,

@@ -27,7 +27,7 @@ use std::sync::OnceLock;
 ///     gravity_moment: mass times gravity times distance of the centre of mass, N m. With a negative value, the angles are measured from
 ///         the upward vertical.
 ///     tau_max: largest torque, N m, >= 0; > 0 if `tau_min` is None.
-///     tau_min: smallest torque, N m, <= 0; `-tau_max` if None.
+///     tau_min: smallest torque, N m, <= 0; `-tau_max` if None (keyword only, as all below).
 ///     viscous: viscous friction, N m s/rad, >= 0. With friction, the motion is integrated numerically, and a call takes longer.
 ///     coulomb: Coulomb friction, N m, >= 0.
 ///

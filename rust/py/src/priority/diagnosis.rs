@@ -73,8 +73,8 @@ pub fn fields<'py>(py: Python<'py>, d: &Diagnosis) -> Result<Bound<'py, PyDict>,
 ///     q: joint positions, `(n,)`, rad or m.
 ///     q_min, q_max: position limits, a number or `(n,)`, rad or m; infinite numbers are allowed.
 ///     v_max: velocity limit, a number or `(n,)`, rad/s or m/s.
-///     dt: the sample time, s.
-///     a_max: deceleration before a limit, a number or `(n,)`, rad/s^2 or m/s^2; None: without the square root.
+///     dt: the sample time, s, > 0 (keyword only).
+///     a_max: deceleration before a limit, a number or `(n,)`, rad/s^2 or m/s^2; None: without the square root (keyword only).
 ///
 /// Returns:
 ///     `(v_min, v_max)`, `(n,)` each, rad/s or m/s, for the method "sns". For a joint outside of a limit, both bounds lead back inside.

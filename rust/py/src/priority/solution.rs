@@ -186,7 +186,7 @@ fn solve_row(solver: &mut Core, stack: &Stack) -> Result<Status, Error> {
 ///     jacobians: one `(..., rows_i, n)` per level, the highest priority first. Zero rows, and more rows than joints, are allowed.
 ///     velocities: one `(..., rows_i)` per level, in the unit of the task.
 ///     method: "exact" is the equation above. "clamp" is continuous and bounded, and equals "exact" where all singular values are at least
-///         `eps`. "damped" and "chiaverini" use damped pseudoinverses. "sns" satisfies `v_min` and `v_max`.
+///         `eps`. "damped" and "chiaverini" use damped pseudoinverses. "sns" satisfies `v_min` and `v_max` (keyword only, as all below).
 ///     eps: threshold on singular values, one number or one per level; None: 0.02 times each level's largest row norm.
 ///     rounding: relative error of the entries of the Jacobians; None: 8 times the machine epsilon. For Jacobians that were computed from
 ///         angles `q`, pass `8 (1 + sum|q|)` times the machine epsilon.

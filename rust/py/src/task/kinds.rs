@@ -15,7 +15,7 @@ use pyo3::prelude::*;
 /// Args:
 ///     target: `q_d`, a `Motion` or a constant with one number per joint, rad or m; None if task velocities are passed at each call.
 ///     gain: as for `Task`.
-///     motion: another name of the argument `target`.
+///     motion: another name of the argument `target` (keyword only).
 ///     joints: names of the joints; None: all (keyword only).
 ///     damping: as for `Task` (keyword only).
 ///
@@ -64,7 +64,7 @@ impl PostureTask {
 ///     axes: the controlled coordinates, letters of "xyz".
 ///     target: `c_d`, a `Motion` or a constant with one number per letter, m; None if task velocities are passed at each call.
 ///     gain: as for `Task`.
-///     motion: another name of the argument `target`.
+///     motion: another name of the argument `target` (keyword only).
 ///     damping: as for `Task` (keyword only).
 ///
 /// Raises:
@@ -112,7 +112,7 @@ impl CentreOfMassTask {
 ///     target: the direction in world axes: a `Motion` of 3 numbers, or a constant `(3,)` of any length > 0. None if task velocities are
 ///         passed at each call.
 ///     gain: as for `Task`, with two rows.
-///     motion: another name of the argument `target`.
+///     motion: another name of the argument `target` (keyword only).
 ///     damping: as for `Task` (keyword only).
 ///
 /// Raises:
@@ -162,7 +162,7 @@ impl AxisTask {
 ///     axes: the controlled coordinates, as for `Task`.
 ///     target: a `Motion` or a constant `(rows,)`, m and rad (rotation vector); None if task velocities are passed at each call.
 ///     gain: as for `Task`.
-///     motion: another name of the argument `target`.
+///     motion: another name of the argument `target` (keyword only).
 ///     damping: as for `Task` (keyword only).
 ///
 /// Raises:

@@ -65,7 +65,7 @@ struct Raw {
 ///         constants `(..., rows)` is for `inverse_kinematics`, and may contain numbers that are not finite.
 ///     gain: `K` in `v = x_d' + K e`, 1/s (1/s^2 in `PriorityAcceleration`): scalar, `(rows,)` or `(rows, rows)`, not negative; 1 if
 ///         None.
-///     motion: another name of the argument `target`.
+///     motion: another name of the argument `target` (keyword only).
 ///     damping: gain of the error's derivative in `PriorityAcceleration`, 1/s: scalar, `(rows,)` or `(rows, rows)` (keyword only). None:
 ///         `2 K^1/2`, critical damping.
 ///
