@@ -295,7 +295,7 @@ impl MomentumObserver {
 
     /// Set the threshold of each joint to `|mean| + sigmas * deviation` of recorded `residuals`, `(K, n)`, N m or N.
     ///
-    /// The record must be without contact. `deviation` is the standard deviation.
+    /// The record must be without contact, with `K >= 2`. `deviation` is the standard deviation; `sigmas` is 5 if None.
     #[pyo3(signature = (residuals, sigmas=None), text_signature = "($self, residuals, sigmas=5.0)")]
     fn calibrate(&self, py: Python<'_>, residuals: &Bound<'_, PyAny>, sigmas: Option<&Bound<'_, PyAny>>) -> PyResult<()> {
         const FUNCTION: &str = "MomentumObserver.calibrate";
