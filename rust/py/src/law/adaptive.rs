@@ -38,8 +38,8 @@ use pyo3::types::{PyBool, PyString, PyTuple};
 ///     natural: adapt in the metric of the bodies' pseudo-inertias (keyword only). A physically possible initial estimate then stays
 ///         physically possible. `gamma` is a scalar, or one number per body, 1/(N m), and then one per joint parameter.
 ///     projection: keep the inertial parameters above the parameters of smallest bodies, so that they stay physically possible
-///         (keyword only). The argument is the mass of each smallest body, kg, with a radius of gyration of 0.1 m, or the parameters of all
-///         smallest bodies in the shape of `arm.parameters`. The true parameters must exceed these parameters. An
+///         (keyword only). The argument is the mass of each smallest body, kg, with a radius of gyration of 0.1 m. It may also be the
+///         parameters of all smallest bodies, in the shape of `arm.parameters`. The true parameters must exceed these parameters. An
 ///         initial estimate below them is moved to the nearest estimate above.
 ///     friction: estimate friction: True for "viscous" and "coulomb", or some of "viscous", "coulomb", "stribeck" (keyword only).
 ///     armature: estimate the rotors' inertia (keyword only).
