@@ -1,6 +1,6 @@
 //! Suggested gains for a bandwidth `w` and a damping ratio `z`, from the mass matrix within the joint limits.
 //!
-//! Computed torque decouples the joints: `e'' + kd e' + kp e = 0` with `kp = w^2`, `kd = 2 z w`. For laws whose gains are torques,
+//! Computed torque decouples the joints: `e'' + kd e' + kp e = 0` with `kp = w^2`, `kd = 2 z w`. For laws with gains in N m/rad,
 //!
 //! `kp = m w^2`, `kd = 2 z m w`, `m = s max_q diag M(q)`, where `s` is the smallest number with `M(q) <= diag(m)` at all samples.
 //!
@@ -38,12 +38,12 @@ pub struct SuggestedGains {
 }
 
 impl SuggestedGains {
-    /// Position gains of laws whose gains are torques, `(n,)`, N m/rad or N/m.
+    /// Position gains of laws with gains in N m/rad, such as PID, `(n,)`, N m/rad or N/m.
     pub fn kp(&self) -> Vec<f64> {
         self.inertia.iter().map(|m| m * self.bandwidth * self.bandwidth).collect()
     }
 
-    /// Velocity gains of laws whose gains are torques, `(n,)`, N m s/rad or N s/m.
+    /// Velocity gains of laws with gains in N m s/rad, such as PID, `(n,)`, N m s/rad or N s/m.
     pub fn kd(&self) -> Vec<f64> {
         self.inertia.iter().map(|m| 2.0 * self.damping_ratio * m * self.bandwidth).collect()
     }
@@ -53,8 +53,8 @@ impl SuggestedGains {
         (self.bandwidth * self.bandwidth, 2.0 * self.damping_ratio * self.bandwidth)
     }
 
-    /// The bandwidths below which the sampled loop is stable, rad/s: for laws whose gains are torques, and for computed torque. `None`
-    /// without a sample time.
+    /// The bandwidths below which the sampled loop is stable, rad/s: first for laws with gains in N m/rad, such as PID, then for computed
+    /// torque. `None` without a sample time.
     pub fn limits(&self) -> Option<(f64, f64)> {
         let z = self.damping_ratio;
         self.sample_time.map(|h| ((4.0 * z).min(self.lightest / z) / h, (4.0 * z).min(1.0 / z) / h))

@@ -180,7 +180,8 @@ impl Arm {
     }
 }
 
-/// Refuse a new name that a file cannot represent. XML has no control characters, and many readers end a name at NUL.
+/// Refuse a new name that a file cannot represent. XML allows no control characters below U+0020 except tab, newline and carriage return.
+/// Many readers end a name at NUL.
 pub(crate) fn writable(argument: &str, name: &str) -> Result<()> {
     let bad = |c: char| (c < ' ' && !matches!(c, '\t' | '\n' | '\r')) || matches!(c, '\u{fffe}' | '\u{ffff}');
     match name.chars().find(|c| bad(*c)) {

@@ -104,8 +104,8 @@ pub(crate) fn outwards<S: Real, const POLAR: bool>(
     BodyMotion { w, wr, wd, a, u: acceleration_matrix::<S, POLAR>(w, wr, wd) }
 }
 
-/// Compute the joint forces `S_i . F_i` from `f` and `n` of every body (in `links`, body axes), and pass them to `tau`. `F_i` is the sum
-/// over the subtree.
+/// Compute the torque or force of every joint, and pass it to `tau`. `links` has the force `f` and moment `n` of each body, in body axes.
+/// The joint input is the component along the joint axis of the sum of these over the subtree of the joint.
 pub(crate) fn inwards<S: Real>(tree: &Tree<S>, links: &mut [Link<S>], trig: &[(S, S)], mut tau: impl FnMut(usize, S)) {
     for i in (0..tree.bodies.len()).rev() {
         let body = &tree.bodies[i];

@@ -170,7 +170,7 @@ mod tests {
                 let (ahead, behind) = (at(1e-5), at(-1e-5));
                 for k in 0..m * m {
                     let slope = (ahead[k] - behind[k]) / 2e-5;
-                    // The error of the difference with step h is below h^2 / c^4 = 2e-5, from the third derivative of 1/x at x = c.
+                    // The error of the difference with step h is below h^2 / c^4 = 2e-5, from the third derivative of 1/x at the floor c.
                     assert!((out[k].rate - slope).abs() < 1e-4 * (1.0 + slope.abs()), "{m} {seed}: {} against {slope}", out[k].rate);
                 }
             }

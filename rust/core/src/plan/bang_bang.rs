@@ -55,7 +55,7 @@ fn bounds<S: Real>([g, tau_min, tau_max]: [S; 3], [s0, sm, s1]: &[Sine<S>; 3]) -
 
 /// The results of one problem per SIMD lane. Flags are 1 or 0.
 struct Answers<S> {
-    /// Durations `t_min` and `t_max`, s, then `a_min` and `a_max`, N m.
+    /// Durations `t_min` and `t_max`, s, then `a_min` and `a_max`, the bounds of `inertia * acceleration`, N m.
     numbers: [S; 4],
     /// The flags `feasible`, `hold_start` and `hold_end`.
     flags: [S; 3],
@@ -124,7 +124,7 @@ pub fn bang_bang_time(theta0: f64, thetaf: f64, inertia: f64, gravity_moment: f6
 
 /// The output arrays of many problems, `(count,)` each: `t_min, t_max, a_min, a_max`, and `feasible, hold_start, hold_end`.
 pub struct BangBangTimes<'a> {
-    /// Durations `t_min` and `t_max`, s, then `a_min` and `a_max`, N m.
+    /// Durations `t_min` and `t_max`, s, then `a_min` and `a_max`, the bounds of `inertia * acceleration`, N m.
     pub numbers: [&'a mut [f64]; 4],
     /// Flags: `feasible`, `hold_start` and `hold_end`.
     pub flags: [&'a mut [bool]; 3],

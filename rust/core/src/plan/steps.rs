@@ -257,7 +257,8 @@ impl Collocation {
         if ratio.is_nan() { f64::INFINITY } else { ratio }
     }
 
-    /// The polynomials of the distance `y` and of the spread `z`, in the time since the step began.
+    /// The polynomials of the distance `y` and of the spread `z`, in the time since the step began. The spread is the derivative of the
+    /// angle with respect to the start.
     fn polynomials(&self, from: &Progress) -> [Series; 2] {
         let mut series = [[0.0; ORDER + 1]; 2];
         for (c, (start, accelerations)) in series.iter_mut().zip([(from.y, from.v), from.spread].into_iter().zip(&self.accelerations)) {

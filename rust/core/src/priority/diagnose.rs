@@ -67,7 +67,8 @@ pub struct LevelDiagnosis {
 /// The part of a command that one level cannot execute.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Compatibility {
-    /// The part of `v_i - J_i v_above` along the lost directions, shape `(rows,)`, in the unit of the task.
+    /// The part of `v_i - J_i v_above` along the lost directions, shape `(rows,)`, in the unit of the task. `v_above` is the joint velocity
+    /// of the levels above.
     pub loss: Vec<f64>,
     /// Whether the loss is zero up to rounding, so that the command can be executed exactly.
     pub compatible: bool,

@@ -19,8 +19,8 @@ const LEAST_MOBILITY: f64 = 1e-10;
 /// joint's `a`, and its distance from a bound, count as zero if they are smaller.
 const NOISE: f64 = 64.0 * f64::EPSILON;
 
-/// An excess over a bound counts as rounding noise up to an edge, and is removed. The edge is at least `LEAST_EDGE` and at most
-/// `MOST_EDGE`, as fractions of the velocity of the fastest joint.
+/// An excess over a velocity bound counts as a rounding error if it is at most the tolerance `edge`. Such an excess is removed. Divided by
+/// the velocity of the fastest joint, the tolerance is at least `LEAST_EDGE` and at most `MOST_EDGE`.
 const MOST_EDGE: f64 = 1e-11;
 const LEAST_EDGE: f64 = 1e-13;
 

@@ -1,7 +1,8 @@
 //! The solver of stacks. Its construction allocates all memory, and solves do not allocate.
 //!
 //! It maps levels `(J_i, v_i)` to joint velocities `v`, with residuals `v_i - J_i v`, ranks and a status. The algorithms with singular
-//! values receive only finite numbers of moderate magnitude. For other numbers, the other algorithms report that their result is not valid.
+//! values receive finite numbers that are scaled to moderate magnitude. The faster algorithms `regular` and `pairs` receive the original
+//! numbers. If these are not finite, too large or too small, both algorithms report that their result is not valid.
 
 use super::method::{DEFAULT_EPS, DEFAULT_ROUNDING, PriorityMethod, PriorityOptions, TAME};
 use super::metric::Metric;

@@ -32,7 +32,8 @@ impl<V: Real> Dual<V> {
     }
 }
 
-/// Return `along` where `rate` is not zero, otherwise zero. Where the slope is infinite, the product of zero rate and slope would be NaN.
+/// Return `along` where `rate` is below or above zero, otherwise `rate`, which is zero or NaN. Where the slope is infinite, the product of
+/// zero rate and slope would be NaN.
 #[inline(always)]
 fn unless_still<V: Real>(rate: V, along: V) -> V {
     V::select(rate.lt(V::zero()), along, V::select(V::zero().lt(rate), along, rate))

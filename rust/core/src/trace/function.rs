@@ -45,7 +45,7 @@ impl FunctionLayout {
     }
 }
 
-/// A function with the memory for its numbers. It computes one run, or one run per lane. The *set-up parameters* in this memory are
+/// A function with the memory for its numbers. It evaluates the function once, or once per lane. The *set-up parameters* in this memory are
 /// constant in a run.
 #[derive(Clone)]
 pub struct Evaluation {
@@ -80,13 +80,13 @@ pub fn recorded<T>(inputs: usize, set_up: impl FnOnce() -> T, answer: impl FnOnc
     (!recording.failed).then_some(Recorded { ops: recording.ops, values: recording.values, inputs, answer })
 }
 
-/// Record a function and make its program, for one run or for lanes.
+/// Record a function and make its program, for one row of inputs or for one row per lane.
 pub fn record<T>(lanes: bool, inputs: usize, set_up: impl FnOnce() -> T, answer: impl FnOnce(T, &[Sym]) -> Vec<Sym>) -> Option<Evaluation> {
     recorded(inputs, set_up, answer).map(|recorded| recorded.program(lanes))
 }
 
 impl Recorded {
-    /// Make the program of this function, for one run or for lanes.
+    /// Make the program of this function, for one row of inputs or for one row per lane.
     pub fn program(self, lanes: bool) -> Evaluation {
         let Recorded { ops, values, inputs, answer } = self;
         let layout = FunctionLayout { given: values.len(), inputs, lanes };

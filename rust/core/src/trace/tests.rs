@@ -36,7 +36,8 @@ fn forms() -> Vec<Form> {
     sets.iter().flat_map(|&set| [true, false].map(|packed| Form { set, packed })).collect()
 }
 
-/// In half of all cases, declare some inputs from the third on as a stream. Return its memory for `turns` iterations, in cache lines.
+/// In half of all cases with at least four inputs, declare some inputs from the third on as a stream. Return its memory for `turns`
+/// iterations, in cache lines.
 pub fn random_stream(random: &mut Random, program: &mut Straight, inputs: usize, lanes: usize, turns: usize) -> Frame {
     if inputs < 4 || random.below(2) == 0 {
         return Frame::new(0, 1);

@@ -49,7 +49,7 @@ impl GenericKernel for Shortcuts {
             // The two results add the same terms in different orders.
             close("quarter turns", &short, &answers(&tree, &given), 1e-13, 1.0);
         }
-        // The tree must contain quarter turns and other placements.
+        // The trees must contain quarter turns and other placements.
         assert!(met[1..6].iter().sum::<i32>() > 3 && met[6] > 0, "{met:?}");
     }
 }

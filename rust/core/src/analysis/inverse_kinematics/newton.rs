@@ -99,8 +99,8 @@ impl NewtonSearch {
     /// Take steps from `start` until all tasks are reached, until progress ends, or up to the largest number of steps. The best result is
     /// written to `found`.
     ///
-    /// If the options have neither a map nor thresholds, the steps are for all tasks together. If these do not reach several tasks, steps
-    /// in priority follow.
+    /// If the options have neither a map nor thresholds, the steps are for all tasks together. If there are several
+    /// tasks and these steps do not reach all of them, steps in priority follow.
     pub fn descend(&mut self, start: &[f64], iterations: &mut usize) -> Result<()> {
         // `q` is moved out of `self` during the search.
         let mut q = std::mem::take(&mut self.q);

@@ -49,7 +49,7 @@ pub fn without_prefix(text: &str, prefix: &str) -> String {
     plain
 }
 
-/// Copy one tag, and return its length.
+/// Append one tag to `plain`, with `.` instead of `:` after `prefix` in its names, and return the length of the tag.
 fn tag(markup: &str, prefix: &str, plain: &mut String) -> usize {
     let (mut quote, mut name, mut colon) = (None, false, usize::MAX);
     for (at, c) in markup.char_indices() {

@@ -54,8 +54,8 @@ impl Samples {
         self.exact.clear();
         for (k, &(first, last)) in course.spans.iter().enumerate() {
             self.span.resize(last, k);
-            // With friction, with limits that vary, or with a limited frame, no row is interpolated. A run with too few points cannot be
-            // interpolated.
+            // With friction, with limits that vary, or with a limited frame, no row is interpolated. If neighbouring segments
+            // of equal length have too few points, they cannot be interpolated.
             let curved = course.friction.is_some() || course.along.any() || course.tip.is_some();
             self.exact.resize(last, curved || last - first + 1 < WINDOW);
         }

@@ -36,8 +36,8 @@ pub(super) fn slowed(
         return Ok(best);
     }
     let (kept, u_slope) = (profile.kept.clone(), rows.u_slope.clone());
-    // First try the slopes of `u` of the faster profile, then zero slopes. With these slopes, `x` may reach zero between two points, and
-    // the duration is not finite.
+    // First try the slopes of `u` of the faster profile, then zero slopes. With the slopes of the faster profile, `x`
+    // may reach zero between two points. Then the duration is not finite, and only the motion with zero slopes counts.
     for u_slope in [u_slope, vec![0.0; kept.len() - 1]] {
         let Some(found) = slowed_with(problem, samples, profile, (&kept, &u_slope))? else { continue };
         let duration = found.motion.duration();
