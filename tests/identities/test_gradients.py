@@ -289,3 +289,27 @@ def test_a_loop_of_three_joints_in_every_group_of_directions() -> None:
     assert run.sensitivity is not None and alone.sensitivity is not None
     assert run.sensitivity["law.estimate"].q.shape == (11, 3, 30)
     np.testing.assert_array_equal(run.sensitivity["law.kp"].v, alone.sensitivity["law.kp"].v)
+
+
+@pytest.mark.parametrize("method", ["rk4", "dopri5"])
+def test_rows_of_several_structures_have_the_bits_of_single_runs(method: str) -> None:
+    """Rows with one structure share recorded functions. A gain of one and the leakage of an estimate change the structure."""
+    rng = np.random.default_rng(8)
+
+    def law(row: int) -> al.Adaptive:
+        kp, kd = rng.uniform(4.0, 9.0, 2), rng.uniform(2.0, 3.0, 2)
+        kp[0] = 1.0 if row % 2 else kp[0]
+        return al.Adaptive(ARM, SWING, kp, kd, 0.3, estimate=rng.uniform(0.1, 0.5, 20), leakage=0.1 * (row // 2 % 2))
+
+    # Rows 0 to 7 have four structures and separate laws. The last rows repeat two of these laws.
+    laws = [law(row) for row in range(8)]
+    laws += [laws[1], laws[2], laws[1]]
+    plants = [al.RigidArm(ARM, friction=row % 3 == 0) for row in range(len(laws))]
+    starts, names = rng.uniform(-0.3, 0.3, (len(laws), 2)), ["law.kd", "arm.damping", "q0"]
+    options: dict[str, Any] = {"t_end": 0.05, "method": method, "dt": 5e-3 if method == "rk4" else None, "check_limits": False}
+    expected = [al.gradient("error_rms", *loop, names, **options)[1] for loop in zip(plants, laws, starts, strict=True)]
+    for threads in (1, 3):
+        _, slopes = al.gradient("error_rms", plants, laws, starts, names, threads=threads, **options)
+        for name in names:
+            assert np.abs(slopes[name]).max() > 0.0
+            np.testing.assert_array_equal(slopes[name], [row[name] for row in expected], err_msg=name)

@@ -56,6 +56,11 @@ impl Common {
         }
     }
 
+    /// Return the properties for functions that compute one run, without metrics and records.
+    pub fn of_functions(problem: &Problem) -> Self {
+        Common { lanes: false, shared: false, monitored: Monitored::of(problem), sums: false, aims: false, notes: None }
+    }
+
     /// Return the metrics that the programs of run `run` compute.
     pub fn plan(&self, problem: &Problem, run: usize) -> Option<Plan> {
         let measures = problem.measures.as_ref().filter(|_| self.sums)?;

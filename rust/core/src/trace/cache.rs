@@ -49,9 +49,48 @@ impl<T: Clone> Cache<T> {
         }
     }
 
+    /// Return the matching entry. If no entry matches, store the entry that `make` returns, with the limits of [`Cache::keep`]. This
+    /// function waits for the lock. So it is only for a cache that no longer exists when the call of its owner ends.
+    pub fn find_or_keep(&self, is: impl Fn(&T) -> bool, make: impl FnOnce() -> T, fits: impl Fn(&VecDeque<T>) -> bool) -> T {
+        let mut entries = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let known = entries.iter().position(is).and_then(|at| entries.remove(at));
+        let is_new = known.is_none();
+        let entry = known.unwrap_or_else(make);
+        entries.push_back(entry.clone());
+        while is_new && (entries.len() > KEPT || !entries.is_empty() && !fits(&entries)) {
+            entries.pop_front();
+        }
+        entry
+    }
+
     /// The number of entries.
     #[cfg(test)]
     pub fn count(&self) -> usize {
         free(&self.0).map_or(0, |entries| entries.len())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::cell::Cell;
+
+    #[test]
+    fn a_cache_stores_the_entries_that_were_used_last() {
+        let (cache, made) = (Cache::new(), Cell::new(0));
+        let make = |k: usize| {
+            made.set(made.get() + 1);
+            (k, made.get())
+        };
+        let find = |k: usize| cache.find_or_keep(|&(known, _)| known == k, || make(k), |_| true).1;
+        assert_eq!(find(0), find(0), "the second call finds the entry");
+        assert_eq!((1..KEPT).map(find).max(), Some(KEPT), "each other entry is made");
+        find(0);
+        find(KEPT);
+        assert_eq!(cache.count(), KEPT);
+        assert!(cache.find(|&(known, _)| known == 0).is_some(), "it was used later than entry 1");
+        assert!(cache.find(|&(known, _)| known == 1).is_none(), "it is the oldest entry");
+        cache.find_or_keep(|_| false, || (KEPT + 1, 0), |entries| entries.len() < 3);
+        assert_eq!(cache.count(), 2);
     }
 }

@@ -19,7 +19,7 @@ use std::sync::Arc;
 pub const CALLS: usize = 16;
 
 /// The maximum sum of the recorded entries of all stored functions.
-const KEPT_OPERATIONS: usize = 1 << 20;
+pub const KEPT_OPERATIONS: usize = 1 << 20;
 
 /// A function, shared by all recordings of the same structure.
 struct StoredFunction {
@@ -99,16 +99,22 @@ impl Evaluation {
         let StoredFunction { ops, answer, program, layout } = &*function;
         let mut frame = Frame::new(program.slots().max(layout.answer() + answer.len()), form(layout.lanes).lanes());
         program.prepare(&mut frame);
-        for (slot, &x) in given.iter().enumerate() {
-            frame.fill(slot, x);
-        }
         // A constant result is not an output of the program, and is written to the frame here.
         for (k, &entry) in answer.iter().enumerate() {
             if let Op::Const(bits) = ops[entry as usize] {
                 frame.fill(layout.answer() + k, f64::from_bits(bits));
             }
         }
-        Evaluation { function, frame }
+        let mut evaluation = Evaluation { function, frame };
+        evaluation.set_up(given);
+        evaluation
+    }
+
+    /// Write the set-up parameters, in every lane.
+    pub fn set_up(&mut self, given: &[f64]) {
+        for (slot, &x) in given.iter().enumerate() {
+            self.frame.fill(slot, x);
+        }
     }
 
     pub fn lanes(&self) -> usize {

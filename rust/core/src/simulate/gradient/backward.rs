@@ -100,8 +100,8 @@ impl<'a> Backward<'a> {
         let (functions, directions) = (&prepared.functions, &prepared.directions);
         let (walker, sizes) = (Walker::new(prepared), &functions.sizes);
         Backward {
-            rates: functions.rates.iter().map(Function::adjoint).collect(),
-            law: functions.law.adjoint(),
+            rates: functions.rates.iter().map(|function| function.adjoint(prepared.given())).collect(),
+            law: functions.law.adjoint(prepared.given()),
             bar: vec![0.0; walker.places.size()],
             aside: vec![0.0; walker.places.size()],
             set_up: vec![0.0; directions.moved],

@@ -100,7 +100,7 @@ impl<'a> Forward<'a> {
     fn new(prepared: &'a Prepared<'a>, groups: usize) -> Result<Self> {
         let (functions, sizes) = (&prepared.functions, &prepared.functions.sizes);
         let tangent = |function: &super::functions::Function| TangentCall {
-            call: function.tangent(),
+            call: function.tangent(prepared.given()),
             moving: function.moving(),
             moved: sizes.moved,
             driven: sizes.driven(),

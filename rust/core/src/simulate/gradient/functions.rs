@@ -1,6 +1,7 @@
 //! The state rates, the law and the guards of a loop as recorded functions, with their tangents and adjoints.
 
 use super::directions::{Directions, refused};
+use super::structure::SetUps;
 use super::timeline::Contacts;
 use crate::error::{Error, Result};
 use crate::integrate::System;
@@ -25,7 +26,7 @@ use std::sync::OnceLock;
 const GROUPS_PER_BLOCK: usize = 2;
 
 /// Sizes of the arguments and results of a loop's functions.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Sizes {
     /// The size of the desired motion at one instant.
     pub desired: usize,
@@ -50,7 +51,7 @@ pub struct Sizes {
 }
 
 impl Sizes {
-    fn of(problem: &Problem, directions: &Directions) -> Self {
+    pub fn of(problem: &Problem, directions: &Directions) -> Self {
         let (n, p, plant) = (problem.plant(0).n(), problem.law(0).initial_state().len(), problem.plant(0).states());
         Sizes {
             desired: directions.width() - if problem.forces.is_empty() { 0 } else { 6 },
@@ -73,10 +74,12 @@ impl Sizes {
     }
 }
 
-/// A recorded function `y = f(c, u, x, held)` of the loop parameters `c`, the exogenous input `u`, the state `x` and the held input.
+/// A recorded function `y = f(c, u, x, held)` of the loop parameters `c`, the exogenous input `u`, the state `x` and the held input. Rows
+/// with the same structure share the function, so it does not store values of `c`.
 pub struct Function {
     ops: Vec<Op>,
-    values: Vec<f64>,
+    /// The number of loop parameters that are inputs.
+    given: usize,
     /// The sizes of `u`, `x` and the held input.
     read: [usize; 3],
     answer: Vec<u32>,
@@ -85,7 +88,7 @@ pub struct Function {
     /// The inputs that vary: loop parameters, the exogenous input, the state, the held input.
     moving: Vec<u32>,
     groups: usize,
-    /// The compiled function, its tangent and its adjoint.
+    /// The compiled function, its tangent and its adjoint. The loop parameters in them are zero.
     calls: [OnceLock<Call>; 3],
 }
 
@@ -102,25 +105,50 @@ pub struct LoopFunctions {
 }
 
 impl LoopFunctions {
-    pub fn of(problem: &Problem, directions: &Directions, contacts: &Contacts) -> Result<Self> {
+    /// Record the functions of run 0. `set_ups`: the set-ups of the loop.
+    ///
+    /// Errors: `Input` for a law that branches on its numbers, and for a parameter that is a constant of the recording.
+    pub fn of(problem: &Problem, directions: &Directions, set_ups: &SetUps, contacts: &Contacts) -> Result<Self> {
         let sizes = Sizes::of(problem, directions);
         let branches = || Error::input("law", format!("has no derivatives of runs: {} branches on its numbers", problem.law(0).name()));
         let all = |run: usize| {
+            look();
             let of = LoopRecorder { problem, run, directions, sizes: &sizes };
             let rates: Option<Vec<Function>> = contacts.modes.iter().map(|mode| of.rates(mode)).collect();
             let guards: Option<Vec<Function>> = contacts.guards.iter().map(|&guard| of.guard(guard)).collect();
-            Some((rates?, of.law()?, guards?))
+            Some(LoopFunctions { sizes, rates: rates?, law: of.law()?, guards: guards? })
         };
-        let (rates, law, guards) = all(0).ok_or_else(branches)?;
-        let own: Vec<&Function> = rates.iter().chain([&law]).chain(&guards).collect();
-        for &(p, run) in &directions.runs {
-            look();
-            let (rates, law, guards) = all(run).ok_or_else(branches)?;
-            if rates.iter().chain([&law]).chain(&guards).zip(&own).any(|(other, own)| other.ops != own.ops) {
+        let own = all(0).ok_or_else(branches)?;
+        for (k, &(p, run)) in directions.runs.iter().enumerate() {
+            // Runs with one key and one set-up have one recording. Debug builds check this.
+            let same = set_ups.is_of_run_0(problem, k, run);
+            if same && !cfg!(debug_assertions) {
+                continue;
+            }
+            if !all(run).ok_or_else(branches)?.same_operations(&own) {
+                debug_assert!(!same, "two loops of one key differ");
                 return Err(refused(p, "is a constant of the loop's program"));
             }
         }
-        Ok(LoopFunctions { sizes, rates, law, guards })
+        Ok(own)
+    }
+
+    fn all(&self) -> impl Iterator<Item = &Function> {
+        self.rates.iter().chain([&self.law]).chain(&self.guards)
+    }
+
+    /// Whether both recordings have the same operations.
+    pub fn same_operations(&self, other: &Self) -> bool {
+        self.all().map(|function| &function.ops).eq(other.all().map(|function| &function.ops))
+    }
+
+    /// The number of recorded operations, and of operations of the compiled functions.
+    pub fn operations(&self) -> usize {
+        let compiled = |function: &Function| {
+            let calls = function.calls.iter().filter_map(OnceLock::get);
+            calls.map(|call| call.evaluation.operations()).sum::<usize>()
+        };
+        self.all().map(|function| function.ops.len() + compiled(function)).sum()
     }
 }
 
@@ -159,8 +187,9 @@ impl LoopRecorder<'_> {
         let first = given + if sizes.drives { 0 } else { sizes.width as u32 };
         moving.extend(first..given + read.iter().sum::<usize>() as u32);
         let answer = answer.into_iter().map(Sym::index).collect();
-        let (ops, values, calls) = (recording.ops, recording.values, Default::default());
-        Some(Function { ops, values, read, answer, guards: sizes.guards, moving, groups: sizes.groups, calls })
+        let (ops, given, calls) = (recording.ops, given as usize, Default::default());
+        debug_assert_eq!(recording.values.len(), given, "loop parameters are numbers of the set-up");
+        Some(Function { ops, given, read, answer, guards: sizes.guards, moving, groups: sizes.groups, calls })
     }
 
     /// Record the state rates for contacts held in `mode`. If `mode` is empty, the state determines the contacts.
@@ -203,7 +232,7 @@ impl Function {
     }
 
     fn recorded(&self, ops: Vec<Op>, more: usize, answer: Vec<u32>) -> Recorded {
-        Recorded { ops, values: self.values.clone(), inputs: self.inputs() + more, answer }
+        Recorded { ops, values: vec![0.0; self.given], inputs: self.inputs() + more, answer }
     }
 
     /// The number of results, without the validity flags.
@@ -211,9 +240,17 @@ impl Function {
         self.answer.len() - self.guards
     }
 
-    /// Return the function without derivatives, for one run.
-    pub fn value(&self) -> Call {
-        self.calls[0].get_or_init(|| Call::new(self, self.recorded(self.ops.clone(), 0, self.answer.clone()).program(false))).clone()
+    /// Return compiled function number `kind` with the loop parameters `given`. `make` compiles it at the first call.
+    fn call(&self, kind: usize, given: &[f64], make: impl FnOnce() -> Evaluation) -> Call {
+        debug_assert_eq!(given.len(), self.given, "one value per loop parameter");
+        let mut call = self.calls[kind].get_or_init(|| Call::new(self, make())).clone();
+        call.evaluation.set_up(given);
+        call
+    }
+
+    /// Return the function without derivatives, for one run with the loop parameters `given`.
+    pub fn value(&self, given: &[f64]) -> Call {
+        self.call(0, given, || self.recorded(self.ops.clone(), 0, self.answer.clone()).program(false))
     }
 
     /// The number of inputs that vary.
@@ -221,27 +258,27 @@ impl Function {
         self.moving.len()
     }
 
-    /// Return the function with its tangent. Its arguments are the inputs, then their tangents. Its results are the function's results,
+    /// Return the function with its tangent, for the loop parameters `given`. Its arguments are the inputs, then their tangents. Its results are the function's results,
     /// then their tangents. Each lane has one direction, and the groups of directions follow one another.
-    pub fn tangent(&self) -> Call {
+    pub fn tangent(&self, given: &[f64]) -> Call {
         let made = || {
-            let (inputs, groups) = (self.values.len() + self.inputs(), self.groups);
+            let (inputs, groups) = (self.given + self.inputs(), self.groups);
             let Tangents { ops, mut values, rates } = tangents(&self.ops, inputs, &self.answer, self.answers(), &self.moving, groups);
             values.extend(rates);
-            Call::new(self, self.recorded(ops, groups * self.moving.len(), values).program(true))
+            self.recorded(ops, groups * self.moving.len(), values).program(true)
         };
-        self.calls[1].get_or_init(made).clone()
+        self.call(1, given, made)
     }
 
-    /// Return the function with its adjoint. The adjoint computes the weights of the varying inputs from the weights of the results.
-    pub fn adjoint(&self) -> Call {
+    /// Return the function with its adjoint, for the loop parameters `given`. The adjoint computes the weights of the varying inputs from the weights of the results.
+    pub fn adjoint(&self, given: &[f64]) -> Call {
         let made = || {
-            let inputs = self.values.len() + self.inputs();
+            let inputs = self.given + self.inputs();
             let (ops, mut answer) = adjoint(self.ops.clone(), inputs, &self.answer[..self.answers()], &self.moving);
             answer.splice(0..0, self.answer.iter().copied());
-            Call::new(self, self.recorded(ops, self.answers(), answer).program(false))
+            self.recorded(ops, self.answers(), answer).program(false)
         };
-        self.calls[2].get_or_init(made).clone()
+        self.call(2, given, made)
     }
 }
 

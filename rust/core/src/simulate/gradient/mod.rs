@@ -27,6 +27,7 @@ mod functions;
 mod rows;
 mod series;
 mod shared;
+mod structure;
 mod switch;
 mod timeline;
 mod walk;
@@ -43,8 +44,9 @@ pub use rows::{Rows, adjoint_of_rows, sensitivities_of_rows};
 use series::Series;
 pub use shared::Shared;
 use std::ops::Range;
-use std::sync::{Arc, Mutex, PoisonError};
-use timeline::{Contacts, Timeline};
+use std::sync::Arc;
+use structure::{FunctionStore, SetUps};
+use timeline::Timeline;
 
 /// One parameter, as pairs `(run, weight)`. The derivative of a loop parameter `F` is `sum weight F(run)`.
 pub type Parameter = Vec<(usize, f64)>;
@@ -76,18 +78,25 @@ struct Prepared<'a> {
     single: Problem<'a>,
     tableau: Tableau,
     directions: Arc<Directions<'a>>,
+    set_ups: Arc<SetUps>,
     functions: Arc<LoopFunctions>,
     timeline: Timeline,
     /// The tangents of the state at the start, shape `(states, count)`.
     start: Vec<f64>,
 }
 
-/// The directions of a loop, and its recorded functions. All runs of the loop share them.
+impl Prepared<'_> {
+    /// The loop parameters that are inputs of the functions.
+    fn given(&self) -> &[f64] {
+        &self.set_ups.values
+    }
+}
+
+/// The directions and the set-ups of a loop. All runs of the loop share them.
 struct Loop<'a> {
     tableau: Tableau,
     directions: Arc<Directions<'a>>,
-    /// The recorded functions of the loop, for each list of contact modes that occurred.
-    known: Mutex<Vec<(Contacts, Arc<LoopFunctions>)>>,
+    set_ups: Arc<SetUps>,
 }
 
 /// Return the problem that consists of run 0 of `problem`.
@@ -130,30 +139,22 @@ impl<'a> Loop<'a> {
             return refused("plant", "a plant without stick-slip friction", "one with it");
         }
         let directions = Arc::new(Directions::of(problem, parameters)?);
-        Ok(Loop { tableau, directions, known: Mutex::default() })
+        let set_ups = Arc::new(SetUps::of(problem, &directions));
+        Ok(Loop { tableau, directions, set_ups })
     }
 
-    /// Prepare run 0 of a problem whose loop is `self`.
-    fn prepare(&self, problem: &Problem<'a>, parameters: Parameters, stop: &dyn Stop) -> Result<Prepared<'a>> {
+    /// Prepare run 0 of a problem whose loop is `self`. `known`: the recorded functions of all loops of the call.
+    fn prepare(&self, problem: &Problem<'a>, parameters: Parameters, known: &FunctionStore, stop: &dyn Stop) -> Result<Prepared<'a>> {
         let (single, start) = (single(problem), start_rates(problem, parameters)?);
         let timeline = Timeline::of(&single, stop)?;
-        let functions = self.functions(problem, &timeline.contacts)?;
-        Ok(Prepared { single, tableau: self.tableau.clone(), directions: self.directions.clone(), functions, timeline, start })
-    }
-
-    fn functions(&self, problem: &Problem, contacts: &Contacts) -> Result<Arc<LoopFunctions>> {
-        let mut known = self.known.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some((_, found)) = known.iter().find(|(other, _)| (&other.modes, &other.guards) == (&contacts.modes, &contacts.guards)) {
-            return Ok(found.clone());
-        }
-        let made = Arc::new(LoopFunctions::of(problem, &self.directions, contacts)?);
-        known.push((contacts.clone(), made.clone()));
-        Ok(made)
+        let functions = known.functions(problem, &self.directions, &self.set_ups, &timeline.contacts)?;
+        let (directions, set_ups) = (self.directions.clone(), self.set_ups.clone());
+        Ok(Prepared { single, tableau: self.tableau.clone(), directions, set_ups, functions, timeline, start })
     }
 }
 
 fn prepare<'a>(problem: &'a Problem<'a>, parameters: Parameters, stop: &dyn Stop) -> Result<Prepared<'a>> {
-    Loop::of(problem, parameters)?.prepare(problem, parameters, stop)
+    Loop::of(problem, parameters)?.prepare(problem, parameters, &FunctionStore::default(), stop)
 }
 
 /// Return the derivatives of the records of run 0 of `problem`, at the times of its options. Each part that [`record_parts`] names has an

@@ -1,14 +1,17 @@
 //! Derivatives of the runs of a batch. A *row* is one run of the batch. Threads compute different rows. A row has the same bits as a single
-//! run.
+//! run. Rows with the same plants, laws and forces share a loop, and loops with the same structure share their recorded functions.
 
-use super::{Loop, Parameter, Parameters, backward, forward, record_parts};
+use super::structure::FunctionStore;
+use super::{Loop, Parameter, Parameters, Prepared, backward, forward, record_parts};
 use crate::error::{Error, Result};
 use crate::interrupt::{Interrupted, interrupt};
 use crate::memory;
 use crate::parallel;
 use crate::simulate::problem::Problem;
 use crate::simulate::schedule::Times;
+use crate::trace::cache::Cache;
 use std::sync::atomic::AtomicBool;
+use std::sync::{Arc, OnceLock};
 
 /// The runs to be differentiated: run 0 of each problem, with its parameters.
 pub struct Rows<'a> {
@@ -56,15 +59,12 @@ impl<'a> Rows<'a> {
         Ok(Rows { problems: memory::collected((0..rows).map(row))?, parameters, sizes })
     }
 
-    /// Whether all rows have the same plants, laws and forces.
-    fn is_one_loop(&self) -> bool {
-        let Some(first) = self.problems.first() else { return false };
-        let same = |other: &Problem| {
-            let plants = first.plants.iter().zip(&other.plants).all(|(a, b)| std::ptr::eq(*a, *b));
-            let laws = first.laws.iter().zip(&other.laws).all(|(a, b)| std::ptr::eq(*a, *b));
-            plants && laws && first.forces.iter().zip(&other.forces).all(|(a, b)| std::ptr::eq(*a, *b))
-        };
-        self.problems.iter().all(same)
+    /// Whether two rows have the same plants, laws and forces.
+    fn is_same_loop(&self, a: usize, b: usize) -> bool {
+        let (one, other) = (&self.problems[a], &self.problems[b]);
+        let plants = one.plants.iter().zip(&other.plants).all(|(a, b)| std::ptr::eq(*a, *b));
+        let laws = one.laws.iter().zip(&other.laws).all(|(a, b)| std::ptr::eq(*a, *b));
+        plants && laws && one.forces.iter().zip(&other.forces).all(|(a, b)| std::ptr::eq(*a, *b))
     }
 
     fn parameters(&self, row: usize) -> Parameters<'_> {
@@ -78,19 +78,12 @@ impl<'a> Rows<'a> {
         threads: usize,
         poll: &mut dyn FnMut() -> bool,
         outs: Vec<T>,
-        work: impl Fn(&super::Prepared<'b>, usize, &mut T) -> Result<()> + Sync,
+        work: impl Fn(&Prepared<'b>, usize, &mut T) -> Result<()> + Sync,
     ) -> Result<()> {
-        let Some(first) = self.problems.first() else { return Ok(()) };
-        let shared = if self.is_one_loop() { Some(Loop::of(first, self.parameters(0))?) } else { None };
-        let never = AtomicBool::new(false);
+        let known = KnownLoops::default();
         let row = |(r, mut out): (usize, T)| -> Result<()> {
-            let (problem, parameters) = (&self.problems[r], self.parameters(r));
-            problem.validate()?;
-            let prepared = match &shared {
-                Some(shared) => shared.prepare(problem, parameters, &never),
-                None => Loop::of(problem, parameters).and_then(|own| own.prepare(problem, parameters, &never)),
-            };
-            match prepared.and_then(|prepared| work(&prepared, r, &mut out)) {
+            self.problems[r].validate()?;
+            match known.prepare(self, r).and_then(|prepared| work(&prepared, r, &mut out)) {
                 Err(Error::Solve { .. }) => {
                     out.fill_nan();
                     Ok(())
@@ -102,6 +95,31 @@ impl<'a> Rows<'a> {
             Ok(rows) => rows.into_iter().collect(),
             Err(Interrupted) => interrupt(),
         }
+    }
+}
+
+/// The loop of the rows that have the same plants, laws and forces as row `row`.
+struct KnownLoop<'b> {
+    row: usize,
+    /// The loop, made for the first row that requires it. Other threads wait for it.
+    made: OnceLock<Result<Loop<'b>>>,
+}
+
+/// The loops of the rows that were computed last, and the recorded functions of these loops.
+#[derive(Default)]
+pub(super) struct KnownLoops<'b> {
+    loops: Cache<Arc<KnownLoop<'b>>>,
+    functions: FunctionStore,
+}
+
+impl<'b> KnownLoops<'b> {
+    /// Prepare row `r`.
+    pub(super) fn prepare(&self, rows: &'b Rows, r: usize) -> Result<Prepared<'b>> {
+        let (problem, parameters) = (&rows.problems[r], rows.parameters(r));
+        let new = || Arc::new(KnownLoop { row: r, made: OnceLock::new() });
+        let known = self.loops.find_or_keep(|known| rows.is_same_loop(known.row, r), new, |_| true);
+        let own = known.made.get_or_init(|| Loop::of(problem, parameters)).as_ref().map_err(Clone::clone)?;
+        own.prepare(problem, parameters, &self.functions, &AtomicBool::new(false))
     }
 }
 

@@ -2,7 +2,7 @@
 
 use super::Prepared;
 use super::combine::{add_slopes, advance};
-use super::functions::{Call, Function, Sizes};
+use super::functions::{Call, Sizes};
 use super::timeline::{Operation, Timeline};
 use crate::error::{Error, Result, all_finite};
 use crate::integrate::Tableau;
@@ -93,13 +93,13 @@ pub struct Walker<'a> {
 
 impl<'a> Walker<'a> {
     pub fn new(prepared: &'a Prepared<'a>) -> Self {
-        let (sizes, stages) = (&prepared.functions.sizes, prepared.tableau.b.len());
+        let (sizes, stages, given) = (&prepared.functions.sizes, prepared.tableau.b.len(), prepared.given());
         Walker {
             prepared,
             places: Places::of(sizes, &prepared.timeline),
-            rates: prepared.functions.rates.iter().map(Function::value).collect(),
-            law: prepared.functions.law.value(),
-            guards: prepared.functions.guards.iter().map(Function::adjoint).collect(),
+            rates: prepared.functions.rates.iter().map(|function| function.value(given)).collect(),
+            law: prepared.functions.law.value(given),
+            guards: prepared.functions.guards.iter().map(|function| function.adjoint(given)).collect(),
             u: vec![0.0; sizes.width],
             points: vec![0.0; stages * sizes.states],
             slopes: vec![0.0; stages * sizes.states],

@@ -1,0 +1,229 @@
+//! The structure of a loop's recorded functions, and a store of these functions by structure.
+//!
+//! The recording of a run follows from its set-up, from the varying loop parameters, and from the [`Key`] of the run. Loops with the same
+//! set-ups, keys, sizes and contacts therefore share their functions. The values of loop parameters belong to each loop.
+//!
+//! A parameter may be a constant of the recording, such as gravity. Then the key of a run with another value differs from the key of run 0.
+//! Only in this case, the recordings of both runs are compared.
+
+use super::directions::Directions;
+use super::functions::{LoopFunctions, Sizes};
+use super::timeline::Contacts;
+use crate::error::Result;
+use crate::interrupt::look;
+use crate::plant::Touch;
+use crate::simulate::assembly::assemble;
+use crate::simulate::key::{Common, Key, MOST_NUMBERS};
+use crate::simulate::problem::Problem;
+use crate::simulate::watching::Guard;
+use crate::trace::cache::Cache;
+use crate::trace::function::KEPT_OPERATIONS;
+use crate::trace::sym::{self, Sym};
+use crate::trace::tape::{Moving, Op};
+use std::sync::{Arc, OnceLock};
+
+/// The recorded set-up of one run.
+#[derive(Clone, PartialEq)]
+struct SetUp {
+    ops: Vec<Op>,
+    /// The entry of each loop parameter.
+    structure: Vec<u32>,
+}
+
+/// The set-ups of run 0 and of the compared runs of a loop ([`Directions::runs`]).
+pub struct SetUps {
+    common: Common,
+    /// The key of run 0.
+    key: Key,
+    /// The runs with their set-ups. The first run is run 0.
+    runs: Vec<(usize, SetUp)>,
+    /// The loop parameters of run 0 that are inputs of the functions.
+    pub values: Vec<f64>,
+}
+
+impl SetUps {
+    pub fn of(problem: &Problem, directions: &Directions) -> Self {
+        let of = |run: usize| {
+            look();
+            sym::begin_moving(Moving::These(directions.moving.clone()));
+            drop(assemble::<Sym>(problem, |_| run, false));
+            let recording = sym::finish();
+            ((run, SetUp { ops: recording.ops, structure: recording.structure }), recording.values)
+        };
+        let (first, values) = of(0);
+        let runs = std::iter::once(first).chain(directions.runs.iter().map(|&(_, run)| of(run).0)).collect();
+        let common = Common::of_functions(problem);
+        SetUps { common, key: Key::of(problem, 0, common), runs, values }
+    }
+
+    /// Whether compared run number `k`, which is run `run` of the problem, has the set-up and the key of run 0.
+    pub fn is_of_run_0(&self, problem: &Problem, k: usize, run: usize) -> bool {
+        self.runs[1 + k].1 == self.runs[0].1 && self.key.is_of(problem, run, self.common)
+    }
+}
+
+/// The functions of all loops with one structure.
+struct KnownFunctions {
+    sizes: Sizes,
+    /// For each loop parameter, whether it varies.
+    moving: Vec<bool>,
+    modes: Vec<Vec<Touch>>,
+    guards: Vec<Guard>,
+    /// The key and the set-up of run 0 and of each compared run.
+    runs: Vec<(Key, SetUp)>,
+    /// The functions, recorded by the first loop that requires them. Other threads wait for this recording.
+    made: OnceLock<Result<Arc<LoopFunctions>>>,
+}
+
+impl KnownFunctions {
+    fn fits(&self, problem: &Problem, directions: &Directions, set_ups: &SetUps, contacts: &Contacts) -> bool {
+        let alike =
+            |((key, set_up), (run, other)): (&(Key, SetUp), &(usize, SetUp))| set_up == other && key.is_of(problem, *run, set_ups.common);
+        self.sizes == Sizes::of(problem, directions)
+            && (&self.moving, &self.modes, &self.guards) == (&directions.moving, &contacts.modes, &contacts.guards)
+            && self.runs.len() == set_ups.runs.len()
+            && self.runs.iter().zip(&set_ups.runs).all(alike)
+    }
+
+    /// The number of values of desired motions that the keys store.
+    fn numbers(&self) -> usize {
+        self.runs.iter().map(|(key, _)| key.numbers()).sum()
+    }
+
+    fn operations(&self) -> usize {
+        let made = self.made.get().and_then(|made| made.as_ref().ok());
+        self.runs.iter().map(|(_, set_up)| set_up.ops.len()).sum::<usize>() + made.map_or(0, |functions| functions.operations())
+    }
+}
+
+/// The recorded functions of the loops of one call, by structure. All loops have the same options.
+#[derive(Default)]
+pub struct FunctionStore(Cache<Arc<KnownFunctions>>);
+
+impl FunctionStore {
+    /// Return the functions of a loop. If the store has none of this structure, record them.
+    pub fn functions(
+        &self,
+        problem: &Problem,
+        directions: &Directions,
+        set_ups: &SetUps,
+        contacts: &Contacts,
+    ) -> Result<Arc<LoopFunctions>> {
+        let new = || {
+            let runs = set_ups.runs.iter().map(|(run, set_up)| (Key::of(problem, *run, set_ups.common), set_up.clone()));
+            Arc::new(KnownFunctions {
+                sizes: Sizes::of(problem, directions),
+                moving: directions.moving.clone(),
+                modes: contacts.modes.clone(),
+                guards: contacts.guards.clone(),
+                runs: runs.collect(),
+                made: OnceLock::new(),
+            })
+        };
+        let is = |known: &Arc<KnownFunctions>| known.fits(problem, directions, set_ups, contacts);
+        let known = self.0.find_or_keep(is, new, |all| {
+            all.iter().map(|known| known.numbers()).sum::<usize>() <= MOST_NUMBERS
+                && all.iter().map(|known| known.operations()).sum::<usize>() <= KEPT_OPERATIONS
+        });
+        let record = || LoopFunctions::of(problem, directions, set_ups, contacts).map(Arc::new);
+        let made = known.made.get_or_init(record).clone();
+        #[cfg(debug_assertions)]
+        if let (Ok(made), Ok(again)) = (&made, record()) {
+            assert!(again.same_operations(made), "two loops of one structure differ");
+        }
+        made
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::rows::KnownLoops;
+    use super::super::{Parameter, Parameters, Rows, sensitivities, sensitivities_of_rows};
+    use super::*;
+    use crate::arm::Arm;
+    use crate::dynamics::Model;
+    use crate::error::Error;
+    use crate::law::{Gain, LawSpec, PdGravitySpec};
+    use crate::plant::{PlantSpec, RigidSpec, Wall};
+    use crate::simulate::{Options, Times};
+    use nalgebra::dvector;
+    use std::sync::atomic::AtomicBool;
+
+    fn model(gravity: f64) -> Model {
+        Model::from(Arm::planar(&[0.5, 0.4], None, None, None, [0.0, -gravity]).expect("an arm"))
+    }
+
+    fn law(model: &Model, kp: f64, kd: f64) -> LawSpec {
+        let (kp, kd) = (Gain::scalar("kp", 2, kp).expect("a gain"), Gain::scalar("kd", 2, kd).expect("a gain"));
+        PdGravitySpec::new(model.clone(), dvector![0.3, 0.2], kp, kd).expect("a law").into()
+    }
+
+    /// Runs of 20 steps with two records. `plants` and `laws` have one entry, or one per run.
+    fn problem<'a>(plants: Vec<&'a PlantSpec>, laws: Vec<&'a LawSpec>) -> Problem<'a> {
+        let options = Options { times: Times::At(vec![0.01, 0.02]), monitors: false, ..Options::fixed(0.02, 1e-3) };
+        let runs = plants.len().max(laws.len());
+        let x0 = (0..4 * runs).map(|k| 0.1 + 0.01 * k as f64).collect();
+        Problem { plants, laws, x0, forces: Vec::new(), force_frame: None, options, measures: None }
+    }
+
+    /// Rows with several structures, `kp = 1` or not, and with another gain in each row. The parameter is `kd`.
+    #[test]
+    fn rows_of_one_structure_share_functions_and_keep_their_bits() {
+        let (model, rows) = (model(9.81), 9);
+        let plant = PlantSpec::from(RigidSpec::new(model.clone()));
+        let pair = |row: usize| {
+            let (kp, kd) = (if row.is_multiple_of(3) { 1.0 } else { 5.0 + row as f64 }, 2.0 + 0.1 * row as f64);
+            [law(&model, kp, kd), law(&model, kp, kd + 1e-3)]
+        };
+        let laws: Vec<LawSpec> = (0..rows).flat_map(pair).collect();
+        let batch = problem(vec![&plant], laws.iter().collect());
+        let parameters: Vec<Vec<Parameter>> = vec![vec![vec![(1, 1e3)]]; rows];
+        let divided = Rows::of(&batch, &parameters, &[1]).expect("rows");
+        let (known, mut found) = (KnownLoops::default(), Vec::new());
+        for row in 0..rows {
+            found.push(known.prepare(&divided, row).expect("it has derivatives").functions);
+        }
+        for (row, functions) in found.iter().enumerate() {
+            let first = if row.is_multiple_of(3) { 0 } else { 1 };
+            assert!(Arc::ptr_eq(functions, &found[first]), "row {row} has the structure of row {first}");
+        }
+        assert!(!Arc::ptr_eq(&found[0], &found[1]), "a gain of one is structure");
+        let of_rows = |threads: usize| sensitivities_of_rows(&divided, threads, &mut || false).expect("it has derivatives");
+        let expected = of_rows(1);
+        assert_eq!(of_rows(3), expected);
+        for row in 0..rows {
+            let mut alone = problem(vec![&plant], laws[2 * row..2 * row + 2].iter().collect());
+            alone.x0 = batch.x0[8 * row..8 * row + 8].to_vec();
+            let all = Parameters { all: &parameters[row], sizes: &[1], shared: &[] };
+            let own = sensitivities(&alone, all, &AtomicBool::new(false)).expect("it has derivatives");
+            for (series, own) in expected.iter().zip(&own) {
+                assert!(own.iter().any(|&rate| rate != 0.0));
+                assert_eq!(&series[row * own.len()..(row + 1) * own.len()], own.as_slice(), "row {row}");
+            }
+        }
+    }
+
+    /// The stiffness of a wall is an input of the recording, and gravity is a constant. Both are in the key.
+    #[test]
+    fn a_constant_of_the_recording_is_refused_in_shared_functions_too() {
+        let plant = |gravity: f64, stiffness: f64| {
+            let wall = Wall::new(1, [0.8, 0.0, 0.0], [-1.0, 0.0, 0.0], stiffness, 1.0).expect("a wall");
+            PlantSpec::from(RigidSpec { wall: Some(wall), ..RigidSpec::new(model(gravity)) })
+        };
+        let law = law(&model(9.81), 5.0, 2.0);
+        let rates = |other: PlantSpec| {
+            let first = plant(9.81, 100.0);
+            // Rows with separate copies of the same plants are separate loops.
+            let plants = [first.clone(), other.clone(), first, other];
+            let batch = problem(plants.iter().collect(), vec![&law]);
+            let parameters: Vec<Vec<Parameter>> = vec![vec![vec![(1, 1e3)]]; 2];
+            let rows = Rows::of(&batch, &parameters, &[1])?;
+            let known = KnownLoops::default();
+            known.prepare(&rows, 0).map(drop).and_then(|()| known.prepare(&rows, 1).map(drop))?;
+            sensitivities_of_rows(&rows, 2, &mut || false)
+        };
+        assert!(rates(plant(9.81, 100.001)).is_ok());
+        let refused = rates(plant(9.82, 100.0));
+        assert!(matches!(refused, Err(Error::Input { problem, .. }) if problem.contains("is a constant of the loop's program")));
+    }
+}
