@@ -1,4 +1,5 @@
-//! Computed torque control of a URDF arm. The controller does not know the payload: `cargo run --release --example computed_torque`.
+//! Computed torque control of a URDF arm, first without a payload, then with a payload that the controller does not know:
+//! `cargo run --release --example computed_torque`.
 
 use armlet_core::arm::{Arm, STANDARD_GRAVITY, example_urdf};
 use armlet_core::dynamics::Model;

@@ -2,8 +2,9 @@
 //!
 //! `r(q) = u(q) + J'F - g(q) = 0`, `tau_E = g(q_E) - J'F`, `theta_E = q_E + K^-1 tau_E`, with the joint stiffness `K`.
 //!
-//! For a law with the plant's gravity this is `J'(K_m (x_d - x) + F) = 0`. Its solution is `x_E = x_d + K_m^-1 F` if that pose is reachable
-//! and `det J != 0`. Another solution is spurious: `J' p = 0` with `p = K_m (x_d - x) + F != 0`. [`Equilibrium::spurious`] marks it.
+//! For a Cartesian impedance law with the plant's gravity this is `J'(K_m (x_d - x) + F) = 0`. Its solution is `x_E = x_d + K_m^-1 F` if
+//! that pose is reachable and `det J != 0`. Another solution is spurious: `J' p = 0` with `p = K_m (x_d - x) + F != 0`.
+//! [`Equilibrium::spurious`] marks it.
 //!
 //! A null space adds `N' tau_0`. An integral adds its wrench `w`, with `K_i e = 0`. Limits of the law may hold the arm away from `x_E`. A
 //! wall and joint stops add their forces. A law of motors has its equilibrium where `tau(q, theta) = K (theta - q) = tau_E`.
@@ -192,7 +193,8 @@ fn reaches(law: &CartesianImpedanceSpec, push: &[f64], q0: &[f64]) -> bool {
 /// Compute the equilibrium that is reached from `q0`, `(n,)`, rad or m, under a constant wrench `[f; m]`, N and N m, world axes. The wrench
 /// acts at `force_frame`; with `None` no wrench acts.
 ///
-/// Errors: `Input` for a law without a target at rest or not made for this plant, `Solve` if the search does not converge, `Memory`.
+/// Errors: `Input` for a law that is not an impedance or PD law, has a moving target or is made for another plant. Also `Input` for a `q0`
+/// that is not finite, and after an overflow. `Solve` if the search does not converge, `Memory`.
 pub fn equilibrium(plant: &PlantSpec, law: &LawSpec, wrench: &[f64; 6], force_frame: Option<usize>, q0: &[f64]) -> Result<Equilibrium> {
     finite("q0", q0)?;
     // Number of `(n, n)` matrices that the memory check assumes: stiffness, mass, slopes and eigenvectors of the loop.

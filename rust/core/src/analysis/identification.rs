@@ -5,6 +5,8 @@
 //! [W_b tau] = Q [R z; 0 rho],  R = U S V',  beta = V S^-1 U' z,  sigma^2 = rho^2 / (rows - rank),  cov = sigma^2 V S^-2 V'
 //! ```
 //!
+//! If the rank is below `b`, `rho^2` also has the squares of the entries of `U' z` beyond the rank.
+//!
 //! Rotors that are not identified are known: their torque `armature a` is subtracted from the measured torque. The triangle is updated
 //! block by block, so that the memory does not grow with the length of the record. Columns are scaled to length one before the rank
 //! decision, so that units have no effect.

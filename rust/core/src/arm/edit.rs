@@ -25,8 +25,8 @@ impl Arm {
 
     /// Return the arm with a body fixed to `frame`. `mass`: kg. `com`: centre of mass relative to the frame's origin, m. `inertia`: about
     /// the centre of mass, kg m^2. Both are in the axes of the frame. A payload on the base has no effect.
-    /// Errors: `Unknown` for the frame, `Input` for a negative mass, or an inertia that is not symmetric or has a negative principal
-    /// moment.
+    /// Errors: `Unknown` for the frame, `Input` for numbers that are not finite or a negative mass. Also `Input` for an inertia that is not
+    /// symmetric or has a negative principal moment.
     pub fn with_payload(&self, frame: &str, mass: f64, com: [f64; 3], inertia: [[f64; 3]; 3]) -> Result<Arm> {
         finite("mass", &[mass])?;
         if mass < 0.0 {

@@ -76,7 +76,7 @@ pub struct Moved {
 
 impl Moved {
     /// Return the limits and the drive of the leader, combined with the limits and the drive of a follower. The flag is true if the
-    /// follower's position limits allow no motion of the leader. These position limits are then ignored.
+    /// position limits of leader and follower together allow no motion. The follower's position limits are then ignored.
     pub fn with(&self, follower: &Moved, multiplier: f64, offset: f64) -> (Moved, bool) {
         let own = self.limits;
         let size = multiplier.abs();

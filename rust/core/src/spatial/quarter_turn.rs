@@ -1,5 +1,6 @@
-//! Rotations by 90, 180 or 270 degrees about x, and by 90 or 270 degrees about y. With z along the joint axis, most joint placements of
-//! robots are of this kind. They need no product, because components only change their places and signs. For example, for `R = Rx(90)`:
+//! The identity, and rotations by 90, 180 or 270 degrees about x, and by 90 or 270 degrees about y. With z along the joint axis, most joint
+//! placements of robots are of this kind. They need no product, because components only change their places and signs. Example with
+//! `R = Rx(90)`:
 //!
 //! `R (x, y, z) = (x, -z, y)`, and `M R` has the columns `(m_x, m_z, -m_y)`.
 

@@ -55,7 +55,8 @@ fn moves(ops: &[Op], moving: &[u32]) -> Vec<bool> {
     moves
 }
 
-/// For each entry, whether the outputs require it for every selection of branches. Such an entry is finite if the outputs are finite.
+/// For each entry, whether a comparison reads it, or the outputs require it for every selection of branches. Such an entry counts as finite
+/// if the outputs are finite.
 fn finite(ops: &[Op], outputs: &[u32]) -> Vec<bool> {
     let mut needed = vec![false; ops.len()];
     outputs.iter().for_each(|&output| needed[output as usize] = true);

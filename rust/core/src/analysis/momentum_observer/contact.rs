@@ -25,7 +25,8 @@ impl MomentumObserver {
     }
 
     /// Set the thresholds from the residuals of a free motion, rows of `n`: the absolute value of the mean plus `sigmas` standard
-    /// deviations. Errors: `WrongShape` for fewer than two rows, `Input` for numbers that are not finite or do not vary.
+    /// deviations. Errors: `WrongShape` for fewer than two rows or an incomplete row. `Input` for residuals that are not finite or do not
+    /// vary, or a `sigmas` that is not positive.
     pub fn calibrate(&mut self, residuals: &[f64], sigmas: f64) -> Result<()> {
         let n = self.n();
         positive("sigmas", sigmas)?;
@@ -50,7 +51,8 @@ impl MomentumObserver {
     /// Compute the wrench `[f; m]` at a frame, rows of 6, N and N m, and the rest of the residual, rows of `n`.
     ///
     /// `q` has rows of `n`. `eps` is the clamp of singular values of `J'`; `None` uses a default. Errors: `Input` for an observer of motors
-    /// or before the first sample, `Unknown` for the frame, `WrongShape` for `q`.
+    /// or before the first sample, an `eps` that is not positive, or a `q` that is not finite. `Unknown` for the frame, `WrongShape` for
+    /// `q`.
     pub fn wrench(&mut self, q: &[f64], frame: &str, eps: Option<f64>, out: &mut [f64], rest: &mut [f64]) -> Result<()> {
         if self.motors.is_some() {
             return Err(Error::input("frame", "is of no use: expected an observer of links, got one of motors"));

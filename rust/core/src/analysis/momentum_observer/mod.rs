@@ -166,8 +166,8 @@ impl MomentumObserver {
 
     /// Process a sample: positions and velocities now, and the torques since the last sample, `dt` seconds ago; rows of `n`.
     ///
-    /// The first sample only starts the observer. Errors: `WrongShape` for a wrong size. `Input` for numbers that are not finite, also in
-    /// the new state. After an error, the state is unchanged.
+    /// The first sample only starts the observer. Errors: `WrongShape` for a wrong size. `Input` for a `dt` that is not positive, no row,
+    /// or numbers that are not finite, also in the new state. After an error, the state is unchanged.
     pub fn update(&mut self, q: &[f64], v: &[f64], tau: &[f64], dt: f64) -> Result<()> {
         positive("dt", dt)?;
         if self.rows() == 0 {

@@ -204,7 +204,8 @@ impl<'a> PathProblem<'a> {
         }
     }
 
-    /// Interpolate the rows at the midpoints of segments. The interpolation is linear where a run has too few points.
+    /// Interpolate the rows at the midpoints of segments. The interpolation is linear where neighbouring segments of equal length have too
+    /// few points.
     pub fn set_middles(&mut self) {
         let w = 3 * self.rows.width;
         let segments = self.pieces.len();
