@@ -5,6 +5,8 @@
 // `integrate` uses only `error, status, scalar, linalg`. `parallel` knows only threads, and `memory` knows only sizes. Neither knows
 // robots.
 #![deny(missing_docs)]
+// At most seven parameters: further ones are grouped, such as `[v, v_r, a_r]`.
+#![warn(clippy::too_many_arguments)]
 
 pub mod analysis;
 pub mod arm;

@@ -10,7 +10,7 @@ use crate::priority::{method_name, residual_list, status_member};
 use crate::seal::{Sealed, seal};
 use crate::task::{Goals, each};
 use crate::warnings::LimitCheck;
-use armlet_core::analysis::inverse_kinematics::{Goal, IkOptions, inverse_kinematics as core, inverse_kinematics_batch};
+use armlet_core::analysis::inverse_kinematics::{Goal, IkBatch, IkOptions, inverse_kinematics as core, inverse_kinematics_batch};
 use armlet_core::arm::Arm as CoreArm;
 use armlet_core::error::Error;
 use armlet_core::kinematics::TaskFunction;
@@ -254,7 +254,8 @@ fn many(
         let q0 = spread(&lead0, q0, n)?;
         let targets = goals.into_iter().map(|goal| spread(&goal.lead, goal.targets, goal.function.target_size()));
         let targets = targets.collect::<Result<Vec<_>, Error>>()?;
-        inverse_kinematics_batch(tree, &functions, &targets, &q0, count, k, search, threads, &mut signalled)
+        let batch = IkBatch { functions: &functions, targets: &targets, q0: &q0, count };
+        inverse_kinematics_batch(tree, &batch, k, search, threads, &mut signalled)
     })?;
     let slots: Vec<usize> = lead.iter().copied().chain(solutions).collect();
     let wide = |m: usize| slots.iter().copied().chain([m]).collect::<Vec<_>>();

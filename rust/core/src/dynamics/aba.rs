@@ -11,23 +11,15 @@
 //! `IA` is the articulated inertia, `b` its bias force, and `X` the change of the reference point by `p`. In `c`, the term in brackets is
 //! for slides, and the angular part `w_p x z v` for revolute joints.
 
-use super::workspace::{Articulated, Handle};
+use super::workspace::{Articulated, Handle, Workspace};
 use crate::arm::{BASE, Tree};
 use crate::kinematics::{Pose, from_parent, place_body};
 use crate::scalar::Real;
 use crate::spatial::{Inertia, Lift, Matrix, Matrix3, Sym3, Vector, Vector3};
 
 /// Compute `a = M^-1 (tau - C v - g)`, `(n,)`.
-pub fn forward_dynamics<S: Real>(
-    tree: &Tree<S>,
-    poses: &mut [Pose<S>],
-    bodies: &mut [Articulated<S>],
-    trig: &[(S, S)],
-    q: &[S],
-    v: &[S],
-    tau: &[S],
-    a: &mut [S],
-) {
+pub fn forward_dynamics<S: Real>(tree: &Tree<S>, ws: &mut Workspace<S>, trig: &[(S, S)], q: &[S], v: &[S], tau: &[S], a: &mut [S]) {
+    let (poses, bodies) = (&mut ws.poses[..], &mut ws.articulated[..]);
     place(tree, poses, bodies, trig, q, v);
     gather(tree, poses, bodies, tau);
     accelerate(tree, poses, bodies, a);

@@ -74,7 +74,7 @@ impl<S: Real> ArmAt<S> {
 
     /// Compute the Slotine-Li regressor `Y(q, v, v_r, a_r)`, `(n, p)`.
     pub fn regressor(&mut self, v: &[S], v_r: &[S], a_r: &[S], y: &mut [S]) {
-        self.arm.regressor(&mut self.workspace, &self.trig, &self.q, v, v_r, a_r, y);
+        self.arm.regressor(&mut self.workspace, &self.trig, &self.q, [v, v_r, a_r], y);
     }
 
     /// Kinetic and potential energy, J, at the velocity `v`.
@@ -95,6 +95,6 @@ impl<S: Real> ArmAt<S> {
 
     /// Compute the error `e`, `(m,)`, to `target`, and the Jacobian `j`, `(m, n)`, of Cartesian coordinates.
     pub fn error_and_jacobian(&mut self, coordinates: &Coordinates, target: &[S], e: &mut [S], j: &mut [S]) {
-        self.arm.error_and_jacobian(&mut self.workspace, coordinates, &mut self.full, &self.trig, &self.q, target, e, j);
+        self.arm.error_and_jacobian(&mut self.workspace, coordinates, &mut self.full, (&self.trig, &self.q), target, (e, j));
     }
 }

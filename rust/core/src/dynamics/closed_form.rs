@@ -29,7 +29,7 @@ impl PlanarPr<f64> {
                 weight.fill(0.0);
             }
             Quantity::ForwardDynamics => self.forward_dynamics(&mut (), &trig, q, x[1], x[2], out),
-            Quantity::Regressor => self.regressor(&mut (), &trig, q, x[1], x[2], x[3], out),
+            Quantity::Regressor => self.regressor(&mut (), &trig, q, [x[1], x[2], x[3]], out),
             Quantity::Energy => (out[0], out[1]) = self.energy(&mut (), &trig, q, x[1]),
             Quantity::InverseDynamicsDerivatives => self.inverse_dynamics_slopes(trig[1], x[1], x[2], out),
             Quantity::ForwardDynamicsDerivatives => {

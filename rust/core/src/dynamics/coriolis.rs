@@ -62,16 +62,8 @@ fn place<S: Real>(
 }
 
 /// Compute the Coriolis matrix `C(q, v)`, `(n, n)`, from Christoffel symbols.
-pub fn coriolis_matrix<S: Real>(
-    tree: &Tree<S>,
-    poses: &mut [Pose<S>],
-    composites: &mut [Composite<S>],
-    columns: &mut [Column<S>],
-    trig: &[(S, S)],
-    q: &[S],
-    v: &[S],
-    c: &mut [S],
-) {
+pub fn coriolis_matrix<S: Real>(tree: &Tree<S>, ws: &mut Workspace<S>, trig: &[(S, S)], q: &[S], v: &[S], c: &mut [S]) {
+    let (poses, composites, columns) = (&mut ws.poses[..], &mut ws.composites[..], &mut ws.columns[..]);
     place(tree, poses, composites, columns, (trig, q), v);
     let n = tree.bodies.len();
     set(c, S::zero());

@@ -42,7 +42,7 @@ fn free_joints(tree: &Tree<f64>, ws: &mut Workspace<f64>, q: &[f64]) -> Vec<bool
     let n = tree.bodies.len();
     let trig: Vec<(f64, f64)> = q.iter().map(|q| q.sin_cos()).collect();
     let (zero, mut a) = (vec![0.0; n], vec![0.0; n]);
-    aba::forward_dynamics(tree, &mut ws.poses, &mut ws.articulated, &trig, q, &zero, &zero, &mut a);
+    aba::forward_dynamics(tree, ws, &trig, q, &zero, &zero, &mut a);
     // Each subtree as one rigid body, about the origin of its joint, in world axes.
     let mut rigid: Vec<Inertia<f64>> = tree.bodies.iter().zip(&ws.poses).map(|(b, pose)| b.inertia.rotated(pose.rotation)).collect();
     let mut free = vec![false; n];

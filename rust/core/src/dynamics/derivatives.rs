@@ -196,15 +196,11 @@ pub(super) fn factor<S: Real>(n: usize, m: &mut [S]) {
 pub fn forward_dynamics_derivatives<S: Real>(
     tree: &Tree<S>,
     ws: &mut Workspace<S>,
-    trig: &[(S, S)],
-    q: &[S],
-    v: &[S],
-    a: &[S],
+    (trig, q): (&[(S, S)], &[S]),
+    (v, a): (&[S], &[S]),
     friction: bool,
     m: &mut [S],
-    by_q: &mut [S],
-    by_v: &mut [S],
-    by_tau: &mut [S],
+    [by_q, by_v, by_tau]: [&mut [S]; 3],
 ) {
     let n = tree.n();
     tree.mass_matrix(ws, trig, q, m);

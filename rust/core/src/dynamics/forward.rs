@@ -13,7 +13,7 @@ use crate::scalar::Real;
 pub fn forward_dynamics<S: Real>(tree: &Tree<S>, ws: &mut Workspace<S>, trig: &[(S, S)], q: &[S], v: &[S], tau: &[S], a: &mut [S]) {
     let n = tree.bodies.len();
     let Factors { matrix, inverse } = &mut ws.factors;
-    newton_euler::newton_euler::<S, false>(tree, &mut ws.links, trig, q, v, v, None, a);
+    newton_euler::newton_euler(tree, &mut ws.links, trig, q, v, None, a);
     for i in 0..n {
         a[i] = tau[i] - a[i];
     }
@@ -90,7 +90,7 @@ mod tests {
             for _ in 0..2 {
                 forward_dynamics(&tree, &mut ws, &trig, &q, &v, &tau, &mut a);
             }
-            aba::forward_dynamics(&tree, &mut ws.poses, &mut ws.articulated, &trig, &q, &v, &tau, &mut other);
+            aba::forward_dynamics(&tree, &mut ws, &trig, &q, &v, &tau, &mut other);
             let largest = other.iter().fold(0.0_f64, |m, x| m.max(x.abs()));
             for i in 0..n {
                 // The rounding error grows with the condition number of the mass matrix.

@@ -93,7 +93,7 @@ impl<'a, S: Real> Joined<'a, S> {
     pub fn coriolis_matrix(self, ws: &mut Workspace<S>, at: Place<S>, v: &[S], c: &mut [S]) {
         c.fill(S::zero());
         self.project(ws, at, [v], Form::Square, c, |ws, (trig, q), [v], c| {
-            coriolis::coriolis_matrix(self.tree, &mut ws.poses, &mut ws.composites, &mut ws.columns, trig, q, v, c);
+            coriolis::coriolis_matrix(self.tree, ws, trig, q, v, c);
         });
     }
 
@@ -108,7 +108,7 @@ impl<'a, S: Real> Joined<'a, S> {
     pub fn inverse_dynamics(self, ws: &mut Workspace<S>, at: Place<S>, v: &[S], a: Option<&[S]>, tau: &mut [S]) {
         tau.fill(S::zero());
         self.project(ws, at, [v, a.unwrap_or(v)], Form::Vector, tau, |ws, (trig, q), [v, own], tau| {
-            newton_euler::newton_euler::<S, false>(self.tree, &mut ws.links, trig, q, v, v, a.map(|_| own), tau);
+            newton_euler::newton_euler(self.tree, &mut ws.links, trig, q, v, a.map(|_| own), tau);
         });
     }
 
@@ -128,9 +128,9 @@ impl<'a, S: Real> Joined<'a, S> {
     pub fn regressor(self, ws: &mut Workspace<S>, at: Place<S>, rates: [&[S]; 3], width: usize, y: &mut [S]) {
         let columns = PARAMETERS * self.tree.bodies.len();
         y.fill(S::zero());
-        self.project(ws, at, rates, Form::Rows(columns, width), y, |ws, (trig, q), [v, v_r, a_r], y| {
+        self.project(ws, at, rates, Form::Rows(columns, width), y, |ws, (trig, q), rates, y| {
             set(y, S::zero());
-            regressor::regressor(self.tree, columns, &mut ws.links, &mut ws.fields, trig, q, v, v_r, a_r, y);
+            regressor::regressor(self.tree, columns, ws, trig, q, rates, y);
         });
     }
 
@@ -138,7 +138,7 @@ impl<'a, S: Real> Joined<'a, S> {
     pub fn regressor_products(self, ws: &mut Workspace<S>, at: Place<S>, rates: [&[S]; 4], pi: &[S], y_pi: &mut [S], yt_s: &mut [S]) {
         self.project(ws, at, rates, Form::Vector, y_pi, |ws, (trig, q), [v, v_r, a_r, s], y_pi| {
             y_pi.fill(S::zero());
-            regressor::regressor_products(self.tree, &mut ws.links, trig, q, v, v_r, a_r, pi, s, y_pi, yt_s);
+            regressor::regressor_products(self.tree, &mut ws.links, trig, q, [v, v_r, a_r], (pi, y_pi), (s, yt_s));
         });
     }
 

@@ -86,22 +86,19 @@ pub trait Dynamics<S: Real> {
     fn inverse_dynamics(&self, ws: &mut Self::Workspace, trig: &[(S, S)], q: &[S], v: &[S], a: &[S], tau: &mut [S]);
     /// Compute the forward dynamics `a = M^-1 (tau - C v - g)`, `(n,)`.
     fn forward_dynamics(&self, ws: &mut Self::Workspace, trig: &[(S, S)], q: &[S], v: &[S], tau: &[S], a: &mut [S]);
-    /// Compute the Slotine-Li regressor, `(n, p)`: `Y(q, v, v_r, a_r) pi = M a_r + C(q, v) v_r + g`.
-    fn regressor(&self, ws: &mut Self::Workspace, trig: &[(S, S)], q: &[S], v: &[S], v_r: &[S], a_r: &[S], y: &mut [S]);
+    /// Compute the Slotine-Li regressor, `(n, p)`: `Y(q, v, v_r, a_r) pi = M a_r + C(q, v) v_r + g`. `rates`
+    /// is `[v, v_r, a_r]`.
+    fn regressor(&self, ws: &mut Self::Workspace, trig: &[(S, S)], q: &[S], rates: [&[S]; 3], y: &mut [S]);
     /// Add `Y pi`, `(n,)`, to `y_pi`, and write `Y^T s`, `(p,)`, to `yt_s`, for the regressor `Y` and any parameters `pi`. The matrix `Y`
-    /// is not formed.
+    /// is not formed. `rates` is `[v, v_r, a_r]`, `by_parameters` is `(pi, y_pi)`, and `by_rates` is `(s, yt_s)`.
     fn regressor_products(
         &self,
         ws: &mut Self::Workspace,
         trig: &[(S, S)],
         q: &[S],
-        v: &[S],
-        v_r: &[S],
-        a_r: &[S],
-        pi: &[S],
-        s: &[S],
-        y_pi: &mut [S],
-        yt_s: &mut [S],
+        rates: [&[S]; 3],
+        by_parameters: (&[S], &mut [S]),
+        by_rates: (&[S], &mut [S]),
     );
     /// Compute the kinetic and the potential energy, J.
     fn energy(&self, ws: &mut Self::Workspace, trig: &[(S, S)], q: &[S], v: &[S]) -> (S, S);

@@ -219,8 +219,30 @@ impl<S: Real> Dynamics<S> for AnyArm<S> {
     apart!(bias, [q, v], [out]);
     apart!(inverse_dynamics, [q, v, a], [tau]);
     apart!(forward_dynamics, [q, v, tau], [a]);
-    apart!(regressor, [q, v, v_r, a_r], [y]);
-    apart!(regressor_products, [q, v, v_r, a_r, pi, s], [y_pi, yt_s]);
+
+    #[inline(never)]
+    fn regressor(&self, ws: &mut Workspace<S>, trig: &[(S, S)], q: &[S], rates: [&[S]; 3], y: &mut [S]) {
+        match self {
+            AnyArm::PlanarPr(arm) => arm.regressor(&mut (), trig, q, rates, y),
+            AnyArm::Tree(arm) => arm.regressor(ws, trig, q, rates, y),
+        }
+    }
+
+    #[inline(never)]
+    fn regressor_products(
+        &self,
+        ws: &mut Workspace<S>,
+        trig: &[(S, S)],
+        q: &[S],
+        rates: [&[S]; 3],
+        by_parameters: (&[S], &mut [S]),
+        by_rates: (&[S], &mut [S]),
+    ) {
+        match self {
+            AnyArm::PlanarPr(arm) => arm.regressor_products(&mut (), trig, q, rates, by_parameters, by_rates),
+            AnyArm::Tree(arm) => arm.regressor_products(ws, trig, q, rates, by_parameters, by_rates),
+        }
+    }
 
     #[inline(never)]
     fn energy(&self, ws: &mut Workspace<S>, trig: &[(S, S)], q: &[S], v: &[S]) -> (S, S) {
@@ -259,14 +281,12 @@ impl<S: Real> AnyArm<S> {
         ws: &mut Workspace<S>,
         coordinates: &Coordinates,
         full: &mut [S],
-        trig: &[(S, S)],
-        q: &[S],
+        at: (&[(S, S)], &[S]),
         target: &[S],
-        e: &mut [S],
-        j: &mut [S],
+        (e, j): (&mut [S], &mut [S]),
     ) {
         if let AnyArm::Tree(tree) = self {
-            coordinates.error_and_jacobian(tree, &mut ws.poses, full, trig, q, target, e, j);
+            coordinates.error_and_jacobian(tree, &mut ws.poses, full, at, target, (e, j));
         }
     }
 }

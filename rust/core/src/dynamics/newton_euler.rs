@@ -50,16 +50,14 @@ pub(crate) fn moment_of<S: Real>(u: Matrix3<S>, second: &Sym3<S>, c: Vector3<S>)
 }
 
 /// Compute the motion of a body, in its axes, from the motion of its parent. `link` receives the joint's rotation and the joint origin.
+/// With `POLAR = false`, `vr` equals `v` and is not read.
 pub(crate) fn outwards<S: Real, const POLAR: bool>(
     tree: &Tree<S>,
     body: &Body<S>,
     up: &BodyMotion<S>,
     link: &mut Link<S>,
-    trig: (S, S),
-    q: S,
-    v: S,
-    vr: S,
-    ar: Option<S>,
+    (trig, q): ((S, S), S),
+    (v, vr, ar): (S, S, Option<S>),
 ) -> BodyMotion<S> {
     let half = S::splat(0.5);
     let p = reach(body, q);
@@ -120,17 +118,8 @@ pub(crate) fn inwards<S: Real>(tree: &Tree<S>, links: &mut [Link<S>], trig: &[(S
     }
 }
 
-/// Compute the joint torques `tau = M ar + C(q, v) vr + g`. With `POLAR = false`, `vr` equals `v`. `ar = None` means zero.
-pub fn newton_euler<S: Real, const POLAR: bool>(
-    tree: &Tree<S>,
-    links: &mut [Link<S>],
-    trig: &[(S, S)],
-    q: &[S],
-    v: &[S],
-    vr: &[S],
-    ar: Option<&[S]>,
-    tau: &mut [S],
-) {
+/// Compute the joint torques `tau = M a + C(q, v) v + g`. `a = None` means zero acceleration.
+pub fn newton_euler<S: Real>(tree: &Tree<S>, links: &mut [Link<S>], trig: &[(S, S)], q: &[S], v: &[S], a: Option<&[S]>, tau: &mut [S]) {
     let mut motion = BodyMotion::default();
     for i in 0..tree.bodies.len() {
         let body = &tree.bodies[i];
@@ -138,7 +127,7 @@ pub fn newton_euler<S: Real, const POLAR: bool>(
             motion = links[body.parent].motion;
         }
         let link = &mut links[i];
-        motion = outwards::<S, POLAR>(tree, body, &motion, link, trig[i], q[i], v[i], vr[i], ar.map(|ar| ar[i]));
+        motion = outwards::<S, false>(tree, body, &motion, link, (trig[i], q[i]), (v[i], v[i], a.map(|a| a[i])));
         let h = body.inertia.moment;
         link.f = motion.u.apply_add(h, motion.a.scale(body.inertia.mass));
         link.n = moment_of(motion.u, &body.second_moment, h.cross(motion.a));
@@ -147,9 +136,9 @@ pub fn newton_euler<S: Real, const POLAR: bool>(
         }
     }
     inwards(tree, links, trig, |i, force| tau[i] = force);
-    if let Some(ar) = ar {
+    if let Some(a) = a {
         for i in 0..tree.bodies.len() {
-            tau[i] = tree.bodies[i].armature.mul_add(ar[i], tau[i]);
+            tau[i] = tree.bodies[i].armature.mul_add(a[i], tau[i]);
         }
     }
 }

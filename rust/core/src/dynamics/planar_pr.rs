@@ -131,7 +131,7 @@ impl<S: Real> Dynamics<S> for PlanarPr<S> {
         a[1] = bc.neg_mul_add(f1, self.a * tau[1]) * inverse_det;
     }
 
-    fn regressor(&self, _: &mut (), trig: &[(S, S)], _: &[S], v: &[S], v_r: &[S], a_r: &[S], y: &mut [S]) {
+    fn regressor(&self, _: &mut (), trig: &[(S, S)], _: &[S], [v, v_r, a_r]: [&[S]; 3], y: &mut [S]) {
         let (y12, y22) = columns(trig[1], v, v_r, a_r);
         (y[0], y[1], y[2]) = (a_r[0], y12, S::zero());
         (y[3], y[4], y[5]) = (S::zero(), y22, a_r[1]);
@@ -142,13 +142,9 @@ impl<S: Real> Dynamics<S> for PlanarPr<S> {
         _: &mut (),
         trig: &[(S, S)],
         _: &[S],
-        v: &[S],
-        v_r: &[S],
-        a_r: &[S],
-        pi: &[S],
-        s: &[S],
-        y_pi: &mut [S],
-        yt_s: &mut [S],
+        [v, v_r, a_r]: [&[S]; 3],
+        (pi, y_pi): (&[S], &mut [S]),
+        (s, yt_s): (&[S], &mut [S]),
     ) {
         let (y12, y22) = columns(trig[1], v, v_r, a_r);
         // In these sums the values that are computed last are added last. This shortens the longest chain of dependent operations.

@@ -216,7 +216,7 @@ fn planar_pr(arm: &PlanarPr<f64>, query: &Query) -> Result<Recorded> {
             Quantity::Bias => arm.bias(&mut (), &trig, q, v, &mut out),
             Quantity::InverseDynamics => arm.inverse_dynamics(&mut (), &trig, q, v, a, &mut out),
             Quantity::ForwardDynamics => arm.forward_dynamics(&mut (), &trig, q, v, a, &mut out),
-            Quantity::Regressor => arm.regressor(&mut (), &trig, q, v, a, b, &mut out),
+            Quantity::Regressor => arm.regressor(&mut (), &trig, q, [v, a, b], &mut out),
             Quantity::Energy => (out[0], out[1]) = arm.energy(&mut (), &trig, q, v),
             _ => known = false,
         }

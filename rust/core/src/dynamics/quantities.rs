@@ -166,7 +166,7 @@ quantity!(Regressor, (tree, ws, trig, n, q, v, x, y, out, query, square), {
     let (_, width) = query.shape(tree.size());
     match Joined::of(tree) {
         Some(joined) => joined.regressor(ws, (trig, q), [v, x, &y[..n]], width, out),
-        None => regressor::regressor(tree, width, &mut ws.links, &mut ws.fields, trig, q, v, x, &y[..n], out),
+        None => regressor::regressor(tree, width, ws, trig, q, [v, x, &y[..n]], out),
     }
     for i in 0..n {
         let mut at = i * width + PARAMETERS * tree.bodies.len() + i;
@@ -213,7 +213,7 @@ quantity!(Jacobian, (tree, ws, trig, n, q, v, x, y, out, query, square), {
 });
 
 quantity!(JacobianDot, (tree, ws, trig, n, q, v, x, y, out, query, square), {
-    kin::jacobian_dot(tree, &mut ws.poses, &mut ws.motion, trig, q, v, query.frame, out);
+    kin::jacobian_dot(tree, &mut ws.poses, &mut ws.motion, (trig, q), v, query.frame, out);
 });
 
 quantity!(Com, (tree, ws, trig, n, q, v, x, y, out, query, square), {
@@ -233,7 +233,7 @@ quantity!(ForwardDynamicsDerivatives, (tree, ws, trig, n, q, v, x, y, out, query
     let (by_q, rest) = out.split_at_mut(n * n);
     let (by_v, by_tau) = rest.split_at_mut(n * n);
     tree.forward_dynamics(ws, trig, q, v, x, &mut y[..n]);
-    derivatives::forward_dynamics_derivatives(tree, ws, trig, q, v, &y[..n], query.friction, square, by_q, by_v, by_tau);
+    derivatives::forward_dynamics_derivatives(tree, ws, (trig, q), (v, &y[..n]), query.friction, square, [by_q, by_v, by_tau]);
 });
 
 quantity!(ComJacobian, (tree, ws, trig, n, q, v, x, y, out, query, square), {

@@ -9,7 +9,7 @@
 
 use super::hinge::to_body;
 use super::newton_euler::{inwards, moment_of, outwards};
-use super::workspace::{BodyMotion, Field, Link};
+use super::workspace::{BodyMotion, Field, Link, Workspace};
 use crate::arm::{BASE, Body, Tree, second_moment};
 use crate::interrupt::look_at_row;
 use crate::scalar::Real;
@@ -92,15 +92,13 @@ fn carried<S: Real>(body: &Body<S>, link: &Link<S>, trig: (S, S), t: Spatial<S>)
 pub fn regressor<S: Real>(
     tree: &Tree<S>,
     width: usize,
-    links: &mut [Link<S>],
-    fields: &mut [Field<S>],
+    ws: &mut Workspace<S>,
     trig: &[(S, S)],
     q: &[S],
-    v: &[S],
-    vr: &[S],
-    ar: &[S],
+    [v, v_r, a_r]: [&[S]; 3],
     y: &mut [S],
 ) {
+    let (links, fields) = (&mut ws.links[..], &mut ws.fields[..]);
     let n = tree.bodies.len();
     let mut put = |joint: usize, body: usize, block: &[S; PARAMETERS]| {
         y[joint * width + PARAMETERS * body..][..PARAMETERS].copy_from_slice(block);
@@ -111,7 +109,7 @@ pub fn regressor<S: Real>(
         if body.parent != BASE && body.parent + 1 != i {
             motion = links[body.parent].motion;
         }
-        motion = outwards::<S, true>(tree, body, &motion, &mut links[i], trig[i], q[i], v[i], vr[i], Some(ar[i]));
+        motion = outwards::<S, true>(tree, body, &motion, &mut links[i], (trig[i], q[i]), (v[i], v_r[i], Some(a_r[i])));
         if body.forks {
             links[i].motion = motion;
         }
@@ -157,13 +155,9 @@ pub fn regressor_products<S: Real>(
     links: &mut [Link<S>],
     trig: &[(S, S)],
     q: &[S],
-    v: &[S],
-    vr: &[S],
-    ar: &[S],
-    pi: &[S],
-    s: &[S],
-    y_pi: &mut [S],
-    yt_s: &mut [S],
+    [v, v_r, a_r]: [&[S]; 3],
+    (pi, y_pi): (&[S], &mut [S]),
+    (s, yt_s): (&[S], &mut [S]),
 ) {
     let mut motion = BodyMotion::default();
     for i in 0..tree.bodies.len() {
@@ -171,7 +165,7 @@ pub fn regressor_products<S: Real>(
         if body.parent != BASE && body.parent + 1 != i {
             motion = links[body.parent].motion;
         }
-        motion = outwards::<S, true>(tree, body, &motion, &mut links[i], trig[i], q[i], v[i], vr[i], Some(ar[i]));
+        motion = outwards::<S, true>(tree, body, &motion, &mut links[i], (trig[i], q[i]), (v[i], v_r[i], Some(a_r[i])));
         let field = Field::of(body, &motion);
         let given = Inertia::from_parameters(&pi[PARAMETERS * i..][..PARAMETERS]);
         let h = given.moment;

@@ -35,7 +35,7 @@ impl<S: Real> Dynamics<S> for Tree<S> {
         if let Some(joined) = Joined::of(self) {
             return joined.coriolis_matrix(ws, (trig, q), v, c);
         }
-        coriolis::coriolis_matrix(self, &mut ws.poses, &mut ws.composites, &mut ws.columns, trig, q, v, c);
+        coriolis::coriolis_matrix(self, ws, trig, q, v, c);
     }
     fn gravity(&self, ws: &mut Workspace<S>, trig: &[(S, S)], q: &[S], g: &mut [S]) {
         if let Some(joined) = Joined::of(self) {
@@ -47,13 +47,13 @@ impl<S: Real> Dynamics<S> for Tree<S> {
         if let Some(joined) = Joined::of(self) {
             return joined.inverse_dynamics(ws, (trig, q), v, None, out);
         }
-        newton_euler::newton_euler::<S, false>(self, &mut ws.links, trig, q, v, v, None, out);
+        newton_euler::newton_euler(self, &mut ws.links, trig, q, v, None, out);
     }
     fn inverse_dynamics(&self, ws: &mut Workspace<S>, trig: &[(S, S)], q: &[S], v: &[S], a: &[S], tau: &mut [S]) {
         if let Some(joined) = Joined::of(self) {
             return joined.inverse_dynamics(ws, (trig, q), v, Some(a), tau);
         }
-        newton_euler::newton_euler::<S, false>(self, &mut ws.links, trig, q, v, v, Some(a), tau);
+        newton_euler::newton_euler(self, &mut ws.links, trig, q, v, Some(a), tau);
     }
     fn forward_dynamics(&self, ws: &mut Workspace<S>, trig: &[(S, S)], q: &[S], v: &[S], tau: &[S], a: &mut [S]) {
         if let Some(joined) = Joined::of(self) {
@@ -62,33 +62,29 @@ impl<S: Real> Dynamics<S> for Tree<S> {
         if self.is_shallow {
             forward::forward_dynamics(self, ws, trig, q, v, tau, a);
         } else {
-            aba::forward_dynamics(self, &mut ws.poses, &mut ws.articulated, trig, q, v, tau, a);
+            aba::forward_dynamics(self, ws, trig, q, v, tau, a);
         }
     }
-    fn regressor(&self, ws: &mut Workspace<S>, trig: &[(S, S)], q: &[S], v: &[S], v_r: &[S], a_r: &[S], y: &mut [S]) {
+    fn regressor(&self, ws: &mut Workspace<S>, trig: &[(S, S)], q: &[S], rates: [&[S]; 3], y: &mut [S]) {
         if let Some(joined) = Joined::of(self) {
-            return joined.regressor(ws, (trig, q), [v, v_r, a_r], self.parameter_count(), y);
+            return joined.regressor(ws, (trig, q), rates, self.parameter_count(), y);
         }
         set(y, S::zero());
-        regressor::regressor(self, self.parameter_count(), &mut ws.links, &mut ws.fields, trig, q, v, v_r, a_r, y);
+        regressor::regressor(self, self.parameter_count(), ws, trig, q, rates, y);
     }
     fn regressor_products(
         &self,
         ws: &mut Workspace<S>,
         trig: &[(S, S)],
         q: &[S],
-        v: &[S],
-        v_r: &[S],
-        a_r: &[S],
-        pi: &[S],
-        s: &[S],
-        y_pi: &mut [S],
-        yt_s: &mut [S],
+        [v, v_r, a_r]: [&[S]; 3],
+        (pi, y_pi): (&[S], &mut [S]),
+        (s, yt_s): (&[S], &mut [S]),
     ) {
         if let Some(joined) = Joined::of(self) {
             return joined.regressor_products(ws, (trig, q), [v, v_r, a_r, s], pi, y_pi, yt_s);
         }
-        regressor::regressor_products(self, &mut ws.links, trig, q, v, v_r, a_r, pi, s, y_pi, yt_s);
+        regressor::regressor_products(self, &mut ws.links, trig, q, [v, v_r, a_r], (pi, y_pi), (s, yt_s));
     }
     fn energy(&self, ws: &mut Workspace<S>, trig: &[(S, S)], q: &[S], v: &[S]) -> (S, S) {
         if let Some(joined) = Joined::of(self) {

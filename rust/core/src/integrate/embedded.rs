@@ -198,7 +198,7 @@ where
             return Err(Status::Diverged);
         }
         let [k0, k1, ..] = &mut self.k[..] else { unreachable!("a pair has several stages") };
-        self.controller.guess::<S, F, B>(system, &mut self.u, &self.x, k0, &mut self.y, k1, C::DEGREE as f64);
+        self.controller.guess(system, (&self.x, k0), (&mut self.y, k1, &mut self.u), C::DEGREE as f64);
         Ok(())
     }
 

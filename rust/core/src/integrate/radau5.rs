@@ -165,11 +165,11 @@ impl<S: Real, B: Buffer<S>, U: Clone, A: Accuracy> Radau5<S, B, U, A> {
         }
         let (n, pairs, (pole, _)) = (self.x.as_ref().len(), system.pairs(), poles::<S>(h));
         let (j, lu, pivots, work) = (&self.jacobian, &self.real, &self.real_pivots, self.real_work.as_mut());
-        let solve = |b: &mut [S]| pairs.solve(n, pole, j, lu, pivots, b, work);
+        let solve = |b: &mut [S]| pairs.solve(n, pole, j, (lu, pivots), b, work);
         let [dy, ..] = &mut self.f;
         let known = (&self.x, &self.slope, &j[..]);
         let finest = (GAIN, self.newton_tolerance);
-        if let Some(left) = self.rounding.look(system, &mut self.controller, known, (&mut self.y, dy), &mut self.u, finest, solve)? {
+        if let Some(left) = self.rounding.look(system, &mut self.controller, known, (&mut self.y, dy, &mut self.u), finest, solve)? {
             // Newton's increments cannot become smaller than the rounding error.
             self.newton_tolerance = self.newton_tolerance.max(4.0 * left);
         }
@@ -188,7 +188,7 @@ impl<S: Real, B: Buffer<S>, U: Clone, A: Accuracy> Radau5<S, B, U, A> {
             error[c] = self.f[0].as_ref()[c] + sum;
         }
         let (real, _) = poles::<S>(h);
-        pairs.solve(n, real, &self.jacobian, &self.real, &self.real_pivots, error, self.real_work.as_mut());
+        pairs.solve(n, real, &self.jacobian, (&self.real, &self.real_pivots), error, self.real_work.as_mut());
         self.controller.norm(self.x.as_ref(), self.y.as_ref(), |c| error[c])
     }
 
@@ -239,7 +239,7 @@ where
             return Err(Status::Diverged);
         }
         let [k, ..] = &mut self.f;
-        self.controller.guess::<S, F, B>(system, &mut self.u, &self.x, &self.slope, &mut self.y, k, 3.0);
+        self.controller.guess(system, (&self.x, &self.slope), (&mut self.y, k, &mut self.u), 3.0);
         Ok(())
     }
 

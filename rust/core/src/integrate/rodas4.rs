@@ -165,7 +165,7 @@ impl<B: Clone, M: Clone, P, U: Clone, T: Accuracy> Rodas4<B, M, P, U, T> {
                     stage[c] = S::splat(D[i] * h).mul_add(dft[c], stage[c]);
                 }
             }
-            pairs.solve(n, s, jacobian, lu, pivots, stage, self.work.as_mut());
+            pairs.solve(n, s, jacobian, (lu, pivots), stage, self.work.as_mut());
         }
         let (y, error) = (self.y.as_mut(), self.stages[5].as_ref());
         if compensated {
@@ -197,9 +197,9 @@ impl<B: Clone, M: Clone, P, U: Clone, T: Accuracy> Rodas4<B, M, P, U, T> {
         let (n, pairs, s) = (self.x.as_ref().len(), system.pairs(), S::splat(1.0 / (GAMMA * h)));
         let (jacobian, lu, pivots) = (self.jacobian.as_ref(), self.lu.as_ref(), self.pivots.as_mut());
         let ([.., dy], work) = (&mut self.stages, self.work.as_mut());
-        let solve = |b: &mut [S]| pairs.solve(n, s, jacobian, lu, pivots, b, work);
+        let solve = |b: &mut [S]| pairs.solve(n, s, jacobian, (lu, pivots), b, work);
         let known = (&self.x, &self.slope, jacobian);
-        self.rounding.look(system, &mut self.controller, known, (&mut self.y, dy), &mut self.u, (GAIN, 1.0), solve).map(|_| ())
+        self.rounding.look(system, &mut self.controller, known, (&mut self.y, dy, &mut self.u), (GAIN, 1.0), solve).map(|_| ())
     }
 }
 
@@ -224,7 +224,7 @@ where
             return Err(Status::Diverged);
         }
         let [k, ..] = &mut self.stages;
-        self.controller.guess::<S, F, B>(system, &mut self.u, &self.x, &self.slope, &mut self.y, k, 3.0);
+        self.controller.guess(system, (&self.x, &self.slope), (&mut self.y, k, &mut self.u), 3.0);
         Ok(())
     }
 

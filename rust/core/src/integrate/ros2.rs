@@ -78,7 +78,7 @@ where
             for i in 0..n {
                 k[i] = s * k[i];
             }
-            pairs.solve(n, s, jacobian, lu, pivots, k, work);
+            pairs.solve(n, s, jacobian, (lu, pivots), k, work);
         };
         solve(k1);
         for i in 0..n {

@@ -118,17 +118,17 @@ impl<B> Rounding<B> {
     /// directions.
     ///
     /// `solve` multiplies by the method's `(s I - J)^-1`, with `s ~ 1/h` and the Jacobian `J`. `gain` is the rounding error of the error
-    /// estimate divided by the error of one slope. `finest` is the resolution of the method, divided by the tolerance. `y` and `dy` are
-    /// memory for states. If the rounding error is relevant, states are compensated from now on. For compensated states, return the
-    /// relevant error that remains, divided by the tolerance. Error: [`Status::ExcessAccuracy`] if it is `EXCESS` or more.
+    /// estimate divided by the error of one slope. `finest` is the resolution of the method, divided by the tolerance. `y`, `dy` and `u`
+    /// are memory for states and for the input. If the rounding error is relevant, states are compensated from now on. For compensated
+    /// states, return the relevant error that remains, divided by the tolerance. Error: [`Status::ExcessAccuracy`] if it is `EXCESS` or
+    /// more.
     #[cold]
     pub fn look<S, F, A>(
         &mut self,
         system: &mut F,
         controller: &mut StepController<A>,
         (x, slope, j): (&B, &B, &[S]),
-        (y, dy): (&mut B, &mut B),
-        u: &mut F::Input,
+        (y, dy, u): (&mut B, &mut B, &mut F::Input),
         (gain, finest): (f64, f64),
         solve: impl FnOnce(&mut [S]),
     ) -> Result<Option<f64>, Status>

@@ -67,10 +67,8 @@ where
     G: Watched,
     R: Recorder,
 {
-    let mut watch = Watch::new(request.events.to_vec(), method.x().clone());
-    let mut at = method.x().clone();
     let mut t = t0;
-    let status = run(system, method, (t0, t_end), request, watched, recorder, &mut watch, &mut at, &mut t).err().unwrap_or(Status::Success);
+    let status = run(system, method, (t0, t_end), request, watched, recorder, &mut t).err().unwrap_or(Status::Success);
     SolveOutcome { status, t, work: method.work() }
 }
 
@@ -81,8 +79,6 @@ fn run<F, B, M, G, R>(
     request: &Request<'_>,
     watched: &mut G,
     recorder: &mut R,
-    watch: &mut Watch<B>,
-    at: &mut B,
     reached: &mut f64,
 ) -> Result<(), Status>
 where
@@ -92,6 +88,8 @@ where
     G: Watched,
     R: Recorder,
 {
+    let mut watch = Watch::new(request.events.to_vec(), method.x().clone());
+    let mut at = method.x().clone();
     method.begin(system, t0, t_end, t_end)?;
     watch.begin(watched, t0, method.x().as_ref())?;
     let degree = method.dense_degree();
@@ -112,7 +110,7 @@ where
         let done = method.step(system)?;
         let stop = if request.events.is_empty() { None } else { watch.scan(system, method, watched)? };
         for crossing in &watch.crossings {
-            method.interpolate(system, crossing.t, at);
+            method.interpolate(system, crossing.t, &mut at);
             recorder.event(crossing.index, crossing.t, at.as_ref());
         }
         let (t_old, t) = (method.t_old(), stop.unwrap_or(method.t()));
@@ -120,18 +118,18 @@ where
         if request.dense {
             for k in 0..=degree {
                 let s = if k == degree { t } else { t_old + node(k, degree) * (t - t_old) };
-                method.interpolate(system, s, at);
+                method.interpolate(system, s, &mut at);
                 recorder.node(t, at.as_ref());
             }
         }
         match request.times {
             None => {
-                method.interpolate(system, t, at);
+                method.interpolate(system, t, &mut at);
                 recorder.state(t, at.as_ref());
             }
             Some(times) => {
                 while wanted < times.len() && times[wanted] <= t {
-                    method.interpolate(system, times[wanted], at);
+                    method.interpolate(system, times[wanted], &mut at);
                     recorder.state(times[wanted], at.as_ref());
                     wanted += 1;
                 }

@@ -5,7 +5,7 @@
 
 use crate::arm::{Arm, Tree};
 use crate::error::{Error, Result};
-use crate::kinematics::{Pose, frame_pose, jacobian, jacobian_dot};
+use crate::kinematics::{Pose, frame_pose, jacobian};
 use crate::scalar::Real;
 use crate::spatial::{Matrix, Matrix3, Vector, Vector3, rotation_exp, rotation_log};
 
@@ -98,19 +98,16 @@ impl Coordinates {
         tree: &Tree<S>,
         poses: &mut [Pose<S>],
         full: &mut [S],
-        trig: &[(S, S)],
-        q: &[S],
+        (trig, q): (&[(S, S)], &[S]),
         target: &[S],
-        e: &mut [S],
-        j: &mut [S],
+        (e, j): (&mut [S], &mut [S]),
     ) {
-        let n = tree.n();
         let p = jacobian(tree, poses, trig, q, self.frame, full);
         let turn = if self.turns() { self.turn_error(tree, poses, trig, q, target) } else { Vector3::zero() };
         for (k, &row) in self.rows.iter().enumerate() {
             e[k] = if row < 3 { target[k] - p[row] } else { turn[row - 3] };
-            j[k * n..(k + 1) * n].copy_from_slice(&full[row * n..(row + 1) * n]);
         }
+        self.copy_rows(full, j);
     }
 
     /// The orientation error `log(R_d R')`, rad.
@@ -125,20 +122,9 @@ impl Coordinates {
         rotation_log(&rotation_exp(vector).times(r.transpose()))
     }
 
-    /// Compute the rows of `dJ/dt`, `(m, n)`. `full` is memory for `(6, n)`.
-    pub fn jacobian_dot<S: Real>(
-        &self,
-        tree: &Tree<S>,
-        poses: &mut [Pose<S>],
-        motion: &mut [(Vector3<S>, Vector3<S>)],
-        full: &mut [S],
-        trig: &[(S, S)],
-        q: &[S],
-        v: &[S],
-        j: &mut [S],
-    ) {
-        let n = tree.n();
-        jacobian_dot(tree, poses, motion, trig, q, v, self.frame, full);
+    /// Copy the controlled rows of `full`, `(6, n)`, to `j`, `(m, n)`. `full` is a Jacobian of the frame, or its time derivative.
+    pub fn copy_rows<S: Real>(&self, full: &[S], j: &mut [S]) {
+        let n = full.len() / LETTERS.len();
         for (k, &row) in self.rows.iter().enumerate() {
             j[k * n..(k + 1) * n].copy_from_slice(&full[row * n..(row + 1) * n]);
         }

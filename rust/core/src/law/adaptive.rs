@@ -321,7 +321,7 @@ where
         self.lambda.add_to(e, v_r);
         self.lambda.add_to(e_dot, a_r);
         self.kd.multiply(s, tau);
-        self.arm.regressor_products(&mut self.workspace, trig, q, v, v_r, a_r, pi, s, tau, self.yt_s.as_mut());
+        self.arm.regressor_products(&mut self.workspace, trig, q, [v, v_r, a_r], (pi, tau), (s, self.yt_s.as_mut()));
     }
 }
 

@@ -282,7 +282,7 @@ impl<S: Real> Law<S> for CartesianImpedance<S> {
             turn_rates(&self.coordinates.rows, desired, &mut self.slip, &mut self.acceleration);
         }
         let CartesianImpedance { arm, workspace, coordinates, full, jacobian, e, slip, spring, force, stiffness, damping, .. } = self;
-        arm.error_and_jacobian(workspace, coordinates, full, trig, q, &desired[..m], e, jacobian);
+        arm.error_and_jacobian(workspace, coordinates, full, (trig, q), &desired[..m], (e, jacobian));
         for k in 0..m {
             let mut rate = slip[k];
             for i in 0..n {

@@ -181,11 +181,11 @@ impl<S: Real> LaneComposite<S> {
     pub fn look<D: Dynamics<S>>(&mut self, arm: &D, ws: &mut D::Workspace, joints: &LaneColumns<S>, trig: &[(S, S)], x: &[S]) {
         let (n, all) = (self.zeros.len(), self.nothing.len());
         let (q, v, zero) = (&x[..n], &x[n..2 * n], &self.zeros);
-        arm.regressor(ws, trig, q, zero, zero, v, &mut self.momentum);
-        arm.regressor(ws, trig, q, zero, zero, zero, &mut self.gravity);
+        arm.regressor(ws, trig, q, [zero, zero, v], &mut self.momentum);
+        arm.regressor(ws, trig, q, [zero; 3], &mut self.gravity);
         for i in 0..n {
             self.unit[i] = S::splat(1.0);
-            arm.regressor_products(ws, trig, q, v, &self.unit, zero, &self.nothing, v, &mut self.unused, &mut self.row);
+            arm.regressor_products(ws, trig, q, [v, &self.unit, zero], (&self.nothing, &mut self.unused), (v, &mut self.row));
             self.unit[i] = S::zero();
             for (k, &column) in self.columns.iter().enumerate() {
                 if !self.present[i * self.bodies + k] {

@@ -14,7 +14,7 @@ use super::impedance_options::held;
 use super::inertia_reduction::{Reduction, ReductionSpec, described, reduced_facts};
 use super::{Build, Definition, Instant, Law, LawSpec, Term};
 use crate::dynamics::{AnyArm, Dynamics};
-use crate::kinematics::Coordinates;
+use crate::kinematics::{Coordinates, jacobian_dot};
 use crate::linalg::cholesky;
 use crate::plant::PlantSpec;
 use crate::scalar::Real;
@@ -108,7 +108,8 @@ impl ElasticImpedanceSpec {
         let mut rate = vec![0.0; m * n];
         if let AnyArm::Tree(tree) = &outer.arm {
             let (ws, full) = (&mut outer.workspace, &mut vec![0.0; 6 * n]);
-            self.outer.coordinates.jacobian_dot(tree, &mut ws.poses, &mut ws.motion, full, trig, q, v, &mut rate);
+            jacobian_dot(tree, &mut ws.poses, &mut ws.motion, (trig, q), v, self.outer.coordinates.frame, full);
+            self.outer.coordinates.copy_rows(full, &mut rate);
         }
         let jacobian = &outer.jacobian;
         let nan = || vec![f64::NAN; m * m];

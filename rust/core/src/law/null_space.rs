@@ -14,7 +14,7 @@
 use super::{Term, require_rows, require_size};
 use crate::dynamics::{AnyArm, Dynamics, Workspace};
 use crate::error::{Error, Result};
-use crate::kinematics::Coordinates;
+use crate::kinematics::{Coordinates, jacobian_dot};
 use crate::linalg::gain::{AnyGain, Gain, Multiply};
 use crate::linalg::{ClampedInverse, cholesky};
 use crate::motion::Motion;
@@ -255,7 +255,8 @@ impl<S: Real> NullSpace<S> {
     fn couple(&mut self, arm: &AnyArm<S>, ws: &mut Workspace<S>, coordinates: &Coordinates, at: &Place<S>, force: &mut [S]) {
         let (n, m) = (at.q.len(), force.len());
         if let AnyArm::Tree(tree) = arm {
-            coordinates.jacobian_dot(tree, &mut ws.poses, &mut ws.motion, &mut self.full, at.trig, at.q, at.v, &mut self.rate);
+            jacobian_dot(tree, &mut ws.poses, &mut ws.motion, (at.trig, at.q), at.v, coordinates.frame, &mut self.full);
+            coordinates.copy_rows(&self.full, &mut self.rate);
         }
         for k in 0..m {
             let row = &self.rate[k * n..(k + 1) * n];

@@ -76,7 +76,7 @@ impl Pairs {
     /// Solve `(s I - j) u = b` with the decomposition `lu` and its row exchanges `pivots`. `b` is replaced by `u`. `work` is memory for `n`
     /// numbers.
     #[inline]
-    pub fn solve<E: Entry>(self, n: usize, s: E, j: &[E::Real], lu: &[E], pivots: &[usize], b: &mut [E], work: &mut [E]) {
+    pub fn solve<E: Entry>(self, n: usize, s: E, j: &[E::Real], (lu, pivots): (&[E], &[usize]), b: &mut [E], work: &mut [E]) {
         let m = n - self.positions();
         // `inverse` is `-1/s`. With this sign, `less`, which subtracts a product, computes every sum below.
         let (j, b, work, inverse) = (&j[..n * n], &mut b[..n], &mut work[..m], s.times(E::real(E::Real::splat(-1.0))).inverse());
@@ -103,7 +103,7 @@ mod tests {
     fn residual<E: Entry<Real = f64>>(pairs: Pairs, n: usize, s: E, j: &[f64], b: Vec<E>) -> f64 {
         let (mut lu, mut pivots, mut work, mut u) = (b.repeat(n), vec![0; n], b.clone(), b.clone());
         assert!(pairs.decompose(n, s, j, &mut lu, &mut pivots, || false));
-        pairs.solve(n, s, j, &lu, &pivots, &mut u, &mut work);
+        pairs.solve(n, s, j, (&lu, &pivots), &mut u, &mut work);
         let largest = |x: &[E]| x.iter().map(|x| x.magnitude()).fold(0.0, f64::max);
         let left: Vec<E> = (0..n).map(|i| (0..n).fold(b[i].less(s, u[i]), |sum, c| sum.less(E::real(-j[i * n + c]), u[c]))).collect();
         largest(&left) / ((1e6 + s.magnitude()) * (largest(&u) + largest(&b) / s.magnitude()))

@@ -155,8 +155,8 @@ impl BackSwings for FrictionSearch {
 /// Compute the fastest motion of [`torque_optimal_time`](super::torque_optimal_time) with friction torques `viscous * v` and `coulomb *
 /// sign(v)`.
 ///
-/// `theta0` and `thetaf` are in rad, `inertia` in kg m^2, `viscous` in N m s/rad; all other arguments are in N m. Errors: `Input` for an
-/// invalid argument.
+/// `theta0` and `thetaf` are in rad, `inertia` in kg m^2, `viscous` in N m s/rad; all other arguments are in N m. The last argument is
+/// `[viscous, coulomb]`. Errors: `Input` for an invalid argument.
 pub fn torque_optimal_time_with_friction(
     theta0: f64,
     thetaf: f64,
@@ -164,8 +164,7 @@ pub fn torque_optimal_time_with_friction(
     gravity_moment: f64,
     tau_min: f64,
     tau_max: f64,
-    viscous: f64,
-    coulomb: f64,
+    [viscous, coulomb]: [f64; 2],
 ) -> Result<TorqueOptimum> {
     check_ends(theta0, thetaf)?;
     let link = Link::new(inertia, gravity_moment, tau_min, tau_max)?;

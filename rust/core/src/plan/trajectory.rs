@@ -52,22 +52,23 @@ pub struct TorqueProfile {
 }
 
 impl RestPhase {
-    fn new(theta: f64, direction: f64, tau: f64, rest: f64, end: f64, sense: f64, link: &FrictionLink, duration: f64) -> Self {
-        let along = if sense > 0.0 { *link } else { link.backwards() };
-        let mut at = Progress::new(direction * theta, direction * tau, &along);
+    /// Compute the steps of the phase, which takes `duration`, s.
+    fn with_steps(mut self, link: &FrictionLink, duration: f64) -> Self {
+        let along = if self.sense > 0.0 { *link } else { link.backwards() };
+        let mut at = Progress::new(self.direction * self.theta, self.direction * self.tau, &along);
         let size = at.net().abs() / link.inertia * duration * duration;
-        let (unit, duration) = (at.unit, duration / at.unit);
-        let mut steps = Vec::new();
-        while at.time < duration && steps.len() < MAX_STEPS {
+        self.unit = at.unit;
+        let duration = duration / at.unit;
+        while at.time < duration && self.steps.len() < MAX_STEPS {
             let mut step = at.step(size + at.y);
             step.length = step.length.min(duration - at.time);
             if !(step.length > 0.0) {
                 break;
             }
             at.advance(&step);
-            steps.push(step);
+            self.steps.push(step);
         }
-        RestPhase { theta, direction, tau, rest, sense, end, steps, unit }
+        self
     }
 
     fn sample(&self, t: f64, link: &FrictionLink) -> Sample {
@@ -88,8 +89,11 @@ impl TorqueProfile {
         let mut leg = |from: f64, to: f64, t0: f64, ts: f64, t1: f64| {
             let direction = if to >= from { 1.0 } else { -1.0 };
             let (push, brake) = if direction > 0.0 { (limits[1], limits[0]) } else { (limits[0], limits[1]) };
-            runs.push(RestPhase::new(from, direction, push, t0, ts, 1.0, &link, ts - t0));
-            runs.push(RestPhase::new(to, -direction, brake, t1, t1, -1.0, &link, t1 - ts));
+            let (steps, unit) = (Vec::new(), 1.0);
+            let push = RestPhase { theta: from, direction, tau: push, rest: t0, sense: 1.0, end: ts, steps, unit };
+            let brake = RestPhase { theta: to, direction: -direction, tau: brake, rest: t1, sense: -1.0, end: t1, steps: Vec::new(), unit };
+            runs.push(push.with_steps(&link, ts - t0));
+            runs.push(brake.with_steps(&link, t1 - ts));
         };
         match best.kind {
             Family::NoneFound => return None,

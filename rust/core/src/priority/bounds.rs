@@ -14,13 +14,11 @@ use crate::error::{Error, Result, positive};
 /// negative `v_max` or `a_max`.
 pub fn velocity_bounds(
     q: &[f64],
-    q_min: &[f64],
-    q_max: &[f64],
+    (q_min, q_max): (&[f64], &[f64]),
     v_max: &[f64],
     a_max: &[f64],
     dt: f64,
-    lower: &mut [f64],
-    upper: &mut [f64],
+    (lower, upper): (&mut [f64], &mut [f64]),
 ) -> Result<()> {
     positive("dt", dt)?;
     let n = q.len();
@@ -70,14 +68,14 @@ mod tests {
     fn at_the_limit_the_way_out_is_closed_and_beyond_it_points_back() {
         let inf = f64::INFINITY;
         let (mut lower, mut upper) = ([0.0; 3], [0.0; 3]);
-        velocity_bounds(&[1.0, 0.0, 1.5], &[-1.0; 3], &[1.0; 3], &[2.0; 3], &[inf, 0.5, inf], 0.01, &mut lower, &mut upper).unwrap();
+        velocity_bounds(&[1.0, 0.0, 1.5], (&[-1.0; 3], &[1.0; 3]), &[2.0; 3], &[inf, 0.5, inf], 0.01, (&mut lower, &mut upper)).unwrap();
         assert_eq!((lower[0], upper[0]), (-2.0, 0.0));
         // The value sqrt(2 * 0.5 * 1) is exact.
         assert_eq!((lower[1], upper[1]), (-1.0, 1.0));
         assert_eq!((lower[2], upper[2]), (-2.0, -2.0));
         // Far beyond a limit with weak brakes, the return speed allows a stop before the other limit: sqrt(2 * 0.5 * 4).
-        velocity_bounds(&[3.0], &[-1.0], &[1.0], &[9.0], &[0.5], 0.01, &mut lower[..1], &mut upper[..1]).unwrap();
+        velocity_bounds(&[3.0], (&[-1.0], &[1.0]), &[9.0], &[0.5], 0.01, (&mut lower[..1], &mut upper[..1])).unwrap();
         assert_eq!((lower[0], upper[0]), (-2.0, -2.0));
-        assert!(velocity_bounds(&[f64::NAN], &[0.0], &[1.0], &[1.0], &[1.0], 0.1, &mut [0.0], &mut [0.0]).is_err());
+        assert!(velocity_bounds(&[f64::NAN], (&[0.0], &[1.0]), &[1.0], &[1.0], 0.1, (&mut [0.0], &mut [0.0])).is_err());
     }
 }

@@ -106,14 +106,14 @@ fn static_vectors() {
         let (mut m, mut s, mut y) = ([0.0; 4], [0.0; 4], [0.0; 6]);
         arm.mass_matrix(&mut (), &trig, &q, &mut m);
         arm.coriolis_matrix(&mut (), &trig, &q, &v, &mut s);
-        arm.regressor(&mut (), &trig, &q, &v, &v_r, &a_r, &mut y);
+        arm.regressor(&mut (), &trig, &q, [&v, &v_r, &a_r], &mut y);
         assert_close(&m, &numbers(&expected["M"]), tol, "M");
         assert_close(&s, &numbers(&expected["S"]), tol, "S");
         assert_close(&y, &numbers(&expected["Y"]), tol, "Y");
         let y_pi = [0, 1].map(|i| y[3 * i] * a + y[3 * i + 1] * b + y[3 * i + 2] * c);
         assert_close(&y_pi, &numbers(&expected["Y_a"]), tol, "Y a");
         let (mut product, mut yt_s) = ([0.0; 2], [0.0; 3]);
-        arm.regressor_products(&mut (), &trig, &q, &v, &v_r, &a_r, &[a, b, c], &v, &mut product, &mut yt_s);
+        arm.regressor_products(&mut (), &trig, &q, [&v, &v_r, &a_r], (&[a, b, c], &mut product), (&v, &mut yt_s));
         assert_close(&product, &y_pi, tol, "Y a without Y");
         let want = [0, 1, 2].map(|j| y[j] * v[0] + y[3 + j] * v[1]);
         assert_close(&yt_s, &want, tol, "Y' s without Y");

@@ -101,7 +101,7 @@ impl GenericKernel for Laws {
             same("RNEA after ABA", &back, &tau, 1e-10);
 
             let mut y = vec![S::splat(f64::NAN); n * 10 * n];
-            run.tree.regressor(&mut run.ws, &trig, &q, &v, &x, &a, &mut y);
+            run.tree.regressor(&mut run.ws, &trig, &q, [&v, &x, &a], &mut y);
             let pi: Vec<S> = arm.parameters().into_iter().map(S::splat).collect();
             let y_pi: Vec<S> = (0..n).map(|i| (0..10 * n).fold(S::zero(), |t, k| t + y[i * 10 * n + k] * pi[k])).collect();
             let rotors: Vec<S> = (0..n).map(|i| S::splat(arm.joints[i].armature) * a[i]).collect();
@@ -109,7 +109,7 @@ impl GenericKernel for Laws {
             same("Y pi + armature ar", &add(y_pi.clone(), &rotors), &want, EXACT);
             let yt_s: Vec<S> = (0..10 * n).map(|k| (0..n).fold(S::zero(), |t, i| t + y[i * 10 * n + k] * s[i])).collect();
             let (mut products, mut transposed) = (zero.clone(), vec![S::splat(f64::NAN); 10 * n]);
-            run.tree.regressor_products(&mut run.ws, &trig, &q, &v, &x, &a, &pi, &s, &mut products, &mut transposed);
+            run.tree.regressor_products(&mut run.ws, &trig, &q, [&v, &x, &a], (&pi, &mut products), (&s, &mut transposed));
             same("Y pi", &products, &y_pi, EXACT);
             same("Y' s", &transposed, &yt_s, EXACT);
             let mut written = vec![S::zero(); 10 * n];
@@ -228,7 +228,7 @@ fn jacobians_agree_with_differences() {
                 close("R' = [w]x R", &rate[3 * k..3 * k + 3], &w.cross(column).array(), DIFFERENCE, 1.0);
             }
             let mut j_dot = vec![f64::NAN; 6 * n];
-            kinematics::jacobian_dot(&run.tree, &mut run.ws.poses, &mut run.ws.motion, &sin_cos(&q), &q, &v, frame, &mut j_dot);
+            kinematics::jacobian_dot(&run.tree, &mut run.ws.poses, &mut run.ws.motion, (&sin_cos(&q), &q), &v, frame, &mut j_dot);
             let rate = slope(&mut |h| {
                 let (q, mut j) = (moved(&q, &v, h), vec![0.0; 6 * n]);
                 kinematics::jacobian(&run.tree, &mut run.ws.poses, &sin_cos(&q), &q, frame, &mut j);

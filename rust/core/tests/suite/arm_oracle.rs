@@ -43,11 +43,11 @@ impl GenericKernel for Case<'_> {
         check("g", &vector);
         let g = vector.clone();
         let mut y = vec![S::zero(); n * 10 * n];
-        tree.regressor(&mut ws, &trig, &q, &v, &vr, &ar, &mut y);
+        tree.regressor(&mut ws, &trig, &q, [&v, &vr, &ar], &mut y);
         check("Y", &y);
         let pi = lift::<S>(&arm.parameters());
         let (mut y_pi, mut yt_s) = (vec![S::zero(); n], vec![S::zero(); 10 * n]);
-        tree.regressor_products(&mut ws, &trig, &q, &v, &vr, &ar, &pi, &v, &mut y_pi, &mut yt_s);
+        tree.regressor_products(&mut ws, &trig, &q, [&v, &vr, &ar], (&pi, &mut y_pi), (&v, &mut yt_s));
         check("tau", &y_pi);
         for k in 0..n {
             vector[k] = g[k];

@@ -23,7 +23,7 @@ fn answers<S: Real>(tree: &Tree<S>, [q, v, x, a]: &[Vec<S>; 4]) -> Vec<f64> {
     all.extend_from_slice(&vector);
     tree.forward_dynamics(ws, &trig, q, v, &vector.clone(), &mut vector);
     all.extend_from_slice(&vector);
-    tree.regressor(ws, &trig, q, v, x, a, &mut y);
+    tree.regressor(ws, &trig, q, [v, x, a], &mut y);
     all.extend_from_slice(&y);
     kinematics::jacobian(tree, &mut ws.poses, &trig, q, tree.frames.len() - 1, &mut j);
     all.extend_from_slice(&j);

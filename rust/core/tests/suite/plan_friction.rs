@@ -11,7 +11,7 @@ fn without_viscous_friction_the_bounds_are_shifted() {
     for k in 0..2_000 {
         let p = Problem::nominal(&mut random);
         let c = if k % 2 == 0 { 0.0 } else { random.range(0.0, 0.9) * p.tau_max.min(-p.tau_min) };
-        let f = torque_optimal_time_with_friction(p.theta0, p.thetaf, p.inertia, p.gravity, p.tau_min, p.tau_max, 0.0, c).unwrap();
+        let f = torque_optimal_time_with_friction(p.theta0, p.thetaf, p.inertia, p.gravity, p.tau_min, p.tau_max, [0.0, c]).unwrap();
         // Coulomb friction reduces the accelerating torque, and adds to the braking torque. So both torque limits shift against the motion.
         let shift = if p.thetaf > p.theta0 { -c } else { c };
         let o = torque_optimal_time(p.theta0, p.thetaf, p.inertia, p.gravity, p.tau_min + shift, p.tau_max + shift).unwrap();
@@ -34,7 +34,7 @@ fn with_viscous_friction_the_motion_arrives_at_rest() {
     for _ in 0..500 {
         let p = Problem::nominal(&mut random);
         let (d, c) = (random.range(0.0, 1.0), 0.1 * random.unit());
-        let o = torque_optimal_time_with_friction(p.theta0, p.thetaf, p.inertia, p.gravity, p.tau_min, p.tau_max, d, c).unwrap();
+        let o = torque_optimal_time_with_friction(p.theta0, p.thetaf, p.inertia, p.gravity, p.tau_min, p.tau_max, [d, c]).unwrap();
         if !o.feasible || o.t * (p.gravity.abs() / p.inertia).sqrt() > 6.0 {
             continue;
         }
@@ -61,7 +61,7 @@ fn with_viscous_friction_the_motion_arrives_at_rest() {
 }
 
 fn rough(p: &Problem, viscous: f64, coulomb: f64) -> TorqueOptimum {
-    torque_optimal_time_with_friction(p.theta0, p.thetaf, p.inertia, p.gravity, p.tau_min, p.tau_max, viscous, coulomb).unwrap()
+    torque_optimal_time_with_friction(p.theta0, p.thetaf, p.inertia, p.gravity, p.tau_min, p.tau_max, [viscous, coulomb]).unwrap()
 }
 
 #[test]
@@ -220,7 +220,7 @@ fn profiles_with_friction_meet_where_the_torque_switches() {
 
 #[test]
 fn a_motion_that_friction_stalls_says_what_is_missing() {
-    let o = torque_optimal_time_with_friction(0.1, 3.0, 1.0, 1.0, -0.9, 0.9, 30.0, 0.0).unwrap();
+    let o = torque_optimal_time_with_friction(0.1, 3.0, 1.0, 1.0, -0.9, 0.9, [30.0, 0.0]).unwrap();
     let MonotoneReason::Apart { push, missing, .. } = o.reason else { panic!("{:?}", o.reason) };
     // The motion is overdamped. The accelerating torque moves the link slowly to the angle at which gravity equals this torque. The missing
     // torque is the difference to the maximum of gravity.
@@ -230,10 +230,10 @@ fn a_motion_that_friction_stalls_says_what_is_missing() {
 #[test]
 fn refusals() {
     for (viscous, coulomb, name) in [(-1.0, 0.0, "viscous"), (f64::NAN, 0.0, "viscous"), (0.0, f64::INFINITY, "coulomb")] {
-        let e = torque_optimal_time_with_friction(0.0, 1.0, 1.0, 1.0, -2.0, 2.0, viscous, coulomb).unwrap_err();
+        let e = torque_optimal_time_with_friction(0.0, 1.0, 1.0, 1.0, -2.0, 2.0, [viscous, coulomb]).unwrap_err();
         assert!(e.to_string().starts_with(name), "{e}");
     }
     // If Coulomb friction is at least the torque, the link does not move.
-    let o = torque_optimal_time_with_friction(0.0, 1.0, 1.0, 0.0, -1.0, 1.0, 0.0, 1.0).unwrap();
+    let o = torque_optimal_time_with_friction(0.0, 1.0, 1.0, 0.0, -1.0, 1.0, [0.0, 1.0]).unwrap();
     assert!(!o.feasible && o.t.is_nan() && o.reason == MonotoneReason::StartBlocked { missing: 0.0 }, "{:?}", o.reason);
 }

@@ -82,9 +82,9 @@ fn equal_ends_take_no_time_where_the_torque_holds_the_pose() {
     assert!(!o.feasible && o.t.is_nan() && !o.certified_global && o.best.kind != Family::Monotone, "{o:?}");
     assert!(matches!(o.reason, MonotoneReason::CannotHold { missing, .. } if near(missing, 1e-9, 1e-6)), "{o:?}");
     // Coulomb friction holds the part of gravity that the torque does not hold.
-    let o = torque_optimal_time_with_friction(PI / 6.0, PI / 6.0, 1.0, 1.0, -2.0, 0.4, 0.2, 0.11).unwrap();
+    let o = torque_optimal_time_with_friction(PI / 6.0, PI / 6.0, 1.0, 1.0, -2.0, 0.4, [0.2, 0.11]).unwrap();
     assert!(o.feasible && o.t == 0.0, "{o:?}");
-    let o = torque_optimal_time_with_friction(PI / 6.0, PI / 6.0, 1.0, 1.0, -2.0, 0.4, 0.2, 0.09).unwrap();
+    let o = torque_optimal_time_with_friction(PI / 6.0, PI / 6.0, 1.0, 1.0, -2.0, 0.4, [0.2, 0.09]).unwrap();
     assert!(!o.feasible && matches!(o.reason, MonotoneReason::CannotHold { .. }) && o.best.t.is_finite(), "{o:?}");
 }
 

@@ -1,6 +1,7 @@
 //! The analytic derivatives of inverse and forward dynamics, and the linear model of an arm about a state.
 
 use super::Arm;
+use super::evaluate::ArmCall;
 use crate::arrays::flag_or_false;
 use crate::errors::entry;
 use armlet_core::analysis::linearisation::state_matrices;
@@ -26,7 +27,8 @@ impl Arm {
         entry(py, function, || {
             let query = Query { friction: flag_or_false(function, "friction", friction)?, ..quantity.into() };
             let square = self.model.n() * self.model.n();
-            self.apart(function, ["q", "v", third], values, &query, [&[self.model.n(); 2]; 3], out, |slopes, to: [&mut [f64]; 3]| {
+            let call = ArmCall { function, names: ["q", "v", third], values };
+            self.apart(&call, &query, [&[self.model.n(); 2]; 3], out, |slopes, to: [&mut [f64]; 3]| {
                 for (from, to) in slopes.chunks_exact(square.max(1)).zip(to) {
                     memory::copy(from, to);
                 }
@@ -137,7 +139,8 @@ impl Arm {
         entry(py, NAME, || {
             let query = Query { friction: flag_or_false(NAME, "friction", friction)?, ..Quantity::ForwardDynamicsDerivatives.into() };
             let n = self.model.n();
-            self.apart(NAME, ["q", "v", "tau"], values, &query, [&[2 * n, 2 * n], &[2 * n, n]], out, |slopes, [a, b]| {
+            let call = ArmCall { function: NAME, names: ["q", "v", "tau"], values };
+            self.apart(&call, &query, [&[2 * n, 2 * n], &[2 * n, n]], out, |slopes, [a, b]| {
                 state_matrices(n, slopes, a, b);
             })
         })

@@ -1,6 +1,7 @@
 //! The equation of motion `M(q) a + C(q, v) v + g(q) = tau` and its terms, broadcast over leading axes.
 
 use super::Arm;
+use super::evaluate::ArmCall;
 use crate::arrays::flag_or_false;
 use crate::errors::entry;
 use armlet_core::dynamics::{Quantity, Query};
@@ -251,7 +252,8 @@ impl Arm {
         let (py, values) = (q.py(), [q, v]);
         entry(py, "energy", || {
             let query = Quantity::Energy.into();
-            self.apart("energy", ["q", "v"], values, &query, [&[], &[]], out, |both, [kinetic, potential]| {
+            let call = ArmCall { function: "energy", names: ["q", "v"], values };
+            self.apart(&call, &query, [&[], &[]], out, |both, [kinetic, potential]| {
                 (kinetic[0], potential[0]) = (both[0], both[1]);
             })
         })

@@ -24,6 +24,14 @@ const FEW: usize = 64;
 /// The estimated time, in ns, of one piece of long work. Between two pieces a thread checks whether the work must stop.
 const PIECE: f64 = 5e5;
 
+/// A call from Python: the name of the function, and the names and values of its arguments.
+#[derive(Clone, Copy)]
+pub(super) struct ArmCall<'a, 'py, const K: usize> {
+    pub function: &'a str,
+    pub names: [&'a str; K],
+    pub values: [&'a Bound<'py, PyAny>; K],
+}
+
 impl Arm {
     pub(super) fn evaluate<'py, const K: usize>(
         &self,
@@ -35,7 +43,7 @@ impl Arm {
     ) -> PyResult<Bound<'py, PyAny>> {
         match self.single(values, &query, out) {
             Some(result) => Ok(result),
-            None => self.many(function, names, values, query, out),
+            None => self.many(&ArmCall { function, names, values }, query, out),
         }
     }
 
@@ -43,21 +51,19 @@ impl Arm {
     #[inline(never)]
     fn many<'py, const K: usize>(
         &self,
-        function: &str,
-        names: [&str; K],
-        values: [&Bound<'py, PyAny>; K],
+        call: &ArmCall<'_, 'py, K>,
         query: Query,
         out: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyAny>> {
-        let py = values[0].py();
-        entry(py, function, || {
-            let inputs = self.arguments(function, names, values)?;
+        let py = call.values[0].py();
+        entry(py, call.function, || {
+            let inputs = self.arguments(call)?;
             let (dims, axes) = self.model.shape(&query);
             let full: Vec<usize> = inputs.shape.iter().chain(&dims[..axes]).copied().collect();
             match out {
-                None => written_array(py, &full, |data| self.fill(function, names, values, &query, inputs, &full, data)),
+                None => written_array(py, &full, |data| self.fill(call, &query, inputs, &full, data)),
                 Some(out) => {
-                    self.fill(function, names, values, &query, inputs, &full, out_slice(function, out, &full, &values)?)?;
+                    self.fill(call, &query, inputs, &full, out_slice(call.function, out, &full, &call.values)?)?;
                     Ok(out.clone())
                 }
             }
@@ -65,12 +71,8 @@ impl Arm {
     }
 
     /// Read the arguments, and broadcast them over their leading axes. The method `fill` checks later whether they are finite.
-    pub(super) fn arguments<'a, const K: usize>(
-        &self,
-        function: &str,
-        names: [&str; K],
-        values: [&'a Bound<'_, PyAny>; K],
-    ) -> Result<Broadcast<'a, K>, Failure> {
+    fn arguments<'a, const K: usize>(&self, call: &ArmCall<'a, '_, K>) -> Result<Broadcast<'a, K>, Failure> {
+        let ArmCall { function, names, values } = *call;
         broadcast(function, names, values, std::array::from_fn(|k| if names[k] == "wrench" { 6 } else { self.model.n() }))
     }
 
@@ -109,15 +111,13 @@ impl Arm {
     /// Write the results of all configurations to `data`, whose shape is `full`. A number that is not finite is an error.
     fn fill<const K: usize>(
         &self,
-        function: &str,
-        names: [&str; K],
-        values: [&Bound<'_, PyAny>; K],
+        call: &ArmCall<'_, '_, K>,
         query: &Query,
         inputs: Broadcast<K>,
         full: &[usize],
         data: &mut [f64],
     ) -> Result<(), Failure> {
-        let (py, length) = (values[0].py(), data.len() / inputs.count.max(1));
+        let (py, length) = (call.values[0].py(), data.len() / inputs.count.max(1));
         let all = &mut *data;
         let parts = move |chunk: usize| {
             let all = all;
@@ -126,12 +126,12 @@ impl Arm {
         let work = |inputs: &Broadcast<K>, (first, rows): (usize, &mut [f64])| {
             self.rows(query, inputs, first, first + rows.len() / length.max(1), rows)
         };
-        if self.share(py, query, inputs, parts, work).map_err(|failure| whose(failure, function, names, values))? {
+        if self.share(py, query, inputs, parts, work).map_err(|failure| whose(failure, call))? {
             return Ok(());
         }
         match data.iter().position(|x| !x.is_finite()) {
             None => Ok(()),
-            Some(k) => Err(not_finite(py, function, names, full, k, data[k])),
+            Some(k) => Err(not_finite(call, full, k, data[k])),
         }
     }
 
@@ -140,16 +140,15 @@ impl Arm {
     /// `scatter` distributes the results of one configuration among its parts of the arrays.
     pub(super) fn apart<'py, const K: usize, const M: usize>(
         &self,
-        function: &str,
-        names: [&str; K],
-        values: [&Bound<'py, PyAny>; K],
+        call: &ArmCall<'_, 'py, K>,
         query: &Query,
         trailing: [&[usize]; M],
         outs: Option<&Bound<'py, PyAny>>,
         scatter: impl Fn(&[f64], [&mut [f64]; M]) + Sync,
     ) -> Result<Bound<'py, PyTuple>, Failure> {
+        let ArmCall { function, values, .. } = *call;
         let py = values[0].py();
-        let inputs = self.arguments(function, names, values)?;
+        let inputs = self.arguments(call)?;
         let leading = inputs.shape.clone();
         let shapes = trailing.map(|last| leading.iter().chain(last).copied().collect::<Vec<usize>>());
         let arrays = targets(py, function, &shapes, outs)?;
@@ -189,10 +188,10 @@ impl Arm {
             }
             Ok(sound)
         };
-        if !self.share(py, query, inputs, parts, work).map_err(|failure| whose(failure, function, names, values))? {
+        if !self.share(py, query, inputs, parts, work).map_err(|failure| whose(failure, call))? {
             for (slice, length) in slices.iter().zip(lengths) {
                 if let Some(k) = slice.iter().position(|x| !x.is_finite()) {
-                    return Err(not_finite(py, function, names, &leading, k / length, slice[k]));
+                    return Err(not_finite(call, &leading, k / length, slice[k]));
                 }
             }
         }
@@ -299,18 +298,18 @@ impl Arm {
 }
 
 /// The error of an argument that is not finite. The core reports such a number without the argument, so this function finds the argument.
-fn whose<const K: usize>(failure: Failure, function: &str, names: [&str; K], values: [&Bound<'_, PyAny>; K]) -> Failure {
+fn whose<const K: usize>(failure: Failure, call: &ArmCall<'_, '_, K>) -> Failure {
     match failure {
-        Failure::Core(error) => require_all_finite(function, names, values).err().unwrap_or(error.into()),
+        Failure::Core(error) => require_all_finite(call.function, call.names, call.values).err().unwrap_or(error.into()),
         interrupt => interrupt,
     }
 }
 
 /// The error of a result that is not finite although all arguments are: a number overflowed, or the mass matrix is singular.
-fn not_finite<const K: usize>(py: Python<'_>, function: &str, names: [&str; K], shape: &[usize], k: usize, x: f64) -> Failure {
+fn not_finite<const K: usize>(call: &ArmCall<'_, '_, K>, shape: &[usize], k: usize, x: f64) -> Failure {
     let at = if shape.is_empty() { String::new() } else { format!(" (first bad index {})", index_of(shape, k)) };
     let problem = format!("give a result that is not finite: expected finite numbers, got {x}{at}");
-    input_error(py, function, &names.join(", "), problem).into()
+    input_error(call.values[0].py(), call.function, &call.names.join(", "), problem).into()
 }
 
 /// Return new arrays of these shapes, or the caller's arrays. The caller of this function checks their shapes.

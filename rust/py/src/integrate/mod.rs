@@ -197,7 +197,7 @@ pub fn integrate<'py>(
         let n = y0.len();
         let direction = if span[1] < span[0] { -1.0 } else { 1.0 };
         let (s0, s1) = (direction * span[0], direction * span[1]);
-        let settings = Settings::new(NAME, n, method, rtol, atol, dt, max_step, first_step, s1 - s0)?;
+        let settings = Settings::new(NAME, n, method, [rtol, atol], [dt, max_step, first_step], s1 - s0)?;
         if !settings.adaptive() {
             require_finite(py, NAME, "t_span", &[2], &span)?;
         }

@@ -36,11 +36,8 @@ impl Settings {
         function: &str,
         n: usize,
         method: &Bound<'py, PyAny>,
-        rtol: &Bound<'py, PyAny>,
-        atol: &Bound<'py, PyAny>,
-        dt: Option<&Bound<'py, PyAny>>,
-        max_step: Option<&Bound<'py, PyAny>>,
-        first_step: Option<&Bound<'py, PyAny>>,
+        [rtol, atol]: [&Bound<'py, PyAny>; 2],
+        [dt, max_step, first_step]: [Option<&Bound<'py, PyAny>>; 3],
         span: f64,
     ) -> Result<Self, Failure> {
         let py = method.py();

@@ -52,7 +52,7 @@ impl Stepper {
             let n = y0.len();
             let direction = if span[1] < span[0] { -1.0 } else { 1.0 };
             let (start, end) = (direction * span[0], direction * span[1]);
-            let settings = Settings::new(NAME, n, method, rtol, atol, None, max_step, first_step, end - start)?;
+            let settings = Settings::new(NAME, n, method, [rtol, atol], [None, max_step, first_step], end - start)?;
             settings.require_memory(py, NAME, 0.0, n, states)?;
             let jacobian = Jacobian::new(NAME, jac, jac_sparsity, n, states, &settings)?;
             let slope = Slope::new(NAME, f.clone().unbind(), None, states, direction);

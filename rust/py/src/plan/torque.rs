@@ -89,7 +89,7 @@ impl TorqueOptimum {
         let core = if friction == [0.0; 2] {
             plan::torque_optimal_time(theta0, thetaf, inertia, gravity_moment, tau_min, tau_max)?
         } else {
-            plan::torque_optimal_time_with_friction(theta0, thetaf, inertia, gravity_moment, tau_min, tau_max, viscous, coulomb)?
+            plan::torque_optimal_time_with_friction(theta0, thetaf, inertia, gravity_moment, tau_min, tau_max, [viscous, coulomb])?
         };
         Ok(TorqueOptimum { core, problem, friction, profiles: [OnceLock::new(), OnceLock::new()] })
     }

@@ -107,7 +107,7 @@ pub fn velocity_bounds<'py>(
             (per_joint(NAME, "q_min", q_min, n)?, per_joint(NAME, "q_max", q_max, n)?, per_joint(NAME, "v_max", v_max, n)?);
         let a_max = a_max.map_or_else(|| Ok(memory::filled(n, f64::INFINITY)?), |a| per_joint(NAME, "a_max", a, n))?;
         let mut upper = memory::zeros(n)?;
-        let lower = new_vector(py, n, |lower| Ok(core_bounds(&q, &q_min, &q_max, &v_max, &a_max, dt, lower, &mut upper)?))?;
+        let lower = new_vector(py, n, |lower| Ok(core_bounds(&q, (&q_min, &q_max), &v_max, &a_max, dt, (lower, &mut upper))?))?;
         Ok((lower, copied(py, &[n], &upper)?))
     })
 }

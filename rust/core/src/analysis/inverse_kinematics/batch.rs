@@ -45,22 +45,35 @@ struct ThreadRows<'a> {
     status: &'a mut [i32],
 }
 
-/// Run [`super::inverse_kinematics`] for `count` targets.
+/// The tasks of a batch, with `count` targets and starts.
+#[derive(Clone, Copy, Debug)]
+pub struct IkBatch<'a> {
+    /// The tasks.
+    pub functions: &'a [TaskFunction],
+    /// One array of targets per task, `(count, size)`, or `(size,)` for all rows.
+    pub targets: &'a [Vec<f64>],
+    /// The starts, `(count, n)` or `(n,)`, rad or m.
+    pub q0: &'a [f64],
+    /// Number of rows.
+    pub count: usize,
+}
+
+/// Run [`super::inverse_kinematics`] for each row of `batch`.
 ///
-/// `targets` has one array per task, `(count, size)`, or `(size,)` for all rows. `q0` is `(count, n)` or `(n,)`, rad or m. `solutions` is
-/// the number of different postures per target, the best first. `poll` is called every 20 ms. If it returns true, the call unwinds to the
-/// enclosing `interruptible`. Errors: `Input` for an invalid option or wrong sizes, `Memory`.
+/// `solutions` is the number of different postures per target, the best first. `poll` is called every 20 ms. If it returns true, the call
+/// unwinds to the enclosing `interruptible`. Errors: `Input` for an invalid option or wrong sizes, `Memory`.
 ///
 /// A row that is not finite ends as `Diverged`, and does not change any other row.
 ///
 /// ```
-/// use armlet_core::analysis::inverse_kinematics::{IkOptions, inverse_kinematics_batch};
+/// use armlet_core::analysis::inverse_kinematics::{IkBatch, IkOptions, inverse_kinematics_batch};
 /// use armlet_core::{arm::Arm, kinematics::TaskFunction};
 ///
 /// let arm = Arm::planar(&[0.5, 0.4], None, None, None, [0.0, -9.81])?;
 /// let tip = [TaskFunction::frame(&arm, "link2", "xy")?];
 /// let points = vec![0.6, 0.3, 0.2, 0.7];
-/// let found = inverse_kinematics_batch(&arm, &tip, &[points], &[0.1, 0.2], 2, 2, &IkOptions::default(), 1, &mut || false)?;
+/// let batch = IkBatch { functions: &tip, targets: &[points], q0: &[0.1, 0.2], count: 2 };
+/// let found = inverse_kinematics_batch(&arm, &batch, 2, &IkOptions::default(), 1, &mut || false)?;
 /// assert_eq!((found.q.len(), found.reached.as_slice()), (8, &[true; 4][..]));
 /// // The two solutions have the elbow on different sides.
 /// assert!(found.q[1] * found.q[3] < 0.0);
@@ -68,15 +81,13 @@ struct ThreadRows<'a> {
 /// ```
 pub fn inverse_kinematics_batch(
     arm: &Arm,
-    functions: &[TaskFunction],
-    targets: &[Vec<f64>],
-    q0: &[f64],
-    count: usize,
+    batch: &IkBatch<'_>,
     solutions: usize,
     search: &IkOptions,
     threads: usize,
     poll: &mut dyn FnMut() -> bool,
 ) -> Result<IkRows> {
+    let IkBatch { functions, targets, q0, count } = *batch;
     let n = arm.n();
     search.check()?;
     if solutions == 0 {
@@ -116,8 +127,7 @@ pub fn inverse_kinematics_batch(
             status: cut(&mut status, slots),
         });
     }
-    let given = Given { functions, targets, widths: &widths, q0, n };
-    let ended = parallel::pieces(threads, poll, parts, |part| solve_part(&mut solver.clone(), &given, part, solutions));
+    let ended = parallel::pieces(threads, poll, parts, |part| solve_part(&mut solver.clone(), batch, &widths, part, solutions));
     if ended.is_err() {
         interrupt();
     }
@@ -125,23 +135,16 @@ pub fn inverse_kinematics_batch(
     Ok(rows)
 }
 
-/// The arguments of all rows.
-struct Given<'a> {
-    functions: &'a [TaskFunction],
-    targets: &'a [Vec<f64>],
-    widths: &'a [usize],
-    q0: &'a [f64],
-    n: usize,
-}
-
-fn solve_part(solver: &mut IkSolver, given: &Given, part: ThreadRows, solutions: usize) {
-    let (n, levels, total) = (given.n, given.widths.len(), part.errors.len() / part.status.len());
+/// Solve the rows of one thread. `widths` has the size of each task's target.
+fn solve_part(solver: &mut IkSolver, batch: &IkBatch, widths: &[usize], part: ThreadRows, solutions: usize) {
+    let slots = part.status.len();
+    let (n, levels, total) = (part.q.len() / slots, widths.len(), part.errors.len() / slots);
     let mut targets: Vec<&[f64]> = Vec::with_capacity(levels);
     for i in 0..part.iterations.len() {
-        let q0 = row(given.q0, n, part.first + i);
+        let q0 = row(batch.q0, n, part.first + i);
         targets.clear();
-        targets.extend(given.targets.iter().zip(given.widths).map(|(values, &width)| row(values, width, part.first + i)));
-        let fit = given.functions.iter().zip(&targets).all(|(function, target)| function.require_target(target).is_ok());
+        targets.extend(batch.targets.iter().zip(widths).map(|(values, &width)| row(values, width, part.first + i)));
+        let fit = batch.functions.iter().zip(&targets).all(|(function, target)| function.require_target(target).is_ok());
         if !fit || q0.iter().any(|q| !q.is_finite()) || solver.solve(&targets, q0, solutions).is_err() {
             part.status[i * solutions..(i + 1) * solutions].fill(Status::Diverged.code());
             continue;

@@ -15,7 +15,7 @@ mod batch;
 mod damped;
 mod newton;
 
-pub use batch::{IkRows, inverse_kinematics_batch};
+pub use batch::{IkBatch, IkRows, inverse_kinematics_batch};
 
 use crate::arm::Arm;
 use crate::error::{Error, Result, finite, positive};

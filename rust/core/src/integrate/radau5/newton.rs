@@ -62,8 +62,8 @@ impl<S: Real, B: Buffer<S>, U: Clone, A: Accuracy> Radau5<S, B, U, A> {
                 self.pair[c] = Complex(row(1) - (re * w[1] - im * w[2]), row(2) - (re * w[2] + im * w[1]));
             }
             let (pairs, j, (real, complex)) = (system.pairs(), &self.jacobian, poles::<S>(h));
-            pairs.solve(n, real, j, &self.real, &self.real_pivots, error, self.real_work.as_mut());
-            pairs.solve(n, complex, j, &self.complex, &self.complex_pivots, &mut self.pair, &mut self.complex_work);
+            pairs.solve(n, real, j, (&self.real, &self.real_pivots), error, self.real_work.as_mut());
+            pairs.solve(n, complex, j, (&self.complex, &self.complex_pivots), &mut self.pair, &mut self.complex_work);
             let (x, pair) = (self.x.as_ref(), &self.pair);
             let parts = [
                 self.controller.norm(x, x, |c| error[c]),
