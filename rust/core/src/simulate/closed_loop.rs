@@ -226,9 +226,7 @@ impl<'a, S: Real> ClosedLoop<'a, S> {
         if self.closing.monitored {
             let stored = self.closing.storage.then(|| self.law.storage_rate(&x[..self.seen], power.outside));
             let dissipated = self.dz.get(p).copied().unwrap_or_else(S::zero);
-            let (dx, integrals) = dx.split_at_mut(states + p);
-            let flow = Flow { x: &x[..states], dx: &dx[..states], z: &x[states..states + p], tau: &self.tau, power, dissipated, stored };
-            monitors::rates(&flow, integrals);
+            monitors::rates(&Flow { power, dissipated, stored }, &mut dx[states + p..]);
         }
     }
 

@@ -94,16 +94,7 @@ pub struct Moment<'a, S: Real> {
 }
 
 /// The quantities of a loop from which the rates of the monitors' integrals are computed.
-#[allow(dead_code)] // The integrals of `Exchange` read the powers alone.
-pub struct Flow<'a, S> {
-    /// The plant's state.
-    pub x: &'a [S],
-    /// The rates of the plant's state.
-    pub dx: &'a [S],
-    /// The law's state.
-    pub z: &'a [S],
-    /// The plant's input.
-    pub tau: &'a [S],
+pub struct Flow<S> {
     pub power: Power<S>,
     /// The rate at which the law's Lyapunov function decreases.
     pub dissipated: S,
