@@ -7,7 +7,7 @@ use crate::interrupts::long;
 use crate::law::Law;
 use crate::observer::MomentumObserver;
 use armlet_core::dynamics::{CFunction, Quantity, Query};
-use armlet_core::integrate::{Kind, Method};
+use armlet_core::integrate::{Method, MethodKind};
 use armlet_core::law::CLoop;
 use armlet_core::trace::c::{CFile, COptions};
 use armlet_macros::entered;
@@ -49,7 +49,8 @@ pub fn _c_of_law(
     entry(py, NAME, || {
         let law = object::<Law>(NAME, "law", "an arm or a law such as Adaptive", law)?;
         let (options, dt, given) = (options(prefix, fused)?, optional_number(NAME, "dt", dt)?, name(NAME, "method", method)?);
-        let fixed: Vec<Method> = Method::ALL.iter().copied().filter(|method| matches!(method.kind(), Kind::ExplicitSteps(_))).collect();
+        let fixed: Vec<Method> =
+            Method::ALL.iter().copied().filter(|method| matches!(method.kind(), MethodKind::ExplicitSteps(_))).collect();
         let Some(method) = fixed.iter().find(|method| method.name() == given) else {
             let names: Vec<&str> = fixed.iter().map(|method| method.name()).collect();
             return Err(input_error(py, NAME, "method", format!("is unknown: expected one of {}, got {given:?}", names.join(", "))).into());

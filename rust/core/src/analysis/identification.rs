@@ -49,7 +49,7 @@ pub struct Identification {
 
 /// The parameters to identify, and the weights of the record.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Options<'a> {
+pub struct IdentificationOptions<'a> {
     /// Whether to identify rotor inertias.
     pub armature: bool,
     /// Whether to identify viscous and Coulomb friction.
@@ -94,7 +94,7 @@ impl Triangle {
 ///
 /// Errors: `WrongShape` for wrong lengths, `Input` for numbers that are not finite, noise that is not positive, or too few samples,
 /// `Memory`.
-pub fn identify(arm: &Model, [q, v, a, tau]: [&[f64]; 4], options: &Options) -> Result<Identification> {
+pub fn identify(arm: &Model, [q, v, a, tau]: [&[f64]; 4], options: &IdentificationOptions) -> Result<Identification> {
     let n = arm.n();
     if n == 0 {
         return Err(Error::input("arm", "has no joints: expected at least one"));
@@ -223,7 +223,7 @@ fn residuals(
 
 /// Compute `pi + P' (P P')^-1 (beta - P pi)`: the parameters with the identified base parameters `beta` that are nearest to the arm's
 /// parameters `pi`.
-fn nearest(arm: &Model, base: &BaseParameters, values: &[f64], options: &Options) -> Result<Vec<f64>> {
+fn nearest(arm: &Model, base: &BaseParameters, values: &[f64], options: &IdentificationOptions) -> Result<Vec<f64>> {
     let (b, p) = (base.count(), base.names.len());
     let projection = &base.independent.projection;
     let mut pi = arm.parameters();

@@ -18,7 +18,7 @@ macro_rules! methods {
 
         /// The kind of a method: explicit or implicit, with fixed or adaptive steps.
         #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-        pub enum Kind {
+        pub enum MethodKind {
             $($(#[$doc])* $kind($kind),)*
         }
 
@@ -42,9 +42,9 @@ macro_rules! methods {
             }
 
             /// The kind of the method.
-            pub fn kind(self) -> Kind {
+            pub fn kind(self) -> MethodKind {
                 match self {
-                    $($(Method::$method => Kind::$kind($kind::$method),)*)*
+                    $($(Method::$method => MethodKind::$kind($kind::$method),)*)*
                 }
             }
         }
@@ -92,42 +92,44 @@ impl Method {
     /// Whether the method chooses its step sizes.
     pub fn is_adaptive(self) -> bool {
         match self.kind() {
-            Kind::ExplicitSteps(_) | Kind::ImplicitSteps(_) => false,
-            Kind::ExplicitAdaptive(_) | Kind::ImplicitAdaptive(_) => true,
+            MethodKind::ExplicitSteps(_) | MethodKind::ImplicitSteps(_) => false,
+            MethodKind::ExplicitAdaptive(_) | MethodKind::ImplicitAdaptive(_) => true,
         }
     }
 
     /// Whether the method needs the derivatives of the system.
     pub fn is_implicit(self) -> bool {
         match self.kind() {
-            Kind::ExplicitSteps(_) | Kind::ExplicitAdaptive(_) => false,
-            Kind::ImplicitSteps(_) | Kind::ImplicitAdaptive(_) => true,
+            MethodKind::ExplicitSteps(_) | MethodKind::ExplicitAdaptive(_) => false,
+            MethodKind::ImplicitSteps(_) | MethodKind::ImplicitAdaptive(_) => true,
         }
     }
 
     /// The number of evaluations of the right-hand side per step, for a method of fixed steps. `None` for an adaptive method.
     pub fn evaluations_per_step(self) -> Option<u64> {
         match self.kind() {
-            Kind::ExplicitSteps(method) => Some(method.evaluations()),
-            Kind::ImplicitSteps(method) => Some(method.evaluations()),
-            Kind::ExplicitAdaptive(_) | Kind::ImplicitAdaptive(_) => None,
+            MethodKind::ExplicitSteps(method) => Some(method.evaluations()),
+            MethodKind::ImplicitSteps(method) => Some(method.evaluations()),
+            MethodKind::ExplicitAdaptive(_) | MethodKind::ImplicitAdaptive(_) => None,
         }
     }
 
     /// Whether the method is a Rosenbrock method, which is implicit and solves only linear equations. It also requires `df/dt`.
     pub fn is_rosenbrock(self) -> bool {
         match self.kind() {
-            Kind::ExplicitSteps(_) | Kind::ExplicitAdaptive(_) | Kind::ImplicitAdaptive(ImplicitAdaptive::Radau5) => false,
-            Kind::ImplicitSteps(ImplicitSteps::Ros2) | Kind::ImplicitAdaptive(ImplicitAdaptive::Rodas4) => true,
+            MethodKind::ExplicitSteps(_) | MethodKind::ExplicitAdaptive(_) | MethodKind::ImplicitAdaptive(ImplicitAdaptive::Radau5) => {
+                false
+            }
+            MethodKind::ImplicitSteps(ImplicitSteps::Ros2) | MethodKind::ImplicitAdaptive(ImplicitAdaptive::Rodas4) => true,
         }
     }
 
     /// Whether the order of the method requires exact derivatives. `radau5` iterates, and `ros2` has its order with any matrix.
     pub fn needs_exact_derivatives(self) -> bool {
         match self.kind() {
-            Kind::ExplicitSteps(_) | Kind::ExplicitAdaptive(_) => false,
-            Kind::ImplicitSteps(ImplicitSteps::Ros2) | Kind::ImplicitAdaptive(ImplicitAdaptive::Radau5) => false,
-            Kind::ImplicitAdaptive(ImplicitAdaptive::Rodas4) => true,
+            MethodKind::ExplicitSteps(_) | MethodKind::ExplicitAdaptive(_) => false,
+            MethodKind::ImplicitSteps(ImplicitSteps::Ros2) | MethodKind::ImplicitAdaptive(ImplicitAdaptive::Radau5) => false,
+            MethodKind::ImplicitAdaptive(ImplicitAdaptive::Rodas4) => true,
         }
     }
 }

@@ -41,7 +41,8 @@ pub use euler::{Euler, Forward1};
 pub use fixed::Steps;
 pub use linearised::{DualSystem, Linearised};
 pub use method::{
-    ExplicitAdaptive, ExplicitSteps, ImplicitAdaptive, ImplicitSteps, Kind, Method, WithAdaptive, WithExplicitSteps, WithScheme, WithSteps,
+    ExplicitAdaptive, ExplicitSteps, ImplicitAdaptive, ImplicitSteps, Method, MethodKind, WithAdaptive, WithExplicitSteps, WithScheme,
+    WithSteps,
 };
 pub use radau5::Radau5;
 pub use rk4::{Kutta4, Rk4};

@@ -4,7 +4,7 @@
 //!
 //! The semi-implicit method is an exception, because its positions use the new rates: see [`Tableau::follows`].
 
-use super::{EqualSteps, ExplicitAdaptive, ExplicitSteps, Forward1, Kind, Kutta4, Method, Order8, Pair54, Scheme};
+use super::{EqualSteps, ExplicitAdaptive, ExplicitSteps, Forward1, Kutta4, Method, MethodKind, Order8, Pair54, Scheme};
 
 /// The coefficients of one step of an explicit method.
 #[derive(Clone, Debug)]
@@ -40,12 +40,12 @@ impl Method {
     /// Return the tableau of the method, or `None` for an implicit method.
     pub fn tableau(self) -> Option<Tableau> {
         match self.kind() {
-            Kind::ExplicitSteps(ExplicitSteps::Euler) => Some(Tableau::equal::<Forward1>(false)),
-            Kind::ExplicitSteps(ExplicitSteps::SemiImplicit) => Some(Tableau::equal::<Forward1>(true)),
-            Kind::ExplicitSteps(ExplicitSteps::Rk4) => Some(Tableau::equal::<Kutta4>(false)),
-            Kind::ExplicitAdaptive(ExplicitAdaptive::Dopri5) => Some(Tableau::embedded::<Pair54>()),
-            Kind::ExplicitAdaptive(ExplicitAdaptive::Dop853) => Some(Tableau::embedded::<Order8>()),
-            Kind::ImplicitSteps(_) | Kind::ImplicitAdaptive(_) => None,
+            MethodKind::ExplicitSteps(ExplicitSteps::Euler) => Some(Tableau::equal::<Forward1>(false)),
+            MethodKind::ExplicitSteps(ExplicitSteps::SemiImplicit) => Some(Tableau::equal::<Forward1>(true)),
+            MethodKind::ExplicitSteps(ExplicitSteps::Rk4) => Some(Tableau::equal::<Kutta4>(false)),
+            MethodKind::ExplicitAdaptive(ExplicitAdaptive::Dopri5) => Some(Tableau::embedded::<Pair54>()),
+            MethodKind::ExplicitAdaptive(ExplicitAdaptive::Dop853) => Some(Tableau::embedded::<Order8>()),
+            MethodKind::ImplicitSteps(_) | MethodKind::ImplicitAdaptive(_) => None,
         }
     }
 }

@@ -76,8 +76,8 @@ pub(super) struct NullSpace<S: Real> {
     mass: Vec<S>,
     /// The Cholesky factor of the mass matrix `M`, `(n, n)`.
     factor: Vec<S>,
-    consistent: Projector<S>,
-    fixed: Projector<S>,
+    consistent: NullSpaceProjector<S>,
+    fixed: NullSpaceProjector<S>,
     rate: Vec<S>,
     full: Vec<S>,
     /// Memory for a wrench, `(m,)`.
@@ -105,7 +105,7 @@ impl NullSpace<f64> {
 }
 
 /// The clamped inverse `L = (J W^-1 J')^-1`, computed from the matrix `J W^-1/2` with the metric `W`.
-pub(super) struct Projector<S: Real> {
+pub(super) struct NullSpaceProjector<S: Real> {
     inverse: ClampedInverse<S>,
     /// The matrix `J W^-1/2`, `(m, n)`, which the caller writes.
     pub spread: Vec<S>,
@@ -118,10 +118,10 @@ pub(super) struct Projector<S: Real> {
     pub loss: S,
 }
 
-impl<S: Real> Projector<S> {
+impl<S: Real> NullSpaceProjector<S> {
     pub fn new(m: usize, n: usize) -> Self {
         let zeros = |k: usize| vec![S::zero(); k];
-        Projector {
+        NullSpaceProjector {
             inverse: ClampedInverse::new(m),
             spread: zeros(m * n),
             square: zeros(m * m),
@@ -208,8 +208,8 @@ impl<S: Real> NullSpace<S> {
             floor: S::labelled("null_eps_squared", 0, || S::from_lanes(|lane| of(lane).2 * of(lane).2)),
             mass: zeros(n * n),
             factor: zeros(n * n),
-            consistent: Projector::new(m, n),
-            fixed: Projector::new(m, n),
+            consistent: NullSpaceProjector::new(m, n),
+            fixed: NullSpaceProjector::new(m, n),
             rate: zeros(m * n),
             full: zeros(6 * n),
             wrench: zeros(m),
@@ -221,7 +221,7 @@ impl<S: Real> NullSpace<S> {
     }
 
     /// The projector of the null space; without a null space, the projector of the coupling.
-    fn projector(&self) -> &Projector<S> {
+    fn projector(&self) -> &NullSpaceProjector<S> {
         match self.posture {
             Some((_, _, NullProjection::Static)) => &self.fixed,
             Some((_, _, NullProjection::Consistent)) | None => &self.consistent,

@@ -4,7 +4,7 @@
 //! `loss = 1 - min(1, (sigma / eps)^2)`, where `sigma` is the smallest singular value of `S J W^-1/2`, with the row scales `S`. A law with
 //! two metrics `W` has two losses, and the larger one counts. The loss is zero where `L` is exact, and one at a singularity.
 
-use super::null_space::{NullProjection, Projector};
+use super::null_space::{NullProjection, NullSpaceProjector};
 use super::{CartesianImpedanceSpec, LawSpec};
 use crate::dynamics::ArmAt;
 use crate::kinematics::Coordinates;
@@ -17,8 +17,8 @@ pub struct ProjectionLoss<S: Real> {
     /// The arm of the law's model.
     arm: ArmAt<S>,
     floor: S,
-    consistent: Option<Projector<S>>,
-    fixed: Option<Projector<S>>,
+    consistent: Option<NullSpaceProjector<S>>,
+    fixed: Option<NullSpaceProjector<S>>,
     /// The mass matrix `M`, `(n, n)`.
     mass: Vec<S>,
     /// The Cholesky factor of the mass matrix `M`, `(n, n)`.
@@ -54,8 +54,8 @@ impl<S: Real> ProjectionLoss<S> {
             coordinates: law.coordinates.clone(),
             arm: ArmAt::of_lanes(|_| &law.model),
             floor: S::labelled("null_eps_squared", 0, || S::from_lanes(|_| options.eps * options.eps)),
-            consistent: consistent.then(|| Projector::new(m, n)),
-            fixed: (projection == Some(NullProjection::Static)).then(|| Projector::new(m, n)),
+            consistent: consistent.then(|| NullSpaceProjector::new(m, n)),
+            fixed: (projection == Some(NullProjection::Static)).then(|| NullSpaceProjector::new(m, n)),
             mass: zeros(n * n),
             factor: zeros(n * n),
             target: zeros(m),

@@ -19,7 +19,7 @@ const COMPATIBLE: f64 = 1e3;
 
 /// The kind of singularity of the stack.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Kind {
+pub enum SingularityKind {
     /// Each task has full rank alone. The rank of the stack is the sum of these ranks, or the number of joints if it is smaller.
     Regular,
     /// Each task has full rank alone, but tasks compete for the same directions of joint space, which reduces the rank of the stack.
@@ -30,14 +30,14 @@ pub enum Kind {
     Both,
 }
 
-impl Kind {
+impl SingularityKind {
     /// The name of the kind in Python.
     pub fn name(self) -> &'static str {
         match self {
-            Kind::Regular => "regular",
-            Kind::Algorithmic => "algorithmic",
-            Kind::Kinematic => "kinematic",
-            Kind::Both => "algorithmic+kinematic",
+            SingularityKind::Regular => "regular",
+            SingularityKind::Algorithmic => "algorithmic",
+            SingularityKind::Kinematic => "kinematic",
+            SingularityKind::Both => "algorithmic+kinematic",
         }
     }
 }
@@ -86,7 +86,7 @@ pub struct Diagnosis {
     /// The number of directions that levels share.
     pub overlap: usize,
     /// The kind of singularity of the stack.
-    pub kind: Kind,
+    pub kind: SingularityKind,
     /// The lost part of the command of each level, if a command was given.
     pub compatibility: Option<Vec<Compatibility>>,
 }
@@ -161,10 +161,10 @@ pub fn diagnose(n: usize, rows: &[usize], jacobians: &[&[f64]], velocities: Opti
     let stacked_rank: usize = levels.iter().map(|l| l.projected_rank).sum();
     let sum: usize = levels.iter().map(|l| l.rank).sum();
     let kind = match (stacked_rank < sum.min(n), levels.iter().any(|l| l.kinematic)) {
-        (false, false) => Kind::Regular,
-        (true, false) => Kind::Algorithmic,
-        (false, true) => Kind::Kinematic,
-        (true, true) => Kind::Both,
+        (false, false) => SingularityKind::Regular,
+        (true, false) => SingularityKind::Algorithmic,
+        (false, true) => SingularityKind::Kinematic,
+        (true, true) => SingularityKind::Both,
     };
     let compatibility = velocities.map(|_| compatibility);
     Ok(Diagnosis { n, levels, stacked_rank, overlap: sum.saturating_sub(stacked_rank), kind, compatibility })

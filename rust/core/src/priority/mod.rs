@@ -33,7 +33,7 @@ mod workspace;
 
 pub use batch::{FEW, StackAnswers, StackBatch, StackRows};
 pub use bounds::{joint_velocity_bounds, velocity_bounds};
-pub use diagnose::{Compatibility, Diagnosis, Kind, LevelDiagnosis, diagnose};
+pub use diagnose::{Compatibility, Diagnosis, LevelDiagnosis, SingularityKind, diagnose};
 pub use matrices::solve_levels;
 pub use method::{DEFAULT_EPS, DEFAULT_ROUNDING, PriorityMethod, PriorityOptions};
 pub use regular::Regular;

@@ -19,7 +19,7 @@ use crate::status::Status;
 /// Prioritised inverse kinematics for `n` joints and levels of fixed sizes. [`PrioritySolver::solve`] does not allocate.
 ///
 /// ```
-/// use armlet_core::priority::{Kind, PriorityMethod, PriorityOptions, PrioritySolver, diagnose};
+/// use armlet_core::priority::{PriorityMethod, PriorityOptions, PrioritySolver, SingularityKind, diagnose};
 /// use armlet_core::status::Status;
 ///
 /// let mut solver = PrioritySolver::new(2, &[1, 1], &PriorityOptions::new(PriorityMethod::Clamp))?;
@@ -27,7 +27,7 @@ use crate::status::Status;
 /// assert_eq!(solver.solve(&[&first, &second], &[&[0.5], &[1.0]])?, Status::Success);
 /// assert!((solver.v()[0] - 0.5).abs() < 1e-15 && (solver.v()[1] - 0.5).abs() < 1e-15);
 /// // Two tasks that want the same joint.
-/// assert_eq!(diagnose(2, &[1, 1], &[&first, &first], None, None)?.kind, Kind::Algorithmic);
+/// assert_eq!(diagnose(2, &[1, 1], &[&first, &first], None, None)?.kind, SingularityKind::Algorithmic);
 /// # Ok::<(), armlet_core::error::Error>(())
 /// ```
 #[derive(Debug, Clone)]

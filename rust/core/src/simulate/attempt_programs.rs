@@ -10,7 +10,7 @@ use super::layout::Slots;
 use super::problem::Problem;
 use super::recorded::{inputs, instant};
 use super::world::Exogenous;
-use crate::integrate::{Attempt, Buffer, Kind, Scheme, System, WithScheme};
+use crate::integrate::{Attempt, Buffer, MethodKind, Scheme, System, WithScheme};
 use crate::scalar::Real;
 use crate::scalar::trig::REDUCTION_LIMIT;
 use crate::trace::{Frame, Part, Program, Scratch, SlotTable, Sym, engine, form, sym};
@@ -84,8 +84,8 @@ impl AttemptProgram {
     /// `operations`, or if its code branches on data.
     pub fn of(problem: &Problem, run: usize, common: Common, held: bool, (slots, operations): (&Slots, usize)) -> Option<Self> {
         match problem.options.method.kind() {
-            Kind::ExplicitAdaptive(method) => method.scheme(Attempts { problem, run, common, held, slots, operations }),
-            Kind::ExplicitSteps(_) | Kind::ImplicitSteps(_) | Kind::ImplicitAdaptive(_) => None,
+            MethodKind::ExplicitAdaptive(method) => method.scheme(Attempts { problem, run, common, held, slots, operations }),
+            MethodKind::ExplicitSteps(_) | MethodKind::ImplicitSteps(_) | MethodKind::ImplicitAdaptive(_) => None,
         }
     }
 

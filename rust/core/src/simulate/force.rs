@@ -7,7 +7,7 @@ use std::sync::Arc;
 pub type Wrench = [f64; 6];
 
 /// A wrench as a function of time, s. The result `None` stops the run.
-type Signal = Arc<dyn Fn(f64) -> Option<Wrench> + Send + Sync>;
+type WrenchSignal = Arc<dyn Fn(f64) -> Option<Wrench> + Send + Sync>;
 
 /// An external force during a run.
 #[derive(Clone)]
@@ -20,7 +20,7 @@ pub enum Force {
         values: Vec<Wrench>,
     },
     /// A function of the user.
-    Signal(Signal),
+    Signal(WrenchSignal),
 }
 
 impl std::fmt::Debug for Force {

@@ -10,7 +10,7 @@ use super::rates_programs::Rates;
 use super::sink::Sink;
 use super::stop::Stop;
 use super::watching::{RunObserver, Watching};
-use crate::integrate::{Adaptive, FixedStep, Kind, Tolerance, WithAdaptive, WithSteps};
+use crate::integrate::{Adaptive, FixedStep, MethodKind, Tolerance, WithAdaptive, WithSteps};
 use crate::scalar::{Float, Real};
 
 /// The runs `first .. first + LANES` of a problem. Missing runs at the end repeat the last run.
@@ -28,7 +28,7 @@ pub struct General<'a> {
 
 /// Passes records to the sink, lane by lane. Negative zeros become zeros, because signs of zeros may differ between programs and direct
 /// evaluation.
-struct RunRecorder<'a> {
+struct LaneRecorder<'a> {
     sink: &'a mut dyn Sink,
     /// Returns the time of each step.
     time: &'a dyn Fn(usize) -> f64,
@@ -38,7 +38,7 @@ struct RunRecorder<'a> {
     tau: Vec<f64>,
 }
 
-impl RunRecorder<'_> {
+impl LaneRecorder<'_> {
     #[inline(never)]
     fn write<S: Real>(&mut self, i: usize, t: f64, x: &[S], tau: &[S]) {
         for lane in 0..S::LANES {
@@ -57,7 +57,7 @@ impl RunRecorder<'_> {
     }
 }
 
-impl<S: Real, F: Watched<S>> Record<F, Vec<S>> for RunRecorder<'_> {
+impl<S: Real, F: Watched<S>> Record<F, Vec<S>> for LaneRecorder<'_> {
     fn record(&mut self, i: usize, t: f64, closed: &mut F, x: &Vec<S>) {
         let tau = closed.input_at(t, x);
         self.write(i, t, x, tau);
@@ -69,8 +69,8 @@ impl<S: Real, F: Watched<S>> Record<F, Vec<S>> for RunRecorder<'_> {
 
 impl<'a> General<'a> {
     /// Return a recorder for states with `all` numbers.
-    fn recorder<'b>(problem: &Problem, sink: &'b mut dyn Sink, time: &'b dyn Fn(usize) -> f64, all: usize) -> RunRecorder<'b> {
-        RunRecorder { sink, time, size: problem.state_size(), x: vec![0.0; all], tau: vec![0.0; problem.plant(0).n()] }
+    fn recorder<'b>(problem: &Problem, sink: &'b mut dyn Sink, time: &'b dyn Fn(usize) -> f64, all: usize) -> LaneRecorder<'b> {
+        LaneRecorder { sink, time, size: problem.state_size(), x: vec![0.0; all], tau: vec![0.0; problem.plant(0).n()] }
     }
 
     /// Run `closed` with fixed steps of `method`.
@@ -139,7 +139,7 @@ impl<'a> General<'a> {
     /// Run only the run `first`, with the code for its kind of method.
     pub fn run_single(self) -> Ended {
         match (self.problem.options.method.kind(), self.division) {
-            (Kind::ExplicitSteps(method), Division::Fixed(fixed)) => {
+            (MethodKind::ExplicitSteps(method), Division::Fixed(fixed)) => {
                 let (closed, x) = close::<Float>(self.problem, self.first);
                 let u = closed.instant();
                 match method.apply(closed, x, u, FixedRun { general: self, fixed }) {
@@ -147,12 +147,12 @@ impl<'a> General<'a> {
                     Err(_) => unreachable!("plants without velocities were refused"),
                 }
             }
-            (Kind::ImplicitSteps(method), Division::Fixed(fixed)) => {
+            (MethodKind::ImplicitSteps(method), Division::Fixed(fixed)) => {
                 let (closed, x) = self.implicit();
                 let u = closed.instant();
                 method.apply(closed, x, u, FixedRun { general: self, fixed })
             }
-            (Kind::ExplicitAdaptive(method), Division::Adaptive(segments)) => {
+            (MethodKind::ExplicitAdaptive(method), Division::Adaptive(segments)) => {
                 let (closed, x) = close::<Float>(self.problem, self.first);
                 let (u, controlled) = (closed.instant(), closed.controlled());
                 let instants = closed.instants(self.problem.options.t_end);
@@ -160,7 +160,7 @@ impl<'a> General<'a> {
                 let tolerance = self.problem.tolerance(controlled);
                 method.apply(closed, tolerance, x, u, AdaptiveRun { general: self, segments, instants })
             }
-            (Kind::ImplicitAdaptive(method), Division::Adaptive(segments)) => {
+            (MethodKind::ImplicitAdaptive(method), Division::Adaptive(segments)) => {
                 let (closed, x) = self.implicit();
                 let (u, tolerance) = (closed.instant(), self.problem.tolerance(closed.controlled()));
                 let instants = closed.instants(self.problem.options.t_end);

@@ -10,7 +10,7 @@ use super::problem::Problem;
 use super::rates_programs;
 use super::recorded;
 use crate::error::{Error, Result};
-use crate::integrate::Kind;
+use crate::integrate::MethodKind;
 use crate::law::Route;
 use crate::trace::instruction::{Form, Set};
 use crate::trace::label::Label;
@@ -42,7 +42,7 @@ pub struct Listed {
 /// program is the whole step. If no program computes a whole step, it is the rates. Errors: [`Error::Input`] for a loop that runs without
 /// programs, [`Error::Unknown`] for an unknown part, and errors of an invalid loop.
 pub fn list_loop(problem: &Problem, batch: bool, part: Option<&str>) -> Result<Listed> {
-    let fixed = matches!(problem.options.method.kind(), Kind::ExplicitSteps(_));
+    let fixed = matches!(problem.options.method.kind(), MethodKind::ExplicitSteps(_));
     require_recordable(problem, fixed)?;
     problem.validate_loop()?;
     if batch && !fixed {

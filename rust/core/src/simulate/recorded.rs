@@ -24,7 +24,7 @@ use super::notes::Notes;
 use super::problem::Problem;
 use super::sums::Sums;
 use super::world::Exogenous;
-use crate::integrate::{Advance, ExplicitSteps, Kind, System, WithExplicitSteps};
+use crate::integrate::{Advance, ExplicitSteps, MethodKind, System, WithExplicitSteps};
 use crate::law::Route;
 use crate::linalg::Pairs;
 use crate::scalar::Real;
@@ -70,7 +70,7 @@ impl Recorded {
 /// Whether the loops of a problem can be programs. Programs require fixed explicit steps and a law that does not branch on data. They also
 /// require a plant without stick-slip friction, and no force that is a function of the caller.
 pub fn is_recordable(problem: &Problem) -> bool {
-    matches!(problem.options.method.kind(), Kind::ExplicitSteps(_))
+    matches!(problem.options.method.kind(), MethodKind::ExplicitSteps(_))
         && problem.law(0).route().is_recordable()
         && !problem.plants.iter().any(|plant| plant.sticks())
         && !problem.forces.iter().any(|force| matches!(force, Force::Signal(_)))
@@ -174,7 +174,7 @@ pub fn record_watched(problem: &Problem, run: usize, common: Common, plain: Opti
     let (kept, lasting) = extras.sums.as_ref().map_or((0, 0), Sums::sizes);
     let (monitors, norms, firsts) = extras.notes.as_ref().map_or((0, 0, 0), Notes::sizes);
     let noted = extras.notes.as_ref().map_or(0, |_| closed.tau.len() + monitors);
-    let Kind::ExplicitSteps(method) = problem.options.method.kind() else { return None };
+    let MethodKind::ExplicitSteps(method) = problem.options.method.kind() else { return None };
     let instants = method.instants();
     let mut layout = Layout {
         given,

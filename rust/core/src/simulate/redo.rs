@@ -11,7 +11,7 @@ use super::log::MOST_LANES;
 use super::monitors::Monitors;
 use super::problem::Problem;
 use super::program_loop::ProgramLoop;
-use crate::integrate::{Advance, Kind, System, WithExplicitSteps};
+use crate::integrate::{Advance, MethodKind, System, WithExplicitSteps};
 use crate::scalar::{Float, Real};
 
 /// One run on plain numbers, without programs.
@@ -28,7 +28,7 @@ pub trait Direct {
 pub fn direct<'a>(problem: &'a Problem<'a>, run: usize, norms: bool) -> Box<dyn Direct + 'a> {
     let closed = assemble::<Float>(problem, |_| run, problem.watches_storage());
     let (x, u) = (vec![Float(0.0); closed.size()], closed.instant());
-    let Kind::ExplicitSteps(method) = problem.options.method.kind() else { unreachable!("only explicit steps are recorded") };
+    let MethodKind::ExplicitSteps(method) = problem.options.method.kind() else { unreachable!("only explicit steps are recorded") };
     match method.apply(closed, x, u, RepeatedSteps { problem, run, norms }) {
         Ok(steps) => steps,
         Err(_) => unreachable!("plants without velocities were refused"),

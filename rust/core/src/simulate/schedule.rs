@@ -49,7 +49,7 @@ pub fn require_memory(records: u128) -> Result<()> {
 
 /// A record of a fixed-step run, `offset` seconds after the end of the first `step` steps.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Record {
+pub struct RecordTime {
     pub step: usize,
     pub offset: f64,
     pub t: f64,
@@ -64,7 +64,7 @@ enum Records {
     Ends,
     /// Only one record at the end.
     Last,
-    At(Vec<Record>),
+    At(Vec<RecordTime>),
 }
 
 /// Results that the system computes within the steps of a run.
@@ -147,10 +147,10 @@ impl Schedule {
     }
 
     /// Return record `i`, or `None` after the last record.
-    pub fn record(&self, i: usize) -> Option<Record> {
+    pub fn record(&self, i: usize) -> Option<RecordTime> {
         let on_step = |step: usize| {
             let step = step.min(self.steps);
-            Record { step, offset: 0.0, t: self.time(step) }
+            RecordTime { step, offset: 0.0, t: self.time(step) }
         };
         match &self.records {
             Records::At(records) => records.get(i).copied(),
@@ -179,14 +179,14 @@ impl Schedule {
         if step >= self.steps { self.t_end } else { step as i64 as f64 * self.dt }
     }
 
-    fn locate(&self, t: f64) -> Record {
+    fn locate(&self, t: f64) -> RecordTime {
         let step = ((t / self.dt).floor() as usize).min(self.steps);
         for near in [step, (step + 1).min(self.steps)] {
             if (t - self.time(near)).abs() <= ON_GRID * self.dt {
-                return Record { step: near, offset: 0.0, t };
+                return RecordTime { step: near, offset: 0.0, t };
             }
         }
-        Record { step, offset: t - self.time(step), t }
+        RecordTime { step, offset: t - self.time(step), t }
     }
 
     /// Whether every step is recorded.

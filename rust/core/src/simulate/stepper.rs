@@ -7,7 +7,7 @@ use super::problem::Problem;
 use super::rates_loop::{RatesLoop, recorded_loop};
 use super::sampling::Sampling;
 use crate::error::{Error, Result};
-use crate::integrate::{FixedStep, Kind, Method, WithSteps};
+use crate::integrate::{FixedStep, Method, MethodKind, WithSteps};
 use crate::law::Route;
 use crate::scalar::{Float, Real};
 use crate::status::Status;
@@ -182,17 +182,17 @@ pub fn stepper(problem: &Problem) -> Result<Box<dyn Stepping>> {
     problem.validate()?;
     problem.require_memory(1)?;
     match o.method.kind() {
-        Kind::ExplicitSteps(method) => {
+        MethodKind::ExplicitSteps(method) => {
             let (closed, x) = close::<Float>(problem, 0);
             let u = closed.instant();
             method.apply(RatesLoop::stepped(closed.into_owned(), problem), x, u, Boxed(problem))
         }
-        Kind::ImplicitSteps(method) => {
+        MethodKind::ImplicitSteps(method) => {
             let (closed, x) = recorded_loop(problem);
             let u = closed.instant();
             Ok(method.apply(closed, x, u, Boxed(problem)))
         }
-        Kind::ExplicitAdaptive(_) | Kind::ImplicitAdaptive(_) => unreachable!("refused above"),
+        MethodKind::ExplicitAdaptive(_) | MethodKind::ImplicitAdaptive(_) => unreachable!("refused above"),
     }
 }
 

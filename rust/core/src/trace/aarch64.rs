@@ -7,7 +7,7 @@
 //! points to the frame (the memory of the program), x1 to the constants, and x2 to the stream. Register x3 has the number of remaining
 //! iterations. In scalar code, the bits of a register beyond the first number are undefined.
 
-use super::instruction::{Assemble, Base, Binary, Convention, Form, Order, Product, Set, Source};
+use super::instruction::{Assemble, Base, Binary, CallingConvention, Form, Order, Product, Set, Source};
 
 /// An encoder. It stores the machine code that it has already encoded.
 pub struct Assembler {
@@ -189,7 +189,7 @@ impl Assemble for Assembler {
     }
 
     /// On every system, the function must preserve the low halves of registers v8 to v15.
-    fn enter(&mut self, _: Convention) {
+    fn enter(&mut self, _: CallingConvention) {
         // stp d8, d9, [sp, -64]!; stp d10, d11, [sp, 16]; ..
         self.pair(0x6D80_0000, 8, -8);
         (1..4).for_each(|i| self.pair(0x6D00_0000, 8 + 2 * i, 2 * i as i32));
@@ -210,7 +210,7 @@ impl Assemble for Assembler {
         self.push(0x5400_0001 | (back as u32 & 0x7_FFFF) << 5);
     }
 
-    fn leave(&mut self, _: Convention) {
+    fn leave(&mut self, _: CallingConvention) {
         // ldp d14, d15, [sp, 48]; ..; ldp d8, d9, [sp], 64
         (1..4).rev().for_each(|i| self.pair(0x6D40_0000, 8 + 2 * i, 2 * i as i32));
         self.pair(0x6CC0_0000, 8, 8);

@@ -236,8 +236,8 @@ fn encoded() -> (Vec<String>, Vec<u8>) {
     lines.extend([&enter[..], &leave].concat().into_iter().map(String::from));
     bytes.extend(assembled(forms()[0], |code| code.again(0, 2 * 4096 + 128)));
     bytes.extend(assembled(forms()[0], |code| {
-        code.enter(Convention::SystemV);
-        code.leave(Convention::SystemV);
+        code.enter(CallingConvention::SystemV);
+        code.leave(CallingConvention::SystemV);
         code.ret();
     }));
     (lines, bytes)

@@ -4,7 +4,7 @@
 //! This value is then stored in a slot of the frame (the memory of the program), unless it is already in memory. New slots follow the slots
 //! of the program. An instruction reads a value directly from memory if it can, and if the value is not read again soon.
 
-use super::instruction::{Assemble, Base, Binary, Convention, Form, Order, Product, Set, Source};
+use super::instruction::{Assemble, Base, Binary, CallingConvention, Form, Order, Product, Set, Source};
 use super::lifetimes::{Lifetimes, NEVER};
 use super::straight::{Instruction, Straight};
 
@@ -79,7 +79,7 @@ struct Emitter<'a, A> {
 
 impl<A: Assemble> Emitter<'_, A> {
     fn run(&mut self) {
-        self.assembler.enter(Convention::HERE);
+        self.assembler.enter(CallingConvention::HERE);
         let start = self.assembler.here();
         let lifetimes = self.lifetimes;
         let mut early = lifetimes.early.iter().peekable();
@@ -102,7 +102,7 @@ impl<A: Assemble> Emitter<'_, A> {
             let width = if stream.spread { 8 } else { self.form.width() as u32 };
             self.assembler.again(start, stream.advance * width);
         }
-        self.assembler.leave(Convention::HERE);
+        self.assembler.leave(CallingConvention::HERE);
         self.assembler.ret();
     }
 

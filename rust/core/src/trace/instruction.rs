@@ -139,14 +139,14 @@ pub enum Order {
 
 /// The calling convention: the registers of arguments, and the registers that a function must preserve.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Convention {
+pub enum CallingConvention {
     SystemV,
     Win64,
 }
 
-impl Convention {
+impl CallingConvention {
     /// The convention of `extern "C"` on the system for which this crate is compiled.
-    pub const HERE: Convention = if cfg!(windows) { Convention::Win64 } else { Convention::SystemV };
+    pub const HERE: CallingConvention = if cfg!(windows) { CallingConvention::Win64 } else { CallingConvention::SystemV };
 }
 
 /// An encoder of machine code. Each method appends the instructions of one operation. The registers of one call may be equal.
@@ -186,7 +186,7 @@ pub trait Assemble {
     fn shift_left(&mut self, dst: u8, a: u8, bits: u8);
 
     /// The prologue of a function: move the arguments to the registers of the code, and save the caller's registers.
-    fn enter(&mut self, convention: Convention);
+    fn enter(&mut self, convention: CallingConvention);
 
     /// The position of the next instruction, for [`again`](Self::again).
     fn here(&self) -> usize;
@@ -195,7 +195,7 @@ pub trait Assemble {
     fn again(&mut self, start: usize, advance: u32);
 
     /// Restore the registers that [`enter`](Self::enter) saved. [`ret`](Self::ret) must follow.
-    fn leave(&mut self, convention: Convention);
+    fn leave(&mut self, convention: CallingConvention);
 
     /// Return to the caller.
     fn ret(&mut self);

@@ -4,7 +4,7 @@
 //! numbers among the operands are in memory. An operation is one line, even if it has several machine instructions.
 
 use super::emit::assemble;
-use super::instruction::{Assemble, Base, Binary, Convention, Form, Order, Product, Source};
+use super::instruction::{Assemble, Base, Binary, CallingConvention, Form, Order, Product, Source};
 use super::listing::{Line, Listing, Lowered, Names, number};
 
 #[derive(Clone, Copy)]
@@ -119,11 +119,11 @@ impl Assemble for Writer {
     fn shift_left(&mut self, dst: u8, a: u8, bits: u8) {
         self.line(dst, "shift", [Place::Register(a), Place::Bits(bits)]);
     }
-    fn enter(&mut self, _: Convention) {}
+    fn enter(&mut self, _: CallingConvention) {}
     fn here(&self) -> usize {
         self.0.len()
     }
     fn again(&mut self, _: usize, _: u32) {}
-    fn leave(&mut self, _: Convention) {}
+    fn leave(&mut self, _: CallingConvention) {}
     fn ret(&mut self) {}
 }

@@ -11,7 +11,7 @@ use iced_x86::{Decoder, DecoderOptions, Instruction, Mnemonic, OpKind, Register}
 const LANES: usize = 8;
 type Lanes = [u64; LANES];
 
-struct Machine<'a> {
+struct SimulatedMachine<'a> {
     registers: [Lanes; 32],
     /// The mask register k1, one bit per lane.
     k1: u8,
@@ -31,7 +31,7 @@ struct Machine<'a> {
 pub fn simulate(code: &[u8], frame: &mut [f64], constants: &[f64], stream: &[f64], turns: usize) {
     // At the start, registers have arbitrary contents.
     let registers = std::array::from_fn(|r| [0x7FF4_DEAD_0000_0000 + r as u64; LANES]);
-    let mut machine = Machine { registers, k1: 0x5A, frame, constants, stream, turns };
+    let mut machine = SimulatedMachine { registers, k1: 0x5A, frame, constants, stream, turns };
     let mut decoder = Decoder::new(64, code, DecoderOptions::NONE);
     while decoder.can_decode() {
         let instruction = decoder.decode();
@@ -55,7 +55,7 @@ pub fn simulate(code: &[u8], frame: &mut [f64], constants: &[f64], stream: &[f64
     panic!("the code does not return");
 }
 
-impl Machine<'_> {
+impl SimulatedMachine<'_> {
     fn run(&mut self, i: &Instruction) {
         use Mnemonic::{Add, Mov, Pop, Push, Sub};
         if matches!(i.mnemonic(), Push | Pop | Mov | Add | Sub) || i.memory_base() == Register::RSP {

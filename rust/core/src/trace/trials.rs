@@ -2,7 +2,7 @@
 //! frame is the memory that the code changes.
 
 use super::checks::{Machine, Operation, Random};
-use super::instruction::{Assemble, Base, Convention, Form, Set, Source};
+use super::instruction::{Assemble, Base, CallingConvention, Form, Set, Source};
 
 /// The number of slots that operations use, in the frame and in the constants.
 pub const SLOTS: usize = 32;
@@ -42,11 +42,11 @@ fn slot(form: Form, part: usize, register: usize) -> i32 {
 /// Return code that loads all registers, runs the operations and stores all registers.
 pub fn between_files<A: Assemble>(form: Form, operations: &[Operation]) -> Vec<u8> {
     let mut code = A::new(form);
-    code.enter(Convention::HERE);
+    code.enter(CallingConvention::HERE);
     (0..form.registers()).for_each(|r| code.load(r as u8, Source::Slot(Base::Frame, slot(form, 2, r))));
     operations.iter().for_each(|operation| operation.emit(&mut code));
     (0..form.registers()).for_each(|r| code.store(Base::Frame, slot(form, 1, r), r as u8));
-    code.leave(Convention::HERE);
+    code.leave(CallingConvention::HERE);
     code.ret();
     code.finish()
 }

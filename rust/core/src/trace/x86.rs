@@ -7,7 +7,7 @@
 
 use super::opcode::{Map, Opcode, Operand, Prefix, opcode};
 
-pub use super::instruction::{Assemble, Base, Binary, Convention, Form, Order, Product, Set, Source};
+pub use super::instruction::{Assemble, Base, Binary, CallingConvention, Form, Order, Product, Set, Source};
 
 /// An encoder. It stores the machine code that it has already encoded.
 pub struct Assembler {
@@ -174,8 +174,8 @@ impl Assemble for Assembler {
         self.bytes.push(0xC3);
     }
 
-    fn enter(&mut self, convention: Convention) {
-        if convention == Convention::Win64 {
+    fn enter(&mut self, convention: CallingConvention) {
+        if convention == CallingConvention::Win64 {
             // push rdi; push rsi; mov rdi, rcx; mov rsi, rdx; mov rdx, r8; mov rcx, r9; sub rsp, STACK
             self.bytes.extend([0x57, 0x56, 0x48, 0x89, 0xCF, 0x48, 0x89, 0xD6, 0x4C, 0x89, 0xC2, 0x4C, 0x89, 0xC9, 0x48, 0x81, 0xEC]);
             self.bytes.extend(STACK.to_le_bytes());
@@ -196,8 +196,8 @@ impl Assemble for Assembler {
         self.bytes.extend(back.to_le_bytes());
     }
 
-    fn leave(&mut self, convention: Convention) {
-        if convention == Convention::Win64 {
+    fn leave(&mut self, convention: CallingConvention) {
+        if convention == CallingConvention::Win64 {
             self.saved(0x28);
             // add rsp, STACK; pop rsi; pop rdi
             self.bytes.extend([0x48, 0x81, 0xC4]);

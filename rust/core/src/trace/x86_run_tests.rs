@@ -85,7 +85,7 @@ fn simulator_refuses_code_without_end() {
 fn win64_code_keeps_the_callers_registers() {
     for form in available() {
         let mut code = Assembler::new(form);
-        code.enter(Convention::Win64);
+        code.enter(CallingConvention::Win64);
         code.load(0, Source::Slot(Base::Frame, 0));
         (1..form.registers() as u8).for_each(|r| code.load(r, Source::Slot(Base::Constants, 0)));
         let start = code.here();
@@ -94,7 +94,7 @@ fn win64_code_keeps_the_callers_registers() {
         code.binary(Binary::Add, 0, 0, Source::Register(1));
         code.store(Base::Frame, 0, 0);
         code.again(start, 8);
-        code.leave(Convention::Win64);
+        code.leave(CallingConvention::Win64);
         code.ret();
         let code = Code::new(&code.finish()).unwrap();
         let (mut frame, constants, mut stream) = (Memory([2.0; SIZE]), Memory([3.0; SIZE]), Memory([0.0; SIZE]));

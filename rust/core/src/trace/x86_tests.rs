@@ -315,9 +315,9 @@ fn saves_registers_for_win64() {
         let stores = (0..10).map(|i| format!("{name} [rsp{:+}]:16,xmm{}", 16 * i, 6 + i));
         let loads = (0..10).map(|i| format!("{name} xmm{},[rsp{:+}]:16", 6 + i, 16 * i));
         let text = |code: Vec<u8>| decoded(&code).iter().map(text).collect::<Vec<_>>();
-        assert_eq!(text(assembled(form, |code| code.enter(Convention::Win64))), start.into_iter().chain(stores).collect::<Vec<_>>());
-        assert_eq!(text(assembled(form, |code| code.leave(Convention::Win64))), loads.chain(end).collect::<Vec<_>>());
-        assert!(assembled(form, |code| (code.enter(Convention::SystemV), code.leave(Convention::SystemV)).0).is_empty());
+        assert_eq!(text(assembled(form, |code| code.enter(CallingConvention::Win64))), start.into_iter().chain(stores).collect::<Vec<_>>());
+        assert_eq!(text(assembled(form, |code| code.leave(CallingConvention::Win64))), loads.chain(end).collect::<Vec<_>>());
+        assert!(assembled(form, |code| (code.enter(CallingConvention::SystemV), code.leave(CallingConvention::SystemV)).0).is_empty());
         let wide = form.packed && form.set != Set::Sse2;
         assert_eq!(text(assembled(form, Assemble::ret)), if wide { vec!["vzeroupper", "ret"] } else { vec!["ret"] });
     }

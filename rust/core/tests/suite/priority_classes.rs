@@ -4,17 +4,17 @@
 use crate::priority_support;
 
 use crate::priority_support::{Random, norm, planar_jacobian};
-use armlet_core::priority::{Kind, PriorityMethod, PriorityOptions, diagnose, solve_priority};
+use armlet_core::priority::{PriorityMethod, PriorityOptions, SingularityKind, diagnose, solve_priority};
 use std::f64::consts::PI;
 
 /// Return the ranks of J1, J2, J_E and J2 P1, and the kind. They depend on which sines vanish.
-fn expected(s2: bool, s3: bool, s4: bool) -> ([usize; 4], Kind) {
+fn expected(s2: bool, s3: bool, s4: bool) -> ([usize; 4], SingularityKind) {
     match (s2, s3, s4) {
-        (true, _, true) => ([2, 2, 4, 2], Kind::Regular),
-        (true, _, false) => ([2, 2, 3, 1], Kind::Algorithmic),
-        (false, _, true) => ([2, 1, 3, 1], Kind::Kinematic),
-        (false, true, false) => ([2, 1, 2, 0], Kind::Both),
-        (false, false, false) => ([1, 1, 2, 1], Kind::Kinematic),
+        (true, _, true) => ([2, 2, 4, 2], SingularityKind::Regular),
+        (true, _, false) => ([2, 2, 3, 1], SingularityKind::Algorithmic),
+        (false, _, true) => ([2, 1, 3, 1], SingularityKind::Kinematic),
+        (false, true, false) => ([2, 1, 2, 0], SingularityKind::Both),
+        (false, false, false) => ([1, 1, 2, 1], SingularityKind::Kinematic),
     }
 }
 
@@ -43,7 +43,7 @@ fn all_sign_patterns() {
             assert_eq!(got, ranks, "signs {signs:?} at {q:?}, lengths {lengths:?}: {d}");
             assert_eq!(d.kind, kind, "{d}");
             assert_eq!(d.overlap, ranks[0] + ranks[1] - ranks[2]);
-            assert_eq!(d.levels[1].algorithmic, matches!(kind, Kind::Algorithmic | Kind::Both));
+            assert_eq!(d.levels[1].algorithmic, matches!(kind, SingularityKind::Algorithmic | SingularityKind::Both));
             assert_eq!((d.levels[0].kinematic, d.levels[1].kinematic), (ranks[0] < 2, ranks[1] < 2));
             assert_eq!(d.levels[1].lost.len(), 2 - ranks[3]);
             // The ranks of the solver must equal the ranks of the diagnosis.

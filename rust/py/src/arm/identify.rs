@@ -202,7 +202,7 @@ impl Arm {
             let [q, v, a, tau] = [record("q", q)?, record("v", v)?, record("a", a)?, record("tau", tau)?];
             let noise = noise.map(|noise| vector(NAME, "noise", noise, n)).transpose()?;
             let cutoff = positive(NAME, "cutoff", cutoff, CUTOFF)?;
-            let options = identification::Options { armature, friction, noise: noise.as_deref(), cutoff };
+            let options = identification::IdentificationOptions { armature, friction, noise: noise.as_deref(), cutoff };
             let found = long(py, || identification::identify(&arm, [&q, &v, &a, &tau], &options))?;
             let (b, p) = (found.base.count(), found.base.names.len());
             let fields = PyDict::new(py);

@@ -4,7 +4,7 @@ use super::field::Field;
 use super::slope::States;
 use crate::arrays::{Axis, Form, SCALAR, numbers, optional_number, require_finite, spread, text};
 use crate::errors::{Failure, input_error};
-use armlet_core::integrate::{Adaptive, FixedStep, Kind, Method, Steps, Tolerances, WithAdaptive, WithSteps, Work};
+use armlet_core::integrate::{Adaptive, FixedStep, Method, MethodKind, Steps, Tolerances, WithAdaptive, WithSteps, Work};
 use armlet_core::memory;
 use pyo3::prelude::*;
 
@@ -121,10 +121,10 @@ impl Settings {
         let tolerances = self.tolerances.clone();
         let by_steps = Driven(self.dt.unwrap_or(1.0));
         let (field, mut method) = match self.method.kind() {
-            Kind::ExplicitSteps(method) => method.apply(field, y, 0.0, by_steps)?,
-            Kind::ImplicitSteps(method) => method.apply(field, y, 0.0, by_steps),
-            Kind::ExplicitAdaptive(method) => method.apply(field, tolerances, y, 0.0, Driven(0.0)),
-            Kind::ImplicitAdaptive(method) => method.apply(field, tolerances, y, 0.0, Driven(0.0)),
+            MethodKind::ExplicitSteps(method) => method.apply(field, y, 0.0, by_steps)?,
+            MethodKind::ImplicitSteps(method) => method.apply(field, y, 0.0, by_steps),
+            MethodKind::ExplicitAdaptive(method) => method.apply(field, tolerances, y, 0.0, Driven(0.0)),
+            MethodKind::ImplicitAdaptive(method) => method.apply(field, tolerances, y, 0.0, Driven(0.0)),
         };
         if let Some(h) = self.max_step {
             method.limit_step(h);

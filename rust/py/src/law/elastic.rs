@@ -1,6 +1,6 @@
 //! Control laws of arms with elastic joints. An *outer loop* computes a torque `u`, and an *inner loop* reduces the motors' inertia.
 
-use super::impedance::{self, Given};
+use super::impedance::{self, OptionArguments};
 use super::{Arguments, Law};
 use crate::errors::{Failure, entry, input_error};
 use armlet_core::law::{
@@ -43,7 +43,7 @@ struct Outer<'a, 'py> {
     damping: &'a Bound<'py, PyAny>,
     frame: &'a Bound<'py, PyAny>,
     axes: Option<&'a Bound<'py, PyAny>>,
-    options: Given<'a, 'py>,
+    options: OptionArguments<'a, 'py>,
 }
 
 /// Make a law with a Cartesian impedance as the outer loop, and an inner loop. `target` reads the motion of the target for given axes.
@@ -145,7 +145,7 @@ impl ElasticImpedance {
         entry(arm.py(), NAME, || {
             let mut given = Arguments::new(NAME, arm)?;
             let inner = Inner { joint_stiffness, motor_inertia, reduced_inertia, motor_damping, damping_ratio, relative_damping };
-            let options = Given { nullspace, feedforward, compensate_coupling, eps, integral_gain, wrench_max, tau_max };
+            let options = OptionArguments { nullspace, feedforward, compensate_coupling, eps, integral_gain, wrench_max, tau_max };
             let outer = Outer { stiffness, damping, frame, axes, options };
             let law = cartesian(&mut given, outer, inner, |given, axes| impedance::target(given, target, axes))?;
             Ok(given.law(law).add_subclass(ElasticImpedance))
@@ -205,7 +205,7 @@ impl ElasticTracking {
         entry(arm.py(), NAME, || {
             let mut given = Arguments::new(NAME, arm)?;
             let inner = Inner { joint_stiffness, motor_inertia, reduced_inertia, motor_damping, damping_ratio, relative_damping };
-            let outer = Outer { stiffness, damping, frame, axes, options: Given::default() };
+            let outer = Outer { stiffness, damping, frame, axes, options: OptionArguments::default() };
             let law = cartesian(&mut given, outer, inner, |given, _| given.motion("target", target))?;
             Ok(given.law(law).add_subclass(ElasticTracking))
         })

@@ -69,7 +69,7 @@ pub struct Guarded {
 }
 
 /// The arguments of a reaction: its gains, and the speed and the duration of "retract".
-struct Given<'a, 'py> {
+struct ReactionArguments<'a, 'py> {
     n: usize,
     stiffness: Option<&'a Bound<'py, PyAny>>,
     damping: Option<&'a Bound<'py, PyAny>>,
@@ -77,7 +77,7 @@ struct Given<'a, 'py> {
     duration: Option<&'a Bound<'py, PyAny>>,
 }
 
-impl<'py> Given<'_, 'py> {
+impl<'py> ReactionArguments<'_, 'py> {
     /// Read a gain that the reaction requires.
     fn needed(&self, py: Python<'py>, name: &'static str, value: Option<&Bound<'py, PyAny>>, kind: &str) -> Result<Gain, Failure> {
         match value {
@@ -155,7 +155,7 @@ impl Guarded {
             let Some((links, thresholds)) = watching.get().of_links(py) else {
                 return Err(input_error(py, NAME, "observer", "is one of motors: expected one of links").into());
             };
-            let given = Given { n, stiffness, damping, speed, duration };
+            let given = ReactionArguments { n, stiffness, damping, speed, duration };
             let kind = reaction.map(|reaction| text(NAME, "reaction", reaction)).transpose()?;
             let reaction = match &kind {
                 None => {

@@ -24,7 +24,7 @@ fn gain_or_zero<'py>(function: &str, name: &'static str, value: &Bound<'py, PyAn
 
 /// The Python arguments of the options of an impedance law.
 #[derive(Default)]
-pub(super) struct Given<'a, 'py> {
+pub(super) struct OptionArguments<'a, 'py> {
     pub nullspace: Option<&'a Bound<'py, PyAny>>,
     pub feedforward: Option<&'a Bound<'py, PyAny>>,
     pub compensate_coupling: Option<&'a Bound<'py, PyAny>>,
@@ -34,7 +34,7 @@ pub(super) struct Given<'a, 'py> {
     pub tau_max: Option<&'a Bound<'py, PyAny>>,
 }
 
-impl<'py> Given<'_, 'py> {
+impl<'py> OptionArguments<'_, 'py> {
     /// Read the options of a law of `m` coordinates.
     pub fn read(&self, given: &mut Arguments<'py>, m: usize) -> Result<ImpedanceOptions, Failure> {
         let n = given.model().n();
@@ -189,7 +189,7 @@ impl CartesianImpedance {
             let target = self::target(&mut given, target, &axes)?;
             let (stiffness, damping) = (given.gain("stiffness", stiffness, m)?, given.gain("damping", damping, m)?);
             let spec = CartesianImpedanceSpec::new(given.model(), target, stiffness, damping, &frame, &axes)?;
-            let options = Given { nullspace, feedforward, compensate_coupling, eps, integral_gain, wrench_max, tau_max };
+            let options = OptionArguments { nullspace, feedforward, compensate_coupling, eps, integral_gain, wrench_max, tau_max };
             let spec = spec.with(options.read(&mut given, m)?)?;
             Ok(given.law(spec).add_subclass(CartesianImpedance))
         })

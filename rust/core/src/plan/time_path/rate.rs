@@ -59,7 +59,7 @@ struct Beyond {
 }
 
 /// `K` samples of a timing, with `per` steps of `step` seconds from one node to the next.
-struct Samples<'a> {
+struct RateSamples<'a> {
     problem: &'a PathProblem<'a>,
     rates: &'a [f64],
     per: usize,
@@ -106,7 +106,7 @@ fn averaged(fast: &TimedPath, window: f64, pieces: usize) -> Nodes {
     Nodes { t, s, r, u }
 }
 
-impl<'a> Samples<'a> {
+impl<'a> RateSamples<'a> {
     fn new(problem: &'a PathProblem<'a>, rates: &'a [f64], viscous: &[f64], nodes: &Nodes, per: usize) -> Self {
         let (n, segments) = (problem.n, nodes.s.len() - 1);
         let count = segments * per + 1;
@@ -139,13 +139,13 @@ impl<'a> Samples<'a> {
         }
         let limit = |k: usize, at_row: usize| problem.along.limit(&problem.path, at_row / n, at_row % n, at(k).0, states[k][0]);
         let along = (0..count * 3 * n).map(|i| limit(i / (3 * n), i % (3 * n))).collect();
-        Samples { problem, rates, per, step, s: states.iter().map(|state| state[0]).collect(), held, rubbed, all, stride, along }
+        RateSamples { problem, rates, per, step, s: states.iter().map(|state| state[0]).collect(), held, rubbed, all, stride, along }
     }
 
     /// The largest relative excess over a limit, in a motion slower by the factor `k`. With `any`, the search ends at the first sample that
     /// exceeds a limit.
     fn worst(&self, k: f64, any: bool) -> Beyond {
-        let Samples { problem, rates, per, step, s, held, rubbed, all, stride, along } = self;
+        let RateSamples { problem, rates, per, step, s, held, rubbed, all, stride, along } = self;
         let (n, per) = (problem.n, *per);
         let (lo, hi) = (&problem.lo, &problem.hi);
         let (by, by2, by_step) = (1.0 / k, 1.0 / (k * k), 1.0 / (k * step));
@@ -256,7 +256,7 @@ pub(super) fn limit_rate(problem: &PathProblem, fast: TimePath, rates: &[f64], o
     let pieces = problem.path.knots().len() - 1;
     let sampled = |window: f64, per: usize| {
         let nodes = averaged(&fast.motion, window, pieces);
-        (Samples::new(problem, rates, &viscous, &nodes, per), nodes)
+        (RateSamples::new(problem, rates, &viscous, &nodes, per), nodes)
     };
     let mut best: Option<(f64, f64, f64)> = None;
     let attempt = |window: f64, best: &mut Option<(f64, f64, f64)>| {
