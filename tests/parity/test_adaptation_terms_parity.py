@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from adaptive_options import columns_beside, laws, parametrisation
 from numpy.typing import NDArray
-from trees import close, driven_tree
+from trees import body, close, driven_tree
 
 import armlet as al
 from armlet import reference as ref
@@ -32,14 +32,6 @@ OPTIONS: dict[str, dict[str, Any]] = {
     "natural": {"friction": True, "leakage": 0.2, "dead_zone": 0.3},
     "projection": {"armature": True, "friction": True, "leakage": 0.5},
 }
-
-
-def body(rng: np.random.Generator) -> Array:
-    """Return the parameters (10,) of six point masses and a small ball: physically consistent with a margin."""
-    phi = np.array([0.1, 0, 0, 0, 0.02, 0, 0.02, 0, 0, 0.02])
-    for m, x, y, z in np.column_stack([rng.uniform(0.2, 0.4, 6), rng.uniform(-0.3, 0.3, (6, 3))]):
-        phi += m * np.array([1.0, x, y, z, y * y + z * z, -x * y, x * x + z * z, -x * z, -y * z, x * x + y * y])
-    return phi
 
 
 def pair(option: str, n: int) -> tuple[Any, Any, tuple[Any, Any]]:

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from trees import definite
 
 import armlet as al
 from armlet import reference
@@ -25,12 +26,6 @@ ROUNDING = 1e-12
 def close(got: Array, expected: Array, tolerance: float = ROUNDING) -> None:
     scale = max(1.0, float(np.max(np.abs(expected), initial=0.0)))
     np.testing.assert_allclose(got, expected, rtol=0.0, atol=tolerance * scale)
-
-
-def definite(rng: np.random.Generator, n: int, scale: float) -> Array:
-    """Return a symmetric positive definite matrix (n, n) with a condition number below about 100."""
-    root = rng.standard_normal((n, n))
-    return scale * (root @ root.T / n + 0.3 * np.eye(n))
 
 
 def parameters(rng: np.random.Generator, coupling: float = 0.95) -> tuple[float, float, float]:

@@ -10,18 +10,12 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from trees import close, driven_tree
+from trees import close, definite, driven_tree
 
 import armlet as al
 from armlet import reference as ref
 
 Array = NDArray[np.float64]
-
-
-def definite(rng: np.random.Generator, n: int, scale: float) -> Array:
-    """Return a symmetric positive definite matrix (n, n) with a condition number below about 100."""
-    root = rng.standard_normal((n, n))
-    return np.asarray(scale * (root @ root.T / n + 0.3 * np.eye(n)))
 
 
 def gains(rng: np.random.Generator, n: int, form: str) -> dict[str, Any]:

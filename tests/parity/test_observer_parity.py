@@ -6,17 +6,12 @@ import numpy as np
 import pytest
 from loops import pair
 from numpy.typing import NDArray
-from trees import close, driven_tree
+from trees import close, definite, driven_tree
 
 import armlet as al
 from armlet import reference as ref
 
 Array = NDArray[np.float64]
-
-
-def definite(rng: np.random.Generator, n: int, scale: float) -> Array:
-    root = rng.standard_normal((n, n))
-    return scale * (root @ root.T / n + 0.3 * np.eye(n))
 
 
 @pytest.mark.parametrize("full", [False, True], ids=["diagonal", "full"])

@@ -1,4 +1,4 @@
-"""Random trees, made with armlet and with the reference."""
+"""Random trees, made with armlet and with the reference, and random bodies and gains."""
 
 from __future__ import annotations
 
@@ -20,6 +20,20 @@ def close(got: Array, want: Array, scale: float = 1.0, tolerance: float = TOLERA
     """Assert that all differences are within `tolerance` times the largest number, or times `scale` if this is larger."""
     assert got.shape == want.shape
     assert float(np.abs(got - want).max(initial=0.0)) <= tolerance * max(scale, float(np.abs(want).max(initial=0.0)))
+
+
+def definite(rng: np.random.Generator, n: int, scale: float) -> Array:
+    """Return a symmetric positive definite matrix (n, n) with a condition number below about 100."""
+    root = rng.standard_normal((n, n))
+    return np.asarray(scale * (root @ root.T / n + 0.3 * np.eye(n)))
+
+
+def body(rng: np.random.Generator) -> Array:
+    """Return the parameters (10,) of six point masses and a small ball: physically consistent with a margin."""
+    phi = np.array([0.1, 0, 0, 0, 0.02, 0, 0.02, 0, 0, 0.02])
+    for m, x, y, z in np.column_stack([rng.uniform(0.2, 0.4, 6), rng.uniform(-0.3, 0.3, (6, 3))]):
+        phi += m * np.array([1.0, x, y, z, y * y + z * z, -x * y, x * x + z * z, -x * z, -y * z, x * x + y * y])
+    return phi
 
 
 def random_joints(rng: np.random.Generator, n: int) -> list[dict[str, Any]]:
