@@ -22,6 +22,7 @@ mod batch_stepper;
 mod bound;
 mod closed_loop;
 mod columns;
+mod declined_steps;
 mod event;
 mod fixed_steps;
 mod force;

@@ -9,7 +9,7 @@
 //! `'` is `d/ds`. With this slope `b`, the squared speed `x` differs from the cap between grid points only by a term of order `h^3`. With a
 //! constant `u`, `x` would equal the cap only at grid points, and `u` would jump at each of them.
 
-use super::lines::FASTEST;
+use super::magnitudes::FASTEST;
 use super::reach::Profile;
 use super::setup::PathProblem;
 

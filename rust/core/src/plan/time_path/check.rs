@@ -15,7 +15,8 @@
 
 use super::along::Along;
 use super::lines::LimitRows;
-use super::rows::{Friction, Mover, Points, Request};
+use super::mover::Mover;
+use super::rows::{Friction, Points, Request};
 use super::stencil::Stencil;
 use super::tip::TIP;
 use crate::motion::Path;

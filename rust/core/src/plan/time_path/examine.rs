@@ -3,12 +3,14 @@
 //! A register holds a block of rows, one row per lane. The block nearest to its limits is sampled first. Another block is sampled only if a
 //! bound from three of its samples allows a smaller distance, or a distance below `FAR_ENOUGH`.
 
-use super::check::{Course, FINE, TOLERANCE, WINDOW};
-use super::lines::{FASTEST, LimitRows, largest, load, store};
+use super::check::{Course, FINE, LimitCheck, TOLERANCE, WINDOW, measure};
+use super::lines::{LimitRows, largest, load, store};
+use super::magnitudes::FASTEST;
+use super::reach::Profile;
 use super::samples::{Samples, Segment};
 use super::tip::length;
 use crate::interrupt::look;
-use crate::scalar::{GenericKernel, Real};
+use crate::scalar::{GenericKernel, Real, run_lanes};
 
 /// The values of a block of rows at the samples of a segment.
 type Fine<S> = [S; FINE + 1];
@@ -63,12 +65,49 @@ const FAR_ENOUGH: f64 = 0.01;
 /// Number of segments between two checks for an interrupt.
 const CHECK_INTERVAL: usize = 64;
 
-pub(super) struct Examine<'a, F> {
-    pub course: &'a Course<'a>,
-    pub rows: &'a LimitRows,
-    pub x: &'a [f64],
-    pub samples: &'a mut Samples,
-    pub narrow: F,
+struct Examine<'a, F> {
+    course: &'a Course<'a>,
+    rows: &'a LimitRows,
+    x: &'a [f64],
+    samples: &'a mut Samples,
+    narrow: F,
+}
+
+impl Samples {
+    /// Examine the segments, and return the smallest margin and the largest excess. `narrow(segment, row, below, above)` is called for each
+    /// exceeded row, with its excess over the lower and the upper limit. Unchanged segments within their limits are not examined again.
+    pub fn examine(
+        &mut self,
+        course: &Course,
+        rows: &LimitRows,
+        profile: &mut Profile,
+        narrow: impl FnMut(usize, usize, f64, f64),
+    ) -> LimitCheck {
+        let Profile { x, moved, .. } = profile;
+        self.list.clear();
+        self.evaluated.clear();
+        for (i, segment) in self.segments.iter().enumerate() {
+            if moved[i] || moved[i + 1] || !(segment.excess <= TOLERANCE) {
+                self.list.push(i);
+                if self.exact[i] {
+                    self.evaluated.push(i);
+                }
+            }
+        }
+        moved.fill(false);
+        measure(course, rows, x, &self.evaluated, FINE + 1, &mut self.values);
+        run_lanes(Examine { course, rows, x, samples: self, narrow });
+        let mut found = LimitCheck { margin: f64::INFINITY, excess: f64::NEG_INFINITY, at: (0, 0) };
+        for (i, segment) in self.segments.iter().enumerate() {
+            if segment.margin < found.margin {
+                found.margin = segment.margin;
+            }
+            if !(segment.excess <= found.excess) {
+                (found.excess, found.at) = (segment.excess, (i, segment.at));
+            }
+        }
+        found
+    }
 }
 
 impl<F: FnMut(usize, usize, f64, f64)> Examine<'_, F> {

@@ -2,8 +2,9 @@
 
 use super::FIRST_GRID;
 use super::along::Along;
-use super::lines::FASTEST;
-use super::rows::{Friction, Mover};
+use super::magnitudes::FASTEST;
+use super::mover::Mover;
+use super::rows::Friction;
 use super::tip::{Tip, TipLimits};
 use crate::error::{Error, Result, finite, positive};
 use crate::motion::Path;

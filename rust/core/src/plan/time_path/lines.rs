@@ -11,16 +11,11 @@
 //! in a few steps. A *lane* is one entry of a SIMD register; here each lane has one row. The lines are stored, and a later pass builds only
 //! the lines of segments whose rows changed. `K_i` is the interval of feasible `x` at the start of segment `i` (`reach`).
 
+use super::magnitudes::{FAR, FASTEST, NONE};
 use super::tip::{Ball, Tangent};
 use crate::scalar::Real;
 use nalgebra::Vector3;
 
-/// A number larger than every squared path speed: the cap where no speed limit exists.
-pub(super) const FASTEST: f64 = 1e60;
-/// A coefficient of `u` with a smaller absolute value counts as zero.
-pub(super) const NONE: f64 = 1e-140;
-/// The value of a bound of `u` that never limits.
-pub(super) const FAR: f64 = 1e200;
 /// In the middle of a segment, a row has a margin: this fraction of its rise above the chord between both ends. A parabola within its limit
 /// at both ends, and with this margin in the middle, exceeds the limit by at most 0.14 of that rise.
 const MIDDLE_MARGIN: f64 = 0.25;

@@ -29,10 +29,13 @@ mod friction;
 mod given;
 mod grid;
 mod lines;
+mod magnitudes;
+mod mover;
 mod positions;
 mod rate;
 mod reach;
 mod reason;
+mod refine;
 mod rows;
 mod samples;
 mod setup;
@@ -42,8 +45,9 @@ mod tip;
 
 pub use check::FINE;
 pub use given::{PathLimits, TimePathOptions};
+pub use mover::Mover;
 pub use reason::{Bound, PathReason, Shortfall};
-pub use rows::{Friction, Mover};
+pub use rows::Friction;
 pub use tip::TipLimits;
 
 use crate::error::Result;

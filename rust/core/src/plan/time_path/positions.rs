@@ -3,8 +3,8 @@
 //! The roots of a polynomial's derivative divide [0, 1] into parts where the polynomial is monotone. Bisection finds the root in each part,
 //! if there is one. This is repeated from the highest derivative down to `q' = dq/dx`. So an extremum of `q` is exact up to rounding.
 
+use super::mover::Mover;
 use super::reason::{Bound, PathReason, Shortfall};
-use super::rows::Mover;
 use crate::interrupt::look;
 use crate::motion::{Path, TERMS};
 

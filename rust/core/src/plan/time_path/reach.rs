@@ -12,7 +12,8 @@
 //! If a limit changes along a segment, a constant `u` loses time in proportion to `h`. So when the active limits of a profile are known,
 //! `u` gets their slope `b`: `u_i + b (s - s_i - h/2)`. This only adds constants to the rows. The loss is then of order `h^2`.
 
-use super::lines::{FAR, LimitRows, Lines, NONE, STATIC_EXCESS, largest, load};
+use super::lines::{LimitRows, Lines, STATIC_EXCESS, largest, load};
+use super::magnitudes::{FAR, NONE};
 use super::tip::Ball;
 use crate::interrupt::look;
 use crate::scalar::{GenericKernel, Real, run_lanes};

@@ -1,10 +1,8 @@
 //! The samples of the segments of a grid, and their results. They are stored from one examination to the next (`check`).
 
-use super::check::{Course, FINE, INTERPOLATION, LimitCheck, TOLERANCE, WINDOW, measure};
-use super::examine::Examine;
+use super::check::{Course, INTERPOLATION, WINDOW, measure};
 use super::lines::LimitRows;
 use super::reach::Profile;
-use crate::scalar::run_lanes;
 
 /// The result of the last examination of a segment.
 #[derive(Clone, Copy, Debug)]
@@ -34,7 +32,7 @@ pub(super) struct Samples {
     /// Segments to be examined.
     pub list: Vec<usize>,
     /// Segments to sample by the dynamics.
-    evaluated: Vec<usize>,
+    pub evaluated: Vec<usize>,
     /// The samples of the segments in `evaluated`.
     pub values: Vec<f64>,
     /// Interpolated torques in the middle of every segment, `(N, n)`.
@@ -61,41 +59,6 @@ impl Samples {
         }
         self.middles.clear();
         self.middles.resize(count * course.n, 0.0);
-    }
-
-    /// Examine the segments, and return the smallest margin and the largest excess. `narrow(segment, row, below, above)` is called for each
-    /// exceeded row, with its excess over the lower and the upper limit. Unchanged segments within their limits are not examined again.
-    pub fn examine(
-        &mut self,
-        course: &Course,
-        rows: &LimitRows,
-        profile: &mut Profile,
-        narrow: impl FnMut(usize, usize, f64, f64),
-    ) -> LimitCheck {
-        let Profile { x, moved, .. } = profile;
-        self.list.clear();
-        self.evaluated.clear();
-        for (i, segment) in self.segments.iter().enumerate() {
-            if moved[i] || moved[i + 1] || !(segment.excess <= TOLERANCE) {
-                self.list.push(i);
-                if self.exact[i] {
-                    self.evaluated.push(i);
-                }
-            }
-        }
-        moved.fill(false);
-        measure(course, rows, x, &self.evaluated, FINE + 1, &mut self.values);
-        run_lanes(Examine { course, rows, x, samples: self, narrow });
-        let mut found = LimitCheck { margin: f64::INFINITY, excess: f64::NEG_INFINITY, at: (0, 0) };
-        for (i, segment) in self.segments.iter().enumerate() {
-            if segment.margin < found.margin {
-                found.margin = segment.margin;
-            }
-            if !(segment.excess <= found.excess) {
-                (found.excess, found.at) = (segment.excess, (i, segment.at));
-            }
-        }
-        found
     }
 
     /// Copy the excess of each segment to `first`, before any limit is reduced.

@@ -17,8 +17,8 @@
 //! The upper bound is a concave function of `x`, the lower bound a convex one. So Newton's method in `lines` can use their tangents as
 //! lines.
 
-use super::lines::{FAR, FASTEST, NONE};
-use super::rows::Mover;
+use super::magnitudes::{FAR, FASTEST, NONE};
+use super::mover::Mover;
 use crate::dynamics::{Quantity, Query};
 use nalgebra::Vector3;
 
