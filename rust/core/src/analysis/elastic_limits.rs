@@ -5,7 +5,7 @@
 //! - Stiffness limit of one joint (Routh): `k < K_J (1 + d/D0)(1 - d B0/(D0 M))`. With `D0 = 2 sqrt(B0 K_J)` the limit is
 //!   `K_J (1 + d/D0)(1 - d D0/(4 M K_J))`. Here `M` and `d` are inertia and damping of the link, `B0` and `D0` those of the motor.
 //! - Stiffness scale: the largest `kappa` with a stable loop. The loop has the stiffness `kappa K_m` and is linearised at rest. It is
-//!   stable if every eigenvalue has a negative real part.
+//!   stable if every eigenvalue has a negative real part. Eigenvalues of free motions do not count.
 
 use super::equilibrium::equilibrium;
 use crate::error::{Error, Result, positive};

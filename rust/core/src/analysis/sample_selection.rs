@@ -1,5 +1,5 @@
-//! Selection of samples for concurrent learning (ChowdharyJohnson2010). It maximises the smallest singular value `sigma` of their stacked
-//! `W`:
+//! Selection of samples for concurrent learning (ChowdharyJohnson2010). A local search increases the smallest singular value `sigma` of
+//! their stacked `W`:
 //!
 //! ```text
 //! sigma^2 = min over |u| = 1 of  sum over the stored j of |W_j u|^2
@@ -71,8 +71,8 @@ impl Candidates {
 
 /// Choose `count` of `K` samples, so that their stacked regressors have a large smallest singular value.
 ///
-/// `rows`, `(K, n, p)`, has the regressor `W` of each sample. Errors: `Input` for a `count` out of range, numbers that are
-/// not finite, or regressors of zeros.
+/// `rows`, `(K, n, p)`, has the regressor `W` of each sample. Errors: `Input` for a `count` out of range, numbers that are not finite or
+/// too large, or regressors of zeros; `Memory`.
 pub fn select(rows: &[f64], n: usize, p: usize, count: usize) -> Result<Selection> {
     let samples = rows.len() / (n * p);
     finite("samples", rows)?;

@@ -7,9 +7,10 @@
 //!
 //! Compensation of the coupling adds the torque `C v` and the wrench `L (x_d'' - J_dot v)`. Then `L x'' = F` for every null motion.
 //!
-//! Near singularities, `L = max(J W^-1 J', eps^2)^-1`. Rows of position and rows of orientation are scaled by the root mean square of their
-//! rows of `J W^-1/2`. So `W^-1/2 J' L` is the pseudo-inverse with the spectral clamp `sigma / max(sigma, eps)^2`. In a direction with the
-//! singular value `sigma`, the fraction `1 - min(1, (sigma/eps)^2)` of `tau_0` remains. The largest of these fractions is the loss.
+//! Near singularities, `L = max(J W^-1 J', eps^2)^-1`. Rows of position and rows of orientation are divided by the root mean square of
+//! their rows of `J W^-1/2`. So `W^-1/2 J' L` is the pseudo-inverse with the spectral clamp `sigma / max(sigma, eps)^2`. In a direction
+//! with the singular value `sigma`, the fraction `1 - min(1, (sigma/eps)^2)` of `tau_0` remains. The largest of these fractions is the
+//! loss.
 
 use super::{Term, require_rows, require_size};
 use crate::dynamics::{AnyArm, Dynamics, Workspace};

@@ -114,8 +114,9 @@ impl Definition for PriorityAccelerationSpec {
         self.levels.iter().map(|level| &level.target).collect()
     }
 
-    /// The terms of the velocity law in priority, without `v`, and also `e_dot`, `J_dot` and the acceleration `a`. Residuals are
-    /// accelerations.
+    /// The terms of the law: errors `e` and `e_dot`, Jacobians `J` and `J_dot`, commands and residuals of all levels, one level after
+    /// another. Commands and residuals are accelerations. `rows` has the number of rows of each level. The ranks, the joint acceleration
+    /// `a` and the torque follow.
     fn terms(&self, at: &Instant) -> Vec<Term> {
         let n = self.model.n();
         let mut law = self.plain();

@@ -58,8 +58,8 @@ impl<S: Real> Truth<S> {
         Some(Truth { parameters, rubbing: fixed(rubbing), viscous, coulomb, rotors: fixed(rotors) })
     }
 
-    /// The contribution of the plant's friction and of the restraint to the rate `V1'` of the Lyapunov function: `s'(tau_f - Y_f a_f + (B -
-    /// B_0) a_r) + (a - a_hat)'(y - w)`.
+    /// The contribution of the plant's friction, known rotors, restraint and additional adaptation to the rate `V1'` of the Lyapunov
+    /// function: `s'(tau_f - Y_f a_f + (B - B_0) a_r) + (a - a_hat)'(y - w)`.
     ///
     /// `columns` has the entries of the joint columns, and `back` is `y - w`.
     pub(super) fn added(&self, [s, v, a_r]: [&[S]; 3], columns: &[S], estimate: &[S], back: &[S]) -> S {

@@ -63,7 +63,7 @@ impl<S: Real> ClampedInverse<S> {
         (1..m).fold(self.b[0], |least, i| least.min(self.b[i * m + i]))
     }
 
-    /// Rotate the axes `p` and `q` so that their off-diagonal entry becomes zero. Nearly equal axes are not rotated.
+    /// Rotate the axes `p` and `q` so that their off-diagonal entry becomes zero. Axes with nearly equal eigenvalues are not rotated.
     /// `least`: see [`least_to_turn`].
     fn turn(&mut self, p: usize, q: usize, least: S) {
         let m = self.m;

@@ -90,7 +90,7 @@ impl TimedPath {
     ///
     /// Every knot of the path must be one of the positions. A path without a feasible timing has NaN in `x`.
     ///
-    /// Errors: `Input` for positions that do not increase, wrong lengths, or other numbers that are not finite; `Memory`.
+    /// Errors: `Input` for positions that do not increase, wrong lengths, or a number in `s` or `u_slope` that is not finite; `Memory`.
     pub fn new(path: Arc<Path>, s: Vec<f64>, x: Vec<f64>, u_slope: Vec<f64>) -> Result<Self> {
         finite("s", &s)?;
         finite("u_slope", &u_slope)?;
