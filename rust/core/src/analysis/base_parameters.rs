@@ -5,8 +5,8 @@
 //! <= p`. Let `Y_b` be the independent columns. Every other column is a combination of them: `Y = Y_b P`, so that `Y pi = Y_b (P pi)` at
 //! every state.
 //!
-//! The columns of `Y(q, v, v_r, a_r)` are stacked over pseudo-random states, and scaled to length one. They are examined in the order of
-//! the parameters, from base to tip. A column is dependent if its distance from the span of the earlier columns is a rounding error. So a
+//! The columns of `Y(q, v, v_r, a_r)` are stacked over pseudo-random states. They are examined in the order of the parameters, from base to
+//! tip. A column is dependent if its distance from the span of the earlier columns, relative to its length, is a rounding error. So a
 //! dependent parameter is always grouped with earlier parameters.
 
 use crate::dynamics::{Model, Quantity, Query};

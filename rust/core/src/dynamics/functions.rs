@@ -175,7 +175,7 @@ impl Functions {
 }
 
 impl Arm {
-    /// Run [`Functions::rows`] for a single call, with the same errors.
+    /// Evaluate `count` configurations once, as [`Functions::rows`] does, with the same errors. No program is kept for later calls.
     pub fn evaluate(self: &Arc<Self>, query: &Query, inputs: &[&[f64]], count: usize, out: &mut [f64]) -> Result<bool> {
         let single = Single::new(Some(Evaluator::sized(self, false)));
         let functions = Functions { arm: self.clone(), single, known: Mutex::default() };

@@ -16,7 +16,7 @@ mod elastic_loops;
 mod elastic_oracle;
 mod emulated_loops;
 mod examples;
-// Unit tests use the same format of cases.
+// The unit tests of `trace` use this file too, so that all cases for the emulator have one format.
 #[path = "../../src/trace/harness.rs"]
 mod harness;
 mod integrate_alloc;
