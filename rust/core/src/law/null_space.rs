@@ -5,7 +5,8 @@
 //! - dynamically consistent, `W = M`: `J M^-1 N' = 0`, so `tau_0` does not accelerate the frame;
 //! - static, `W = I`: `N' = I - J' (J')#`.
 //!
-//! Compensation of the coupling adds the torque `C v` and the wrench `L (x_d'' - J_dot v)`. Then `L x'' = F` for every null motion.
+//! Compensation of the coupling adds the torque `C v` and the wrench `L (x_d'' - J_dot v)`. Then `L (x'' - x_d'') = F` for every null
+//! motion, with the other wrenches `F` of the law.
 //!
 //! Near singularities, `L = max(J W^-1 J', eps^2)^-1`. Rows of position and rows of orientation are divided by the root mean square of
 //! their rows of `J W^-1/2`. So `W^-1/2 J' L` is the pseudo-inverse with the spectral clamp `sigma / max(sigma, eps)^2`. In a direction

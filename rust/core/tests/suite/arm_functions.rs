@@ -165,7 +165,7 @@ fn angles_beyond_reason_and_rows_that_overflow_are_answered_directly() {
     assert!(sound);
     let same = |rows: &[f64], row: usize| bits(&rows[5 * row..5 * row + 5]) == bits(&both.alone(row));
     assert!((0..14).all(|row| same(&got, row)));
-    // An angle beyond the range in one call must not affect the next call.
+    // A velocity of 1e200 makes row 8 overflow. The other rows must remain finite.
     both.inputs[1][5 * 8 + turn] = 1e200;
     let (got, sound) = both.rows(0, 14);
     assert!(!sound, "a row overflows");
