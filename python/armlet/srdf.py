@@ -29,8 +29,6 @@ from .robot_files import robot_text
 __all__ = ["Srdf", "SrdfGroup", "load_srdf"]
 
 _Array = NDArray[np.float64]
-# Largest nesting depth of groups in groups.
-_DEEPEST = 32
 
 
 @bordered

@@ -257,6 +257,37 @@ def test_the_sampled_loop_grows_beyond_its_limit(share: float) -> None:
         growth(law, 0.3 * limit)
 
 
+def test_a_stable_sample_time_is_accepted_and_an_unstable_one_refused_in_every_run() -> None:
+    """With B0 = B and little damping, the held damping torque acts with the sign of sin(w dt). So the loop is stable again for
+    2 pi < w dt < 3 pi, with w = sqrt(K_J/B)."""
+    arm = al.planar_arm([1.0], masses=[1e12], gravity=(0.0, 0.0))
+    stiffness, inertia, damping = 800.0, 0.4, 0.5
+    w = np.sqrt(stiffness / inertia)
+    plant = al.ElasticArm(arm, stiffness, inertia)
+
+    def law(motor_damping: float) -> al.JointImpedance:
+        return al.JointImpedance(arm, [0.0], 1.0, 1.0, stiffness, inertia, inertia, motor_damping=motor_damping)
+
+    def simulate(law: Any, period: float) -> Any:
+        options: dict[str, Any] = {"dt": period / 8, "sample_time": period, "record_every": 8, "monitors": False}
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            if isinstance(law, list):
+                rows = {"theta0": [[1e-3]] * len(law), "keep": "all"}
+                return al.simulate_batch(plant, law, [[0.0]] * len(law), t_end=400 * period, **options, **rows)
+            return al.simulate(plant, law, [0.0], t_end=400 * period, theta0=[1e-3], **options)
+
+    assert abs(al.elastic_limits(plant, law(damping), q0=[0.0]).sample_time_max * w / np.pi - 1.0) < 0.1
+    theta = simulate(law(damping), 2.5 * np.pi / w).theta
+    assert np.abs(theta[-20:]).max() < 0.8 * np.abs(theta[:20]).max()
+    with pytest.raises(al.InputError, match="sample_time is too large"):
+        simulate(law(damping), 1.5 * np.pi / w)
+    # The rule is the same for each run of a batch. The error names the run.
+    assert simulate([law(damping), law(1.1 * damping)], 2.5 * np.pi / w).theta.shape[0] == 2
+    with pytest.raises(al.InputError, match="sample_time is too large .*index 1"):
+        simulate([law(damping), law(80.0 * damping)], 2.5 * np.pi / w)
+
+
 def test_maps_broadcast() -> None:
     dt, zeta = np.array([[5e-4], [1e-3], [2e-3]]), np.array([0.5, 0.7, 1.0, 2.0])
     fastest = al.smallest_reduced_inertia(0.4, 800.0, dt, damping_ratio=zeta)

@@ -10,7 +10,7 @@ use crate::force::{Raised, raise};
 use crate::keywords::{Keywords, law_of};
 use crate::plant::Plant;
 use crate::priority::status_member;
-use crate::simulator_state::{complete, fastest, finite_vector, law_state, state_of, wrench};
+use crate::simulator_state::{complete, fastest, law_state, state_of, wrench};
 use crate::warnings::LimitCheck;
 use armlet_core::law::{ExternalSpec, LawSpec};
 use armlet_core::plant::PlantSpec;
@@ -190,7 +190,7 @@ impl Simulator {
             let mut start = self.start.clone();
             if q0.is_some() || v0.is_some() {
                 let read = |name, value: Option<&Bound<'_, PyAny>>, from: &[f64]| {
-                    value.map_or_else(|| Ok(from.to_vec()), |value| finite_vector("Simulator.reset", name, value, n))
+                    value.map_or_else(|| Ok(from.to_vec()), |value| vector("Simulator.reset", name, value, n))
                 };
                 let q = read("q0", q0, &self.start[..n])?;
                 if let (Some(_), Ok(tree)) = (q0, self.plant.model().tree("arm")) {

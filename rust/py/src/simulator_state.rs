@@ -1,19 +1,12 @@
 //! The states of `Simulator.set_state` and `Simulator.reset`, and the message about a state that diverges.
 
-use crate::arrays::{require_finite, vector};
+use crate::arrays::vector;
 use crate::errors::{Failure, input_error};
 use crate::force::constant_force;
 use armlet_core::plant::PlantSpec;
 use armlet_core::simulate::Wrench;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-
-/// Read `(n,)` finite numbers.
-pub fn finite_vector(function: &str, name: &str, value: &Bound<'_, PyAny>, n: usize) -> Result<Vec<f64>, Failure> {
-    let values = vector(function, name, value, n)?;
-    require_finite(value.py(), function, name, &[n], &values)?;
-    Ok(values)
-}
 
 /// Read `(n,)` finite numbers for the motors. For a plant without elastic joints, such an argument is an error.
 fn of_motors(function: &str, name: &str, value: Option<&Bound<'_, PyAny>>, plant: &PlantSpec) -> Result<Option<Vec<f64>>, Failure> {
@@ -22,7 +15,7 @@ fn of_motors(function: &str, name: &str, value: Option<&Bound<'_, PyAny>>, plant
         let problem = format!("is not used: expected None for {}", plant.kind().name());
         return Err(input_error(value.py(), function, name, problem).into());
     }
-    Ok(Some(finite_vector(function, name, value, plant.n())?))
+    Ok(Some(vector(function, name, value, plant.n())?))
 }
 
 /// Read `(n,)` finite numbers for the bristles of LuGre friction. For a plant without LuGre friction, such an argument is an error.
@@ -31,7 +24,7 @@ fn of_bristles(function: &str, value: Option<&Bound<'_, PyAny>>, plant: &PlantSp
     if plant.bristles() == 0 {
         return Err(input_error(value.py(), function, "bristles", "is not used: expected None for a plant without LuGre friction").into());
     }
-    Ok(Some(finite_vector(function, "bristles", value, plant.n())?))
+    Ok(Some(vector(function, "bristles", value, plant.n())?))
 }
 
 /// Read the state of a law, which has `size` numbers.
@@ -39,7 +32,7 @@ pub fn law_state(function: &str, value: &Bound<'_, PyAny>, size: usize) -> Resul
     if size == 0 {
         return Err(input_error(value.py(), function, "estimate", "is not used: expected None for a law without a state").into());
     }
-    finite_vector(function, "estimate", value, size)
+    vector(function, "estimate", value, size)
 }
 
 /// Read the states of links, motors and bristles, and return the state of the plant.
@@ -51,7 +44,7 @@ pub fn state_of(
     bristles: Option<&Bound<'_, PyAny>>,
 ) -> Result<Vec<f64>, Failure> {
     let n = plant.n();
-    let (q, v) = (finite_vector(function, "q", q, n)?, finite_vector(function, "v", v, n)?);
+    let (q, v) = (vector(function, "q", q, n)?, vector(function, "v", v, n)?);
     let motors = |name: &str, value| of_motors(function, name, value, plant);
     let (theta, theta_dot) = (motors("theta", theta)?, motors("theta_dot", theta_dot)?);
     let v = if plant.kind().has_speeds() { v } else { Vec::new() };

@@ -15,15 +15,18 @@ use crate::error::{Error, Result};
 use crate::interrupt::{Interrupted, SLICE, Watch, interruptible};
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError, mpsc};
+use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError, mpsc};
 
 /// The maximum number of threads.
 pub const MOST_THREADS: usize = 1024;
 
-/// Return `ARMLET_NUM_THREADS` if it is a positive integer, otherwise the number of cores. The result is at most [`MOST_THREADS`].
+/// Return `ARMLET_NUM_THREADS` if it is a positive integer, otherwise the number of cores at the first call. The result is at most
+/// [`MOST_THREADS`].
 pub fn default_threads() -> usize {
+    // On Linux each count reads the files of the process's control group, which takes 50 us: more than a step of a small batch.
+    static CORES: OnceLock<usize> = OnceLock::new();
     let requested = std::env::var("ARMLET_NUM_THREADS").ok().and_then(|n| n.trim().parse().ok()).filter(|&n| n > 0);
-    requested.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, |n| n.get())).min(MOST_THREADS)
+    requested.unwrap_or_else(|| *CORES.get_or_init(|| std::thread::available_parallelism().map_or(1, |n| n.get()))).min(MOST_THREADS)
 }
 
 /// Return the argument `threads`. Errors: `Input` if it is zero or more than [`MOST_THREADS`].

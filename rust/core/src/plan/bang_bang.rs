@@ -260,7 +260,7 @@ impl BangBangReport {
         let upper = self.active_upper();
         match self.active_lower() {
             Some(lower) if self.a_min + self.a_max > 0.0 => Reason::Conflict { upper, lower, missing: 0.5 * (self.a_min - self.a_max) },
-            _ => Reason::Blocked { upper, missing: -self.a_max },
+            _ => Reason::Blocked { upper, missing: 0.0 - self.a_max },
         }
     }
 

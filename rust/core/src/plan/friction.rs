@@ -229,10 +229,10 @@ impl FrictionMonotone {
         let FrictionMonotone { x0, x1, up, down, link } = *self;
         let net = [Progress::new(x0, up, &link).net(), Progress::new(-x1, down, &link.backwards()).net()];
         if net[0] <= 0.0 {
-            return Err(MonotoneReason::StartBlocked { missing: -net[0] });
+            return Err(MonotoneReason::StartBlocked { missing: 0.0 - net[0] });
         }
         if net[1] <= 0.0 {
-            return Err(MonotoneReason::EndBlocked { missing: -net[1] });
+            return Err(MonotoneReason::EndBlocked { missing: 0.0 - net[1] });
         }
         let (meeting, [push, brake]) = self.meeting(0.0);
         meeting.ok_or_else(|| MonotoneReason::Apart { push: x0 + push, brake: x1 - brake, missing: self.missing() })

@@ -42,10 +42,10 @@ impl Monotone {
     pub fn reason(&self) -> MonotoneReason {
         let Monotone { push, brake, push_length, brake_length } = *self;
         if push.net() <= 0.0 {
-            return MonotoneReason::StartBlocked { missing: -push.net() };
+            return MonotoneReason::StartBlocked { missing: 0.0 - push.net() };
         }
         if brake.net() <= 0.0 {
-            return MonotoneReason::EndBlocked { missing: -brake.net() };
+            return MonotoneReason::EndBlocked { missing: 0.0 - brake.net() };
         }
         if push_length <= 0.0 || brake_length <= 0.0 {
             return MonotoneReason::Work {

@@ -14,19 +14,19 @@ impl Problem<'_> {
         (limit > 0.0 && limit.is_finite()).then_some(limit)
     }
 
-    /// Refuse a sample time at which a motor loop is unstable.
+    /// Refuse a sample time at which a motor loop is unstable. Errors: `Input` names `sample_time`, and the run if it is not the first.
     pub(super) fn validate_motor_loops(&self, period: f64) -> Result<()> {
         for run in 0..self.plants.len().max(self.laws.len()) {
             let (Some(plant), Some(law)) = (self.plant(run).elastic(), self.law(run).reduction()) else { continue };
             let motors = LockedMotors::new(plant, law, f64::INFINITY);
-            // For the first run, stable intervals of the sample time beyond the first unstable one are ignored. Any other run is refused
-            // only if it is unstable at this sample time.
-            let limit = if run == 0 || motors.radius(period) >= 1.0 { motors.unstable_up_to(period) } else { f64::INFINITY };
-            if period >= limit {
-                let problem = format!(
-                    "is too large for the motor loop: expected below {} s, where it becomes unstable, got {period}",
-                    six_digits(limit)
-                );
+            if motors.radius(period) >= 1.0 {
+                let limit = motors.unstable_up_to(period);
+                let bound = if limit > 0.0 && limit.is_finite() {
+                    format!("expected below {} s, where it becomes unstable", six_digits(limit))
+                } else {
+                    "which is unstable even at short sample times".to_owned()
+                };
+                let problem = format!("is too large for the motor loop: {bound}, got {period}");
                 let error = Error::input("sample_time", problem);
                 return Err(if run == 0 { error } else { error.at([run]) });
             }
