@@ -284,8 +284,11 @@ def test_a_stable_sample_time_is_accepted_and_an_unstable_one_refused_in_every_r
         simulate(law(damping), 1.5 * np.pi / w)
     # The rule is the same for each run of a batch. The error names the run.
     assert simulate([law(damping), law(1.1 * damping)], 2.5 * np.pi / w).theta.shape[0] == 2
-    with pytest.raises(al.InputError, match="sample_time is too large .*index 1"):
+    with pytest.raises(al.InputError, match=r"sample_time is too large .*index 1"):
         simulate([law(damping), law(80.0 * damping)], 2.5 * np.pi / w)
+    # Almost without damping, the loop is unstable at every sample time.
+    with pytest.raises(al.InputError, match="expected a loop that is stable at short sample times"):
+        simulate(law(1e-9), 1e-3)
 
 
 def test_maps_broadcast() -> None:

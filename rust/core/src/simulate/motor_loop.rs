@@ -24,7 +24,7 @@ impl Problem<'_> {
                 let bound = if limit > 0.0 && limit.is_finite() {
                     format!("expected below {} s, where it becomes unstable", six_digits(limit))
                 } else {
-                    "which is unstable even at short sample times".to_owned()
+                    "expected a loop that is stable at short sample times".to_owned()
                 };
                 let problem = format!("is too large for the motor loop: {bound}, got {period}");
                 let error = Error::input("sample_time", problem);
