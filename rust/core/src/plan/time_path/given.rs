@@ -15,8 +15,8 @@ const MOST: usize = 1_000_000;
 /// Limits of every joint, `(n,)` each: `tau_min <= tau <= tau_max`, `|v| <= v_max`, `|a| <= a_max`.
 ///
 /// At least one limit of torque, joint acceleration or frame acceleration is required. Limits of torque, speed and acceleration may vary
-/// along the path: `(P + 1, n)`, one row per knot, and linear in `s` between knots. A torque limit that varies is symmetric: the least
-/// torques are not used.
+/// along the path: `(P + 1, n)`, one row per knot, and linear in `s` between knots. A torque limit that varies must be symmetric,
+/// `tau_min = -tau_max`.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct PathLimits {
     /// Least and largest torques, N m or N.
@@ -89,6 +89,20 @@ fn all_positive(name: &str, values: &[f64], n: usize) -> Result<()> {
     }
 }
 
+/// Refuse least torques `lo` that are not the negative largest torques `hi`, `(rows, n)`.
+fn mirrored(lo: &[f64], hi: &[f64], n: usize) -> Result<()> {
+    if lo.len() != hi.len() {
+        return Err(Error::wrong_shape("tau_min", &[hi.len() / n, n], &[lo.len()]));
+    }
+    match lo.iter().zip(hi).position(|(lo, hi)| *lo != -hi) {
+        None => Ok(()),
+        Some(k) => {
+            let problem = format!("is not -tau_max, although the limit varies: expected {}, got {}", -hi[k], lo[k]);
+            Err(Error::input("tau_min", problem).at([k / n, k % n]))
+        }
+    }
+}
+
 impl PathLimits {
     /// Bounds of torques, accelerations and speeds, `(3 n,)` each: infinite where there is no limit, -1 and 1 where a limit varies.
     fn bounds(&self, n: usize, rows: usize) -> Result<Checked> {
@@ -98,7 +112,7 @@ impl PathLimits {
         let varying = self.torque.as_ref().filter(|(_, hi)| hi.len() == rows * n);
         if let Some((lo, hi)) = torque {
             sized("tau_max", hi, n)?;
-            sized("tau_max", lo, n)?;
+            sized("tau_min", lo, n)?;
             if let Some(i) = (0..n).find(|&i| !(lo[i] < hi[i])) {
                 let problem = format!("is empty: expected a lower below an upper limit, got {} and {}", lo[i], hi[i]);
                 return Err(Error::input("tau_max", problem).at([i]));
@@ -106,8 +120,8 @@ impl PathLimits {
             bounds[0][..n].copy_from_slice(lo);
             bounds[1][..n].copy_from_slice(hi);
         }
-        let varying = varying.map(|(_, hi)| hi);
-        for (k, name, values) in [(0, "tau_max", varying), (1, "a_max", self.acceleration.as_ref()), (2, "v_max", self.velocity.as_ref())] {
+        let largest = varying.map(|(_, hi)| hi);
+        for (k, name, values) in [(0, "tau_max", largest), (1, "a_max", self.acceleration.as_ref()), (2, "v_max", self.velocity.as_ref())] {
             let Some(values) = values else { continue };
             if sized_along(name, values, rows, n)? {
                 all_positive(name, values, values.len())?;
@@ -120,6 +134,9 @@ impl PathLimits {
             for i in 0..n {
                 (bounds[0][k * n + i], bounds[1][k * n + i]) = (-values[i], values[i]);
             }
+        }
+        if let Some((lo, hi)) = varying {
+            mirrored(lo, hi, n)?;
         }
         let [lo, hi] = bounds;
         let tip = self.tip.as_ref().map(|tip| of_tip(tip, rows, &mut along)).transpose()?;
@@ -229,4 +246,40 @@ pub(super) fn checked(mover: Mover, path: &Path, limits: &PathLimits, options: &
         }
     }
     Ok(bounds)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn problem(lo: Vec<f64>, hi: Vec<f64>) -> String {
+        let limits = PathLimits { torque: Some((lo, hi)), ..PathLimits::default() };
+        limits.bounds(2, 3).err().map_or_else(String::new, |error| error.to_string())
+    }
+
+    #[test]
+    fn errors_of_least_torques_name_them() {
+        let wrong = [vec![-1.0], vec![-1.0; 6], vec![f64::NAN, -1.0]];
+        for lo in wrong {
+            assert!(problem(lo.clone(), vec![1.0; 2]).starts_with("tau_min"), "{lo:?}");
+        }
+        assert!(problem(vec![-1.0; 2], vec![1.0]).starts_with("tau_max"));
+        assert!(problem(vec![-1.0; 2], vec![1.0; 2]).is_empty());
+    }
+
+    #[test]
+    fn least_torques_that_vary_mirror_the_largest() {
+        let hi: Vec<f64> = (1..=6).map(f64::from).collect();
+        let lo: Vec<f64> = hi.iter().map(|x| -x).collect();
+        assert!(problem(lo.clone(), hi.clone()).is_empty());
+        for k in 0..6 {
+            let mut other = lo.clone();
+            other[k] = -0.5;
+            let (got, place) = (problem(other, hi.clone()), format!("first bad index ({}, {})", k / 2, k % 2));
+            assert!(got.starts_with("tau_min") && got.contains(&place), "{got}");
+        }
+        for lo in [vec![], vec![-1.0; 2], vec![f64::NAN; 6]] {
+            assert!(problem(lo, hi.clone()).starts_with("tau_min"));
+        }
+    }
 }
