@@ -234,6 +234,21 @@ pub struct Rigid<S: Real> {
     sticking: Option<LaneStickSlip<S>>,
 }
 
+impl<S: Real> Rigid<S> {
+    /// Subtract the friction of the model from the torques on the joints, if it acts. Return its power, which is negative, W.
+    fn rub(&mut self, v: &[S]) -> S {
+        let mut outside = S::zero();
+        if let (true, AnyArm::Tree(tree)) = (self.friction, &self.links.arm) {
+            for i in 0..self.links.n {
+                let loss = friction_torque(tree.leader(i), v[i]);
+                self.links.effort[i] -= loss;
+                outside = loss.neg_mul_add(v[i], outside);
+            }
+        }
+        outside
+    }
+}
+
 impl Build for RigidSpec {
     type Lanes<S: Real> = Rigid<S>;
 
@@ -252,19 +267,13 @@ impl<S: Real> Plant<S> for Rigid<S> {
     fn rates(&mut self, trig: &[(S, S)], x: &[S], tau: &[S], wrench: &[S], dx: &mut [S]) -> Power<S> {
         let n = self.links.n;
         let (q, v) = (&x[..n], &x[n..2 * n]);
-        let (mut input, mut outside) = (S::zero(), S::zero());
+        let mut input = S::zero();
         for i in 0..n {
             self.links.effort[i] = tau[i];
             input = tau[i].mul_add(v[i], input);
             dx[i] = v[i];
         }
-        if let (true, AnyArm::Tree(tree)) = (self.friction, &self.links.arm) {
-            for i in 0..n {
-                let loss = friction_torque(tree.leader(i), v[i]);
-                self.links.effort[i] -= loss;
-                outside = loss.neg_mul_add(v[i], outside);
-            }
-        }
+        let mut outside = self.rub(v);
         if let Some(bristles) = &self.bristles {
             for i in 0..n {
                 let z = x[2 * n + i];
@@ -295,11 +304,16 @@ impl<S: Real> Plant<S> for Rigid<S> {
     }
 
     fn load_friction(&mut self, trig: &[(S, S)], x: &[S], tau: &[S], wrench: &[S]) {
-        let Some(sticking) = &mut self.sticking else { return };
+        if self.sticking.is_none() {
+            return;
+        }
         let (q, v) = x.split_at(self.links.n);
         self.links.effort.copy_from_slice(tau);
+        self.rub(v);
         self.links.add_outside(trig, q, v, wrench);
-        load(&mut self.links, sticking, trig, (q, v), tau);
+        if let Some(sticking) = &mut self.sticking {
+            load(&mut self.links, sticking, trig, (q, v), tau);
+        }
     }
 
     fn hold(&mut self, contacts: &[Touch]) {
@@ -309,5 +323,34 @@ impl<S: Real> Plant<S> for Rigid<S> {
     fn contact(&mut self, i: usize, trig: &[(S, S)], x: &[S]) -> [S; 2] {
         let n = self.links.n;
         self.links.contact(i, trig, &x[..n], &x[n..2 * n])
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::arm::Arm;
+    use crate::plant::{FrictionCurve, StickSlip};
+
+    /// The friction of the model and stick-slip friction act together: modes and motion are computed from the same torques.
+    #[test]
+    fn both_evaluations_have_the_same_torques() {
+        let mut arm = Arm::planar(&[0.5, 0.4], None, None, None, [0.0, -9.81]).unwrap();
+        for joint in &mut arm.joints {
+            (joint.damping, joint.friction) = (0.3, 0.2);
+        }
+        let curve = FrictionCurve::new(vec![0.1; 2], None, None, None, None).unwrap();
+        let dry = Some(JointFriction::StickSlip(StickSlip { curve }));
+        for friction in [false, true] {
+            let spec = RigidSpec { friction, dry: dry.clone(), ..RigidSpec::new(Model::from(arm.clone())) };
+            let mut plant = RigidSpec::build::<f64>(|_| &spec, None);
+            let (x, tau) = ([0.3, -0.4, 0.7, -0.2], [1.0, 2.0]);
+            let trig = [f64::sin_cos(x[0]), f64::sin_cos(x[1])];
+            plant.rates(&trig, &x, &tau, &[], &mut [0.0; 4]);
+            let drive = |plant: &Rigid<f64>| plant.sticking.as_ref().map(|sticking| sticking.drive.clone());
+            let moving = drive(&plant);
+            plant.load_friction(&trig, &x, &tau, &[]);
+            assert_eq!(drive(&plant), moving, "friction: {friction}");
+        }
     }
 }
