@@ -226,10 +226,21 @@ impl Path {
 
     /// Create the quintic Hermite path through `q`, `(K, n)`, with `dq = dq/ds` and `ddq = d^2 q/ds^2`, at the path positions `s`, `(K,)`.
     ///
-    /// The lengths are not checked. Errors: `Input` for positions that do not increase, or numbers that are not finite.
+    /// Errors: `Input` for positions that do not increase, or numbers that are not finite; `WrongShape` for a wrong length or `K < 2`.
     pub fn table(s: &[f64], q: &[f64], dq: &[f64], ddq: &[f64], n: usize) -> Result<Path> {
         increasing(s)?;
-        for values in [q, dq, ddq] {
+        if s.len() < 2 {
+            return Err(Error::wrong("knots", "length", "two or more", s.len()));
+        }
+        for (name, values) in [("q", q), ("dq", dq), ("ddq", ddq)] {
+            if n == 0 || values.len() != s.len().saturating_mul(n) {
+                return Err(Error::wrong(
+                    name,
+                    "shape",
+                    format!("({}, n) with n = {n} joints", s.len()),
+                    format!("{} numbers", values.len()),
+                ));
+            }
             finite("path", values)?;
         }
         let mut c = vec![0.0; (s.len() - 1) * TERMS * n];
@@ -255,11 +266,12 @@ impl Path {
 
     /// Create a path of `P` polynomials from its `knots`, `(P + 1,)`, `coefficients`, `(P, TERMS, n)`, and `end`, `(n,)`, rad or m.
     ///
-    /// Errors: `Input` for knots that do not increase, coefficients that are not finite, or a wrong length.
+    /// Errors: `Input` for knots that do not increase, numbers that are not finite, or a wrong length.
     pub fn from_parts(knots: Vec<f64>, coefficients: Vec<f64>, end: Vec<f64>) -> Result<Path> {
         let n = end.len();
         increasing(&knots)?;
         finite("coefficients", &coefficients)?;
+        finite("end", &end)?;
         if n == 0 || knots.len() < 2 || coefficients.len() != (knots.len() - 1) * TERMS * n {
             return Err(Error::input("coefficients", "has the wrong length: expected six per piece and joint"));
         }

@@ -1,6 +1,7 @@
 //! Tests of motions: derivatives compared with differences, constant ends, and a table that is exact at its knots.
 
 use super::*;
+use crate::error::Error;
 
 fn at(m: &Motion, t: f64) -> Vec<f64> {
     let mut out = vec![0.0; 3 * m.dof()];
@@ -105,4 +106,32 @@ fn knots_in_a_row_are_found_or_there_are_none() {
     for t in [-1e9, 1e15, 1e16, 1e300, f64::INFINITY, f64::NEG_INFINITY, f64::NAN] {
         assert_eq!((table.along(&[t]), table.along(&[1.0, t])), (None, None), "{t}");
     }
+}
+
+#[test]
+fn paths_of_wrong_lengths_are_refused() {
+    let (none, one, two, three): (&[f64], _, _, _) = (&[], &[0.0][..], &[0.0, 1.0][..], &[0.0, 1.0, 2.0][..]);
+    let tables = [
+        (Path::table(none, none, none, none, 1), "knots"),
+        (Path::table(one, one, one, one, 1), "knots"),
+        (Path::table(two, one, two, two, 1), "q"),
+        (Path::table(two, two, three, two, 1), "dq"),
+        (Path::table(two, two, two, none, 1), "ddq"),
+        (Path::table(two, none, none, none, 0), "q"),
+        (Path::table(two, two, two, two, usize::MAX), "q"),
+    ];
+    for (k, (table, name)) in tables.into_iter().enumerate() {
+        assert!(matches!(&table, Err(Error::WrongShape { argument, .. }) if argument == name), "{k}: {table:?}");
+    }
+    assert!(Path::table(two, two, two, two, 1).is_ok());
+}
+
+#[test]
+fn parts_of_a_path_are_finite() {
+    let parts = |end: f64| Path::from_parts(vec![0.0, 1.0], vec![0.5; TERMS], vec![end]);
+    for end in [f64::NAN, f64::INFINITY] {
+        let refused = parts(end);
+        assert!(matches!(&refused, Err(Error::Input { argument, .. }) if argument == "end"), "{refused:?}");
+    }
+    assert!(parts(3.0).is_ok());
 }
