@@ -1,5 +1,6 @@
 //! Joint stops: at the depth `d` beyond a limit, a spring and a damper push the joint back with `tau_i = max(0, k d + c d_dot)`.
 
+use super::friction_curve::require_rows;
 use super::unilateral::{Touch, pressing, push, require_spring, stored};
 use crate::error::{Error, Result};
 use crate::scalar::Real;
@@ -36,9 +37,13 @@ impl Stop {
 impl Stops {
     /// Create stops. Each argument is `(n,)`, in the units of its field.
     ///
-    /// Errors: `Input` for a stiffness that is not positive, a negative damping, `lower >= upper`, or no finite limit.
+    /// Errors: `WrongShape` for unequal lengths; `Input` for a stiffness that is not positive, a negative damping, `lower >= upper`, or no finite limit.
     pub fn new(lower: Vec<f64>, upper: Vec<f64>, stiffness: Vec<f64>, damping: Vec<f64>) -> Result<Self> {
-        for i in 0..lower.len() {
+        let n = lower.len();
+        for (name, values) in [("upper", &upper), ("stiffness", &stiffness), ("damping", &damping)] {
+            require_rows(name, values, n)?;
+        }
+        for i in 0..n {
             require_spring(stiffness[i], damping[i])?;
             if !(lower[i] < upper[i]) {
                 return Err(Error::input("lower", format!("is not below upper: expected < {}, got {}", upper[i], lower[i])).at([i]));
@@ -114,5 +119,19 @@ impl<S: Real> LaneStops<S> {
             lost += loss;
         }
         lost
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn arguments_of_different_lengths_are_refused() {
+        for (name, lengths) in [("upper", [2, 1, 2, 2]), ("stiffness", [2, 2, 0, 2]), ("damping", [2, 2, 2, 3]), ("upper", [1, 2, 2, 2])] {
+            let of = |k: usize, value: f64| vec![value; lengths[k]];
+            let stops = Stops::new(of(0, -1.0), of(1, 1.0), of(2, 100.0), of(3, 1.0));
+            assert!(matches!(&stops, Err(Error::WrongShape { argument, .. }) if argument == name), "{lengths:?}: {stops:?}");
+        }
     }
 }
