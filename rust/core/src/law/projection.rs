@@ -167,9 +167,10 @@ impl Projection {
     }
 
     /// Create equal lower bounds: a mass, kg, with second moments from a radius of gyration `length`, m, in every direction. Errors:
-    /// `Input` for a mass that is not positive, a length of zero, or numbers that are not finite.
+    /// `Input` for a mass or a length that is not positive, or numbers that are not finite.
     pub fn of_mass(p: usize, mass: f64, length: f64) -> Result<Self> {
         crate::error::positive("projection", mass)?;
+        crate::error::positive("length", length)?;
         let second = mass * length * length;
         let body = [mass, 0.0, 0.0, 0.0, 2.0 * second, 0.0, 2.0 * second, 0.0, 0.0, 2.0 * second];
         let least: Vec<f64> = if p == PR { vec![mass, 0.0, second] } else { body.into_iter().cycle().take(p).collect() };

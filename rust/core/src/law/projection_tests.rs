@@ -154,3 +154,13 @@ fn starts_are_moved_inside_and_no_further() {
     let z = relative(&inverse(&pr.factors[0]), &matrix_of(&three, 2.0));
     assert!(negative_part(&z).as_flattened().iter().all(|x| x.abs() < 1e-12) && (three[1] - 2.5).abs() < 0.1, "{three:?}");
 }
+
+#[test]
+fn bounds_of_a_mass_require_a_positive_length() {
+    for p in [3, 20] {
+        assert!(Projection::of_mass(p, 0.1, 0.05).is_ok());
+        for (mass, length) in [(0.1, -0.05), (0.1, 0.0), (0.1, f64::NAN), (-0.1, 0.05)] {
+            assert!(Projection::of_mass(p, mass, length).is_err(), "{mass} kg, {length} m");
+        }
+    }
+}
