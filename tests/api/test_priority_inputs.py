@@ -224,6 +224,13 @@ def test_bounds_hold_and_can_change() -> None:
     np.testing.assert_allclose(solver.solve([J1, J2], [V1, V2]), al.solve_priority([J1, J2], [V1, V2], method="exact").v, atol=1e-14)
 
 
+def test_bounds_of_a_solver_without_bounds_are_refused() -> None:
+    arm = al.planar_arm([0.5, 0.4, 0.3])
+    for solver, n in [(al.PrioritySolver(4, [2, 1]), 4), (al.PrioritySolver.for_arm(arm, [al.Task("link3", "xy")]), 3)]:
+        with pytest.raises(al.InputError, match="v_max has no use: expected a solver that was created with bounds"):
+            solver.set_bounds(-np.ones(n), np.ones(n))
+
+
 @pytest.mark.parametrize("method", METHODS)
 def test_pickling(method: str) -> None:
     solver = al.PrioritySolver(4, [2, 1], eps=[0.1, 0.2], rounding=1e-12, weight=np.diag([1.0, 2.0, 3.0, 4.0]), **keywords(method))

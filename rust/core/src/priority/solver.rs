@@ -142,6 +142,11 @@ impl PrioritySolver {
         Ok(())
     }
 
+    /// Set the relative error of an arm's Jacobians, which is at most 0.5.
+    pub(crate) fn set_arm_rounding(&mut self, rounding: f64) {
+        self.work.rounding = rounding;
+    }
+
     /// Set the threshold on the singular values of each level for the next solves, in the unit of the level's Jacobian.
     /// Errors: `WrongShape` for a wrong length, `Input` for a threshold that is not positive.
     pub fn set_eps(&mut self, eps: &[f64]) -> Result<()> {
@@ -160,10 +165,10 @@ impl PrioritySolver {
         Ok(())
     }
 
-    /// Set the joint velocity bounds for the next solves, shape `(n,)` each, rad/s or m/s. Infinite bounds are allowed. A solver that was
-    /// created without bounds ignores them.
+    /// Set the joint velocity bounds for the next solves, shape `(n,)` each, rad/s or m/s. Infinite bounds are allowed.
     ///
-    /// Errors: `WrongShape` for a wrong length; `Input` for NaN, `v_min > v_max`, or bounds that allow no finite velocity.
+    /// Errors: `WrongShape` for a wrong length; `Input` for NaN, `v_min > v_max`, bounds that allow no finite velocity, or a solver that was
+    /// created without bounds.
     pub fn set_bounds(&mut self, v_min: &[f64], v_max: &[f64]) -> Result<()> {
         let n = self.work.n;
         for (name, x) in [("v_min", v_min), ("v_max", v_max)] {
@@ -178,11 +183,12 @@ impl PrioritySolver {
                 Error::input("v_min", format!("is out of order: expected v_min <= v_max, got {} and {}", v_min[i], v_max[i])).at([i])
             );
         }
-        if let Some((lower, upper)) = &mut self.work.bounds {
-            lower.copy_from_slice(v_min);
-            upper.copy_from_slice(v_max);
-            self.work.regular.set_bounds(v_min, v_max);
-        }
+        let Some((lower, upper)) = &mut self.work.bounds else {
+            return Err(Error::input("v_max", "has no use: expected a solver that was created with bounds"));
+        };
+        lower.copy_from_slice(v_min);
+        upper.copy_from_slice(v_max);
+        self.work.regular.set_bounds(v_min, v_max);
         Ok(())
     }
 
