@@ -108,6 +108,9 @@ pub fn identify(arm: &Model, [q, v, a, tau]: [&[f64]; 4], options: &Identificati
     }
     let ones = vec![1.0; n];
     let noise = options.noise.unwrap_or(&ones);
+    if noise.len() != n {
+        return Err(Error::wrong("noise", "length", n, noise.len()));
+    }
     noise.iter().try_for_each(|&x| positive("noise", x))?;
     let base = base_parameters(arm, options.armature, options.friction)?;
     let (b, p) = (base.count(), base.names.len());
@@ -256,4 +259,21 @@ fn nearest(arm: &Model, base: &BaseParameters, values: &[f64], options: &Identif
         }
     }
     Ok(pi)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::arm::Arm;
+
+    #[test]
+    fn noise_of_a_wrong_length_is_refused() {
+        let arm = Model::from(Arm::planar(&[0.5, 0.4], None, None, None, [0.0, -9.81]).unwrap());
+        let record: Vec<f64> = (0..80).map(|k| f64::from(k).sin()).collect();
+        for noise in [&[][..], &[0.1], &[0.1; 3]] {
+            let options = Options { noise: Some(noise), ..Options::default() };
+            let refused = identify(&arm, [&record; 4], &options);
+            assert!(matches!(&refused, Err(Error::WrongShape { argument, .. }) if argument == "noise"), "{noise:?}: {refused:?}");
+        }
+    }
 }

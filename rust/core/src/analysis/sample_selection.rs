@@ -71,10 +71,13 @@ impl Candidates {
 
 /// Choose `count` of `K` samples, so that their stacked regressors have a large smallest singular value.
 ///
-/// `rows`, `(K, n, p)`, has the regressor `W` of each sample. Errors: `Input` for a `count` out of range, numbers that are not finite or
-/// too large, or regressors of zeros; `Memory`.
+/// `rows`, `(K, n, p)`, has the regressor `W` of each sample. Errors: `WrongShape` for a length that is not a positive multiple of `n p`;
+/// `Input` for a `count` out of range, numbers that are not finite or too large, or regressors of zeros; `Memory`.
 pub fn select(rows: &[f64], n: usize, p: usize, count: usize) -> Result<Selection> {
-    let samples = rows.len() / (n * p);
+    let samples = match n.checked_mul(p) {
+        Some(size) if size > 0 && rows.len().is_multiple_of(size) => rows.len() / size,
+        _ => return Err(Error::wrong("samples", "length", format!("a multiple of n p > 0, with n = {n} and p = {p}"), rows.len())),
+    };
     finite("samples", rows)?;
     if count == 0 || count > samples {
         return Err(Error::input("count", format!("is out of range: expected 1 to {samples}, the number of samples, got {count}")));
@@ -193,4 +196,18 @@ fn exchange(candidates: &Candidates, chosen: &mut [usize]) -> Result<()> {
         chosen[k] = j;
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn samples_of_a_wrong_length_are_refused() {
+        for (n, p) in [(0, 2), (2, 0), (2, 2), (4, 1), (usize::MAX, 2)] {
+            let refused = select(&[1.0, 2.0, 3.0, 4.0, 5.0, 6.0], n, p, 1);
+            assert!(matches!(&refused, Err(Error::WrongShape { argument, .. }) if argument == "samples"), "{n} {p}: {refused:?}");
+        }
+        assert!(select(&[1.0, 2.0, 3.0, 4.0, 5.0, 6.0], 2, 3, 1).is_ok());
+    }
 }
