@@ -26,6 +26,7 @@ REFUSED = {
     "no such joint": (fingers("", "<mimic joint='j7'/>"), 4, "joint j2 mimics j7, which is no joint"),
     "itself": (fingers("", "<mimic joint='j2'/>"), 4, "joint j2 mimics itself, directly or by way of others"),
     "each other": (fingers("<mimic joint='j2'/>", "<mimic joint='j1'/>"), 3, "joint j1 mimics itself, directly or by way of others"),
+    "itself, and is followed": (fingers("<mimic joint='j2'/>", "<mimic joint='j2'/>"), 4, "joint j2 mimics itself"),
     "a fixed one": (fingers("<mimic joint='j2'/>", kind="fixed"), 3, "joint j1 mimics j2, which is fixed"),
     "no leader": (fingers("", "<mimic multiplier='2'/>"), 4, "mimic has no joint"),
     "multiplier": (fingers("", "<mimic joint='j1' multiplier='two'/>"), 4, "multiplier of mimic is not a number"),
@@ -173,6 +174,7 @@ def chain(**mimic: Any) -> list[dict[str, Any]]:
 
 CHAINS: dict[str, tuple[Any, str]] = {
     "itself": (chain(joint=1), r"joints\[1\].mimic leads back to the joint itself"),
+    "into a cycle": ([{**chain()[0], "mimic": {"joint": 1}}, chain(joint=1)[1]], r"joints\[1\].mimic leads back to the joint itself"),
     "far": (chain(joint=7), r"joints\[1\].mimic is out of range: expected an index below 2, got 7"),
     "none": (chain(multiplier=2.0), r"joints\[1\]\[\"mimic\"\] has no joint: expected the index"),
     "word": (chain(joint="joint1"), r"joints\[1\]\[\"mimic\"\] has no joint: expected the index"),

@@ -39,18 +39,19 @@ pub const MOST_BODIES: usize = 256;
 pub type Follows = (usize, f64, f64);
 
 /// For each joint, find the free joint that it follows through a chain of followers. The result is `None` for free joints. The error is the
-/// index of a joint whose chain of leaders contains a cycle.
+/// index of a joint in a cycle of followers.
 pub fn resolved(given: &[Option<Follows>]) -> std::result::Result<Vec<Option<Follows>>, usize> {
     let (mut out, mut known) = (given.to_vec(), vec![false; given.len()]);
-    let mut way = Vec::new();
+    let (mut way, mut passed) = (Vec::new(), vec![false; given.len()]);
     for start in 0..given.len() {
         look();
         let mut i = start;
         while let (false, Some((leader, ..))) = (known[i], given[i]) {
-            // The path is longer than the list, so that it contains a cycle.
-            if way.len() > given.len() {
-                return Err(start);
+            // The chain passes this joint a second time, so that the joint is in a cycle.
+            if passed[i] {
+                return Err(i);
             }
+            passed[i] = true;
             way.push(i);
             i = leader;
         }
@@ -260,4 +261,21 @@ pub struct Leader {
     pub moved: Moved,
     pub multiplier: f64,
     pub offset: f64,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_cycle_is_reported_by_one_of_its_joints() {
+        let follows = |leaders: &[Option<usize>]| resolved(&leaders.iter().map(|leader| leader.map(|k| (k, 2.0, 0.5))).collect::<Vec<_>>());
+        assert_eq!(follows(&[Some(1), Some(1)]), Err(1));
+        // Joints 0 and 1 only lead into the cycle of joints 2, 3 and 4.
+        assert_eq!(follows(&[Some(1), Some(2), Some(3), Some(4), Some(2), None]), Err(2));
+        assert_eq!(follows(&[Some(1), Some(2), Some(0)]), Err(0));
+        // A joint that was already resolved, and then a cycle.
+        assert_eq!(follows(&[Some(1), None, Some(0), Some(4), Some(3)]), Err(3));
+        assert_eq!(follows(&[Some(1), Some(2), None]), Ok(vec![Some((2, 4.0, 1.5)), Some((2, 2.0, 0.5)), None]));
+    }
 }
