@@ -104,8 +104,34 @@ fn sine_and_cosine() {
     on_every_number(SinCos);
 }
 
+#[derive(Clone, Copy)]
+struct Reach;
+impl GenericKernel for Reach {
+    type Output = ();
+    fn run<S: Real>(self) {
+        let limit = trig::REDUCTION_LIMIT;
+        // Close to a multiple of pi/2, the reduction cancels most digits. It cancels the most for the largest multiples.
+        let last = (limit * std::f64::consts::FRAC_2_PI) as u32;
+        for k in last - 1000..=last {
+            let angle = f64::from(k) * std::f64::consts::FRAC_PI_2;
+            for x in [angle.next_down(), angle, angle.next_up(), -angle] {
+                let (s, c) = S::splat(x).sin_cos();
+                // The tolerance is explained in `SinCos`.
+                assert!(ulps_apart(s.lane(0), x.sin()) <= 1.5 && ulps_apart(c.lane(0), x.cos()) <= 1.5, "{x}");
+            }
+        }
+        // From the limit on, the library function is called.
+        for x in [limit, limit.next_up(), -limit, 1.0e7, 3.0e12] {
+            let (s, c) = S::splat(x).sin_cos();
+            assert_eq!((s.lane(0), c.lane(0)), trig::sin_cos_far(x), "{x}");
+        }
+    }
+}
+
 #[test]
-fn reach_of_the_reduction() {}
+fn reach_of_the_reduction() {
+    on_every_number(Reach);
+}
 
 #[test]
 fn arithmetic() {

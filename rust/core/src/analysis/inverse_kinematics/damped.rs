@@ -243,12 +243,12 @@ mod tests {
         }
     }
 
-    /// The matrix of rows and the matrix of joints give the same step. The test has two and four rows for three joints.
+    /// The matrix of rows and the matrix of joints give the same step. The test has two and four rows for three joints, and then three
+    /// and six rows.
     #[test]
     fn both_matrices_have_the_same_step() {
         let arm = Arm::planar(&[0.5, 0.4, 0.3], None, None, None, [0.0, -9.81]).unwrap();
         let bounds = [(-3.0, 3.0); 3];
-        let tip = TaskFunction::frame(&arm, "link3", "xy").unwrap();
         let step = |functions: &[TaskFunction], desired: &[Vec<f64>]| {
             let mut damped = Damped::new(&arm, functions, &bounds, &[true; 3]);
             let mut q = vec![0.3, 0.4, 0.5];
@@ -257,12 +257,14 @@ mod tests {
             damped.descend(&mut q, desired, &reach, &mut found, &mut 0);
             q
         };
-        let aim = vec![0.6, 0.5, 0.0, 0.0, 0.0, 0.0];
-        let plain = step(std::slice::from_ref(&tip), std::slice::from_ref(&aim));
-        // Two equal tasks double J'J and the squared error.
-        let twice = step(&[tip.clone(), tip], &[aim.clone(), aim]);
-        let gap = plain.iter().zip(&twice).fold(0.0, |gap: f64, (a, b)| gap.max((a - b).abs()));
-        // The damping doubles like J'J, so the steps differ only by the floor.
-        assert!(gap < 1e-9, "{plain:?} {twice:?}");
+        for (axes, aim) in [("xy", vec![0.6, 0.5, 0.0, 0.0, 0.0, 0.0]), ("xy rz", vec![0.6, 0.5, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])] {
+            let tip = TaskFunction::frame(&arm, "link3", axes).unwrap();
+            let plain = step(std::slice::from_ref(&tip), std::slice::from_ref(&aim));
+            // Two equal tasks double J'J and the squared error.
+            let twice = step(&[tip.clone(), tip], &[aim.clone(), aim]);
+            let gap = plain.iter().zip(&twice).fold(0.0, |gap: f64, (a, b)| gap.max((a - b).abs()));
+            // The damping doubles like J'J, so the steps differ only by the floor.
+            assert!(gap < 1e-9, "{axes}: {plain:?} {twice:?}");
+        }
     }
 }
