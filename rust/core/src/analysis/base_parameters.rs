@@ -9,6 +9,7 @@
 //! tip. A column is dependent if its distance from the span of the earlier columns, relative to its length, is a rounding error. So a
 //! dependent parameter is always grouped with earlier parameters.
 
+use super::uniform::uniform;
 use crate::dynamics::{Model, Quantity, Query};
 use crate::error::Result;
 use crate::interrupt::look;
@@ -111,20 +112,9 @@ pub struct BaseParameters {
     pub names: Vec<String>,
 }
 
-/// The generator splitmix64, which gives the same states on every machine.
-struct Seeded(u64);
-
-impl Seeded {
-    /// Fill `x` with uniform numbers in [-scale, scale).
-    fn fill(&mut self, scale: f64, x: &mut [f64]) {
-        for x in x {
-            self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-            let mut z = self.0;
-            z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-            z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-            *x = scale * (((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 52) as f64 - 1.0);
-        }
-    }
+/// Fill `x` with uniform numbers in [-scale, scale).
+fn fill(state: &mut u64, scale: f64, x: &mut [f64]) {
+    x.iter_mut().for_each(|x| *x = scale * (2.0 * uniform(state) - 1.0));
 }
 
 /// Compute the base parameters of `arm` under the gravity of the model. `armature` and `friction` add the parameters of joints.
@@ -138,7 +128,7 @@ pub fn base_parameters(arm: &Model, armature: bool, friction: bool) -> Result<Ba
     // Require memory for the columns, their triangle with its projection, and a block of the regressor.
     memory::require(8 * p.saturating_mul(states * n + 3 * p + BLOCK * n))?;
     let mut columns: Vec<Vec<f64>> = (0..p).map(|_| memory::reserved(states * n)).collect::<Result<_>>()?;
-    let mut seeded = Seeded(2022);
+    let mut state = 2022;
     let mut y = vec![0.0; BLOCK * n * p];
     for first in (0..states).step_by(BLOCK) {
         look();
@@ -149,7 +139,7 @@ pub fn base_parameters(arm: &Model, armature: bool, friction: bool) -> Result<Ba
         });
         for k in 0..count {
             for (scale, x) in [(3.0, &mut q), (3.0, &mut v), (3.0, &mut v_r), (9.0, &mut a_r)] {
-                seeded.fill(scale, &mut x[k * n..(k + 1) * n]);
+                fill(&mut state, scale, &mut x[k * n..(k + 1) * n]);
             }
         }
         let y = &mut y[..count * n * p];
