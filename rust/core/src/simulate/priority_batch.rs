@@ -77,7 +77,7 @@ pub fn solve_stacks_by(
     )
 }
 
-/// Call `work` on every part, with one solver per thread. Return whether the work was interrupted.
+/// Call `work` on every part. On several threads, each share of the parts has its own solver. Return whether the work was interrupted.
 fn each<P: Send, L>(
     parts: Vec<P>,
     threads: usize,
@@ -96,7 +96,8 @@ fn each<P: Send, L>(
         return false;
     }
     parallel::run(threads, parts.len(), poll, |stop| {
-        // Each thread takes a contiguous share of the parts. So it creates one solver, and writes to its own pages of memory.
+        // A thread takes contiguous shares of the parts, about four in total. It creates one solver per share, and writes to its own pages
+        // of memory.
         let share = parts.len().div_ceil(4 * threads).max(1);
         let mut shares: Vec<Vec<P>> = Vec::new();
         for (k, part) in parts.into_iter().enumerate() {

@@ -27,8 +27,8 @@ mod system {
     const HUGE: c_int = 14;
     const PAGE: usize = 4096;
 
-    /// Request large pages from the first whole page of this memory on. Errors are ignored, because the request does not change any
-    /// content.
+    /// Request large pages from the first whole page of this memory on. The system rounds the length up to whole pages. Errors are
+    /// ignored, because the request does not change any content.
     pub fn advise(start: usize, bytes: usize) {
         let first = start.next_multiple_of(PAGE);
         // SAFETY: this advice changes no content. The system returns an error for addresses that are not mapped.
