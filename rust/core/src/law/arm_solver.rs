@@ -76,13 +76,12 @@ impl ArmSolver {
     }
 
     /// Place the arm at `q`, `(n,)`, and compute the Jacobians. The caller writes the task velocities to the returned slice, `(sum rows,)`.
-    /// The relative error of the Jacobians is at most 0.5, so that no error occurs.
     #[inline]
-    pub fn prepare(&mut self, q: &[f64]) -> Result<&mut [f64]> {
+    pub fn prepare(&mut self, q: &[f64]) -> &mut [f64] {
         let rounding = jacobians(&mut self.running, q, self.solver.inputs().0);
         let solver = &mut self.solver;
-        solver.set_rounding(rounding)?;
-        Ok(solver.inputs().1)
+        solver.set_arm_rounding(rounding);
+        solver.inputs().1
     }
 
     /// Write the Jacobians at `q`, `(n,)`, to `out`, `(sum rows, n)`, as the solver uses them. Return the relative error of their entries.
@@ -94,7 +93,7 @@ impl ArmSolver {
     ///
     /// Errors: `Input` for numbers that are not finite, `Solve` if the result overflows.
     pub fn solve(&mut self, q: &[f64], velocities: &[f64]) -> Result<Status> {
-        self.prepare(q)?.copy_from_slice(velocities);
+        self.prepare(q).copy_from_slice(velocities);
         self.solver.run().or_else(|error| {
             // Jacobians are not finite only if `q` is not finite.
             finite("q", q)?;

@@ -113,7 +113,7 @@ impl ArmPrioritySolver {
         let given = &given[..self.rows.len()];
         let solve = |v: &mut [f64]| -> Result<(), Failure> {
             let core = &mut *self.state();
-            let command = core.prepare(angles)?;
+            let command = core.prepare(angles);
             let mut at = 0;
             for velocity in given {
                 command[at..at + velocity.len()].copy_from_slice(velocity);
@@ -308,7 +308,8 @@ impl ArmPrioritySolver {
         })
     }
 
-    /// Set the velocity bounds of the next solves with "sns", a number or `(n,)` each, rad/s or m/s.
+    /// Set the velocity bounds of the next solves with "sns", a number or `(n,)` each, rad/s or m/s. A solver without bounds raises
+    /// `InputError`.
     fn set_bounds(&self, py: Python<'_>, v_min: &Bound<'_, PyAny>, v_max: &Bound<'_, PyAny>) -> PyResult<()> {
         const NAME: &str = "ArmPrioritySolver.set_bounds";
         entry(py, NAME, || {

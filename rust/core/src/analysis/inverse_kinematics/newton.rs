@@ -160,7 +160,7 @@ impl NewtonSearch {
         self.look_at(q);
         for _ in 0..LAST_STEPS {
             look();
-            self.solver.prepare(q)?;
+            self.solver.prepare(q);
             self.e[rows..].fill(0.0);
             self.set_thresholds()?;
             self.step(q, 0.0)?;
@@ -186,7 +186,7 @@ impl NewtonSearch {
             if self.misses.iter().all(|miss| *miss == 0.0) {
                 return Ok(true);
             }
-            self.solver.prepare(q)?;
+            self.solver.prepare(q);
             // The search from a start ends if its first unreached task makes too little progress.
             let ahead = self.misses.iter().zip(&self.mark).find(|(now, before)| now != before);
             if ahead.is_some_and(|(now, before)| *now < (1.0 - PROGRESS) * before) {
