@@ -271,7 +271,7 @@ mod tests {
         let arm = Model::from(Arm::planar(&[0.5, 0.4], None, None, None, [0.0, -9.81]).unwrap());
         let record: Vec<f64> = (0..80).map(|k| f64::from(k).sin()).collect();
         for noise in [&[][..], &[0.1], &[0.1; 3]] {
-            let options = Options { noise: Some(noise), ..Options::default() };
+            let options = IdentificationOptions { noise: Some(noise), ..IdentificationOptions::default() };
             let refused = identify(&arm, [&record; 4], &options);
             assert!(matches!(&refused, Err(Error::WrongShape { argument, .. }) if argument == "noise"), "{noise:?}: {refused:?}");
         }

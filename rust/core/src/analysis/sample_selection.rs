@@ -71,7 +71,7 @@ impl Candidates {
 
 /// Choose `count` of `K` samples, so that their stacked regressors have a large smallest singular value.
 ///
-/// `rows`, `(K, n, p)`, has the regressor `W` of each sample. Errors: `WrongShape` for a length that is not a positive multiple of `n p`;
+/// `rows`, `(K, n, p)`, has the regressor `W` of each sample. Errors: `WrongShape` for a length that is not a positive multiple of `n p`.
 /// `Input` for a `count` out of range, numbers that are not finite or too large, or regressors of zeros; `Memory`.
 pub fn select(rows: &[f64], n: usize, p: usize, count: usize) -> Result<Selection> {
     let samples = match n.checked_mul(p) {
