@@ -96,7 +96,7 @@ def test_large_arrays_are_read_whole(form: Callable[[np.ndarray], Any]) -> None:
     M = arm.mass_matrix(given)
     assert M.shape == (*whole.shape, 2)
     np.testing.assert_array_equal(M[..., 0, 1], M[..., 1, 0])
-    np.testing.assert_allclose(M[..., 0, 1], 0.5 * np.cos(whole[..., 1]), rtol=1e-15, atol=1e-15)  # one product and one cosine
+    np.testing.assert_allclose(M[..., 0, 1], 0.5 * np.cos(whole[..., 1]), rtol=1e-15, atol=1e-15)  # rounding of one product and one cosine
 
 
 def test_an_integer_that_is_not_exact_is_named_in_a_later_piece() -> None:

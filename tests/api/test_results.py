@@ -80,7 +80,7 @@ def test_violations() -> None:
     energy = np.ones(len(T))
     balance, lyapunov = np.zeros(len(T)), np.linspace(1.0, 0.0, len(T))
     balance[[5, 7]] = 1e-5, np.nan
-    lyapunov[100] += 0.1  # an increase of one record
+    lyapunov[100] += 0.1  # an increase at one record
     monitors = {"energy": energy, "energy_balance": balance, "lyapunov": lyapunov, "skewness": 0.0 * T}
     assert made(monitors=monitors).metrics()["monitor_violations"] == 3
     assert made(monitors=monitors).metrics(tolerance=1e-4)["monitor_violations"] == 2

@@ -63,7 +63,7 @@ def test_the_integral_continues_when_a_slider_moves() -> None:
     after = lab.panels()[1][1][-1]
     _, angle, goal = lab.panels()[0]
     integral = 30.0 * np.trapezoid(goal - angle, dx=FRAME)  # N m
-    # The torque changes by one step of 1 ms. A reset of the integral would change it by more than 1 N m.
+    # In one step of 1 ms the torque changes by less than 0.1 N m. A reset of the integral would change it by more than 1 N m.
     assert abs(after - before) < 0.1 and abs(integral) > 1.0
     # With K_i = 0 the integral is zero. It starts again from zero when K_i returns to 30.
     lab.set("ki", 0.0)

@@ -42,7 +42,7 @@ def test_a_batch_is_its_rows() -> None:
         (arm.regressor(q, v, v, a), lambda i: arm.regressor(q[i], v[i], v[i], a[i])),
     ):
         for i in (0, 7, 8, 299):
-            # SIMD lanes and single calls round in a different order. The entries are up to some hundreds.
+            # SIMD lanes and single calls round in a different order. The largest entries are some hundreds.
             np.testing.assert_allclose(batch[i], row(i), rtol=1e-11, atol=1e-11)
     np.testing.assert_allclose(arm.forward_dynamics(q, v, arm.inverse_dynamics(q, v, a)), a, rtol=1e-8, atol=1e-8)
 

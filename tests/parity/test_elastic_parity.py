@@ -110,7 +110,7 @@ def test_rest_and_eigenvalues() -> None:
         close(rest.q, expected.q, 1e-10)
         close(rest.tau, expected.tau, 1e-9)
         assert (rest.reachable, rest.spurious, rest.stable) == (expected.reachable, expected.spurious, expected.stable)
-        # The reference computes derivatives from extrapolated differences, with an error of about 1e-9 of the largest.
+        # The reference computes derivatives from extrapolated differences. Their error is about 1e-9 of the largest derivative.
         ours_sorted, theirs_sorted = (np.sort_complex(np.round(values, 6)) for values in (rest.eigenvalues, expected.eigenvalues))
         close(np.abs(ours_sorted), np.abs(theirs_sorted), 1e-6)
 

@@ -15,9 +15,9 @@ from loops import Array, close, law_pair, pair
 import armlet as al
 from armlet import reference
 
-# Rounding in some hundred equal steps with stiff bristles grows with accelerations of some hundreds.
+# Rounding errors grow over the steps, with accelerations of some hundreds, and with the stiffness of the bristles.
 ROUNDING = 1e-9
-# The sweeps of the reference stop at 1e-15 of the impulses, and the inertia matrix amplifies this error.
+# The reference iterates until the impulses change by less than 1e-15 of the largest. The inertia matrix amplifies this error.
 SWEEPS = 1e-9
 
 

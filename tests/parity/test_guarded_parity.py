@@ -14,7 +14,7 @@ from loops import close, law_pair, pair
 import armlet as al
 from armlet import reference as ref
 
-# Rounding in some fifty equal steps grows with accelerations of some hundreds and with the reference's complex steps.
+# Rounding errors grow over the steps, with accelerations of some hundreds, and with complex-step derivatives in the reference.
 ROUNDING = 1e-8
 PERIOD = 2e-3
 REACTIONS: dict[str, dict[str, Any]] = {

@@ -74,7 +74,7 @@ def compare(got: Any, want: Any, rounding: float) -> None:
     """Compare all results of an identification. `rounding` is the relative tolerance of the identified values."""
     assert got.rank == want.rank
     close(got.singular_values, want.singular_values)
-    # Rounding of the least singular value is 1e-12 of the largest.
+    # The rounding error of the least singular value is about 1e-12 of the largest singular value.
     assert got.condition == pytest.approx(want.condition, rel=1e-9)
     close(got.values, want.values, tolerance=rounding)
     close(got.covariance, want.covariance, float(np.abs(want.covariance).max()), 1e-6)

@@ -143,7 +143,7 @@ def test_thresholds() -> None:
         Js, vs = random_stack(rng, False)
         sizes = [np.linalg.norm(J, 2) for J in Js]
         for eps in (0.3 * min(sizes), [0.1 * size for size in sizes]):
-            # Each level multiplies rounding by the square of its norm divided by the threshold.
+            # Each level multiplies the rounding error by (norm of its Jacobian / threshold)^2.
             worst = max((size / np.min(eps)) ** 2 if np.ndim(eps) == 0 else 1e4 for size in sizes)
             for method in ("clamp", "damped", "chiaverini"):
                 mine, theirs = al.solve_priority(Js, vs, method=method, eps=eps), ref.solve_priority(Js, vs, method, eps)
@@ -189,7 +189,8 @@ def test_losses_of_a_command(singular: bool) -> None:
                 for name in ("singular_values", "projected_singular_values"):
                     got, want = getattr(mine, name)[level], getattr(theirs, name)[level]
                     np.testing.assert_allclose(got[: len(want)], want, rtol=0, atol=1e-11 * size)
-                # Both codes project on bases of the rows above, whose least singular value is at least 1e-4 of the largest.
+                # Both codes project on bases of the rows of the previous levels. The least singular value of these rows is at least 1e-4 of
+                # the largest.
                 np.testing.assert_allclose(mine.lost[level].T @ mine.lost[level], theirs.lost[level], rtol=0, atol=1e-10)
                 np.testing.assert_allclose(mine.losses[level], theirs.losses[level], rtol=0, atol=1e-8 * scale)
             compared, executed = compared + 1, executed + bool(mine.compatible)

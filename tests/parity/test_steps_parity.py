@@ -11,7 +11,7 @@ from loops import PIDS, close, law_pair, pair
 import armlet as al
 from armlet import reference
 
-# Rounding in twenty equal steps grows with accelerations of some hundreds and with the reference's complex steps.
+# Rounding errors grow over the steps, with accelerations of some hundreds, and with complex-step derivatives in the reference.
 ROUNDING = 1e-9
 
 

@@ -44,7 +44,7 @@ __all__ = ["Descent"]
 Array: TypeAlias = NDArray[np.float64]
 Row: TypeAlias = dict[str, Any]
 
-#: A path that is a number of the loop, or one entry of such a number.
+#: The path of a quantity of the loop, such as `law.kp`, or of one of its entries, such as `run.q0[1]`.
 ENTRY = re.compile(r"(law\.[A-Za-z_]+|run\.(?:q0|v0))(?:\[(\d+)\])?")
 #: Size of the states that an adjoint run stores, bytes.
 MEMORY = 1 << 26

@@ -42,7 +42,8 @@ fn put_series(
 ) -> Result<(), Failure> {
     for (name, values) in series {
         let width = if name == "estimate" { p } else { n };
-        // An empty optional series has no field: theta and theta_dot without motors, and friction and bristles without such friction.
+        // An empty optional series has no field. For example, only a plant with motors has `theta` and `theta_dot`, and only a friction
+        // model with bristles has `bristles`.
         let optional = !["q", "v", "tau", "estimate"].contains(&name);
         if (optional && values.is_empty() && k > 0) || width == 0 {
             continue;

@@ -7,7 +7,7 @@
 //! jump.
 //!
 //! A parameter `p` is given by runs of the problem that differ in this parameter, and by weights: `dF/dp = sum w_i F_i`. Here `F` is a loop
-//! parameter. Differences of results of runs are not used.
+//! parameter, and `F_i` its value in run `i`. Differences of results of runs are not used.
 //!
 //! Terms of this directory:
 //!

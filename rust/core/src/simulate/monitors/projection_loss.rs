@@ -1,4 +1,5 @@
-//! The loss due to the clamp of a law's projector or coupling near a singularity: see [`crate::law::ProjectionLoss`].
+//! The error that clamped singular values cause near a singularity, in a law with a null space or with compensated coupling:
+//! see [`crate::law::ProjectionLoss`].
 
 use super::{Moment, Monitor, MonitorKind, Scope};
 use crate::scalar::Real;
