@@ -93,7 +93,8 @@ def solve_clamp(
     n = blocks[0].shape[1]
     x, d, V = np.zeros(n), np.ones(n), np.eye(n)  # P = V diag(d) V'
     for J, target, e in zip(blocks, targets, levels, strict=True):
-        # The velocity of this level is a combination of columns of V. So it does not disturb previous levels, even if A is only rounding error.
+        # The velocity of this level is a combination of columns of V. So it does not disturb previous levels, even if A is only
+        # a rounding error.
         A = (J @ V) * d
         inverse = clamp_inverse(A, e)
         x = x + V @ ((damped_inverse(A, e) if damped else inverse) @ (target - J @ x))

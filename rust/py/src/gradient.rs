@@ -1,7 +1,8 @@
 //! Derivatives of simulated runs with respect to named parameters, by forward sensitivities and by the adjoint method.
 //!
 //! The caller passes the run itself and *runs of variations*. In these, a parameter has other values. The derivative of a number of
-//! the loop with respect to the parameter is the sum of its values in these runs, multiplied by `weights`. A *record* is the state and the torque at one time of `t_eval`.
+//! the loop with respect to the parameter is the sum of its values in these runs, multiplied by `weights`. A *record* is the state and the
+//! torque at one time of `t_eval`.
 
 use crate::arrays::{Axis, Form, adopted, count, numbers};
 use crate::errors::{Failure, entry, input_error};

@@ -4,8 +4,8 @@
 //!
 //! The solver is simplified Newton iteration on `w = T^-1 z`, with the Jacobian `J = df/dx`. `T` is a constant matrix such that
 //! `T^-1 A^-1 T` is block diagonal, where `A` has the entries `a_ij`. It has one block for the real eigenvalue `m` of `A^-1`, and one for
-//! the complex pair `a + ib`, `a - ib`: `(m/h - J) dw_1 = (T^-1 f)_1 - m/h w_1` and `((a + ib)/h - J)(dw_2 + i dw_3) = ..`. Here `f` are the
-//! slopes at the stages, and `dw` is the change of `w` in one iteration. The error estimate is
+//! the complex pair `a + ib`, `a - ib`: `(m/h - J) dw_1 = (T^-1 f)_1 - m/h w_1` and `((a + ib)/h - J)(dw_2 + i dw_3) = ..`. Here `f` are
+//! the slopes at the stages, and `dw` is the change of `w` in one iteration. The error estimate is
 //! `(m/h - J)^-1 (f(t, x) + (e_1 z_1 + e_2 z_2 + e_3 z_3)/h)`. The collocation polynomial of degree 3 is the dense output. Its
 //! extrapolation starts the next Newton iteration. The step-size control is predictive (Gustafsson 1994).
 
