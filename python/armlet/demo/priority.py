@@ -94,7 +94,7 @@ def solutions(report: Report) -> None:
 
 
 def wrong_column(report: Report) -> None:
-    """Erratum E1: the printed last column is L/4 (-s123, c123 + c1234) instead of L/4 (-s1234, c1234)."""
+    """Erratum E1: the exam prints L/4 (-s123, c123 + c1234) as the last column of J1. The correct column is L/4 (-s1234, c1234)."""
 
     def printed(q: Array) -> list[Array]:
         J1, J2 = (J.copy() for J in stack(q))

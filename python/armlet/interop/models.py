@@ -213,7 +213,7 @@ def _followed_motion(model: Any, joint: Any, multiplier: float) -> tuple[_Array,
 
 
 def _row(model: Any, names: tuple[str, ...], row: int) -> float:
-    """Entry `row` of the first vector in `names` that the installed version has; 0 if it has none."""
+    """Return entry `row` of the first attribute of `model` in `names` that exists (it depends on the version of Pinocchio), or 0."""
     for name in names:
         if hasattr(model, name):
             return float(getattr(model, name)[row])

@@ -39,7 +39,8 @@ def damping_from_ratio(inertia: ArrayLike, stiffness: ArrayLike, ratio: float) -
 def sampled_radius(B: Array, K: Array, B0: Array, D0: Array, dt: float, bandwidth: float = np.inf, friction: Array | float = 0.0) -> float:
     """The spectral radius of the map of the motor state over one sample of `dt` s, with constant torque and locked links.
 
-    B, B0, D0 and K, (n, n), are motor inertia, reduced inertia, motor damping and joint stiffness. The loop is stable below 1.
+    B, B0, D0 and K, (n, n), are motor inertia, reduced inertia, motor damping and joint stiffness. `bandwidth` is that of the torque
+    sensors, rad/s, and `friction` the damping of joints and motors, N m s/rad. The loop is stable if the result is below 1.
     """
     n, slow = len(B), np.isfinite(bandwidth)
     size = 3 * n if slow else 2 * n

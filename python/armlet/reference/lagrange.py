@@ -176,7 +176,10 @@ class Mechanism:
         wrench_frame: str | None = None,
         friction: bool = False,
     ) -> Array:
-        """The acceleration a, (..., n), from M a = tau + J'F - C v - g, by a dense linear solve."""
+        """The acceleration a, (..., n), from M a = tau + J'F - C v - g, by a dense linear solve.
+
+        With `friction`, the friction torques of the joints are subtracted from the right-hand side.
+        """
         q, v, tau = vectors(q, v, tau, n=self.n)
         rest = self.inverse_dynamics(q, v, np.zeros(self.n), wrench=wrench, wrench_frame=wrench_frame, friction=friction)
         return solve(self.mass_matrix(q), (tau - rest)[..., None])[..., 0]

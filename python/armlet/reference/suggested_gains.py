@@ -43,7 +43,10 @@ def _uniform(count: int) -> Array:
 
 
 def _radius(w: float, zeta: float, light: float, h: float) -> float:
-    """The spectral radius, over one sample, of the mode with the smallest eigenvalue l = light."""
+    """The spectral radius of one sample of `h` s, for the mode with the smallest eigenvalue of diag(m)^-1 M.
+
+    `w` is the bandwidth, rad/s, and `zeta` the damping ratio. `light` is the eigenvalue l of the formula.
+    """
     held = np.array([[1.0, h], [0.0, 1.0]]) - np.outer([h * h / 2, h], [w * w / light, 2 * zeta * w / light])
     return float(np.abs(np.linalg.eigvals(held)).max())
 

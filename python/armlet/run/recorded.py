@@ -163,7 +163,9 @@ class Recorded:
 
     @cached_property
     def residual(self) -> Array | None:
-        """The residual of the observer of a `Guarded` law, (K, n) or (B, K, n), N m or N; None for other laws.
+        """The residual of the observer of a `Guarded` law, (K, n) or (B, K, n), N m or N.
+
+        It is None for other laws, and for a run with one record.
 
         In a sampled loop it is the mean residual since the last record, and row 0 is zero. If each sample is recorded, the mean is the
         residual of the last sample. In a continuous loop it is the residual at the time of the record.

@@ -32,8 +32,9 @@ enum Name {
 impl Named {
     /// Assign runs to the parameters. Run 0 is the run to differentiate, and the runs of each name follow.
     ///
-    /// A parameter that varies alone has one run per weight. Parameters that vary together have one probe per bit of their codes, and then
-    /// one common run per weight. The probes show which parameter changes an input of the program.
+    /// A parameter that varies alone has one run per weight. Parameters that vary together have probes, and then one common run per weight.
+    /// A probe is a run in which only some of these parameters vary: in probe `b`, those whose code (a binary number) has bit `b`. For an
+    /// input of the program, the set of probes that change it is the code of the parameter that changes it.
     fn of(function: &str, value: &Bound<'_, PyAny>, names: &Bound<'_, PyAny>, runs: usize) -> Result<Self, Failure> {
         let (shape, weights) = numbers(function, "weights", value, &[Form(&[Axis::Any("P"), Axis::Any("W")])])?;
         let (names, points): (Vec<Name>, usize) = (names.extract()?, shape[1]);

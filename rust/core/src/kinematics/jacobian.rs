@@ -118,7 +118,7 @@ pub fn jacobian_dot<S: Real>(
     }
 }
 
-/// Mass of the moving bodies, kg, and their centre of mass in the world, m; NaN for a massless arm.
+/// Mass of the moving bodies, kg, and their centre of mass in the world, m. The centre is NaN for a massless arm.
 pub fn com<S: Real>(tree: &Tree<S>, poses: &mut [Pose<S>], trig: &[(S, S)], q: &[S]) -> (S, Vector3<S>) {
     super::place(tree, trig, q, &mut poses[..tree.bodies.len()]);
     let (mut mass, mut moment) = (S::zero(), Vector3::zero());

@@ -133,7 +133,7 @@ impl<'a, S: Real> ClosedLoop<'a, S> {
         }
     }
 
-    /// The size of the state with its integrals.
+    /// The size of the integrated state: the states of plant and law, and the integrals of the monitors.
     pub fn size(&self) -> usize {
         self.states + self.p + monitors::integrals(self.closing.monitored).count()
     }

@@ -143,7 +143,7 @@ pub struct Part<'a> {
     pub places: &'a SlotTable,
 }
 
-/// The slots of entries that several parts of a recording use.
+/// For each entry that a later part of the recording reads, the slot of the frame that stores its value.
 pub type SlotTable = Memo<u32>;
 
 impl Part<'_> {

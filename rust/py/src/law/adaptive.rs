@@ -44,7 +44,7 @@ use pyo3::types::{PyBool, PyString, PyTuple};
 ///     friction: estimate friction: True for "viscous" and "coulomb", or some of "viscous", "coulomb", "stribeck" (keyword only).
 ///     armature: estimate the rotors' inertia (keyword only).
 ///     friction_speed: `v_s`, rad/s or m/s, > 0: scalar or `(n,)`; 0.1 if None (keyword only).
-///     leakage: `sigma`, >= 0, in the inverse unit of `gamma`, per s (keyword only).
+///     leakage: `sigma`, >= 0, in the inverse unit of `gamma`, per s (keyword only). With `leakage_form="e"` it is per rad or m instead.
 ///     leakage_form: "sigma" for the constant `sigma`, "e" for `sigma |s|` in its place (e-modification) (keyword only).
 ///     leakage_centre: `a_0`, `(p,)`, in the units of the estimate; the initial estimate if None (keyword only).
 ///     dead_zone: `s_0`, >= 0, rad/s or m/s: the estimate is constant while the norm of `s` is below it (keyword only).
@@ -113,7 +113,7 @@ fn present<'a, 'py>(value: Option<&'a Bound<'py, PyAny>>) -> Option<&'a Bound<'p
     value.filter(|value| !value.is_none())
 }
 
-/// The default of `v_s`, rad/s or m/s: the joint speed at which `tanh(v / v_s)` replaces the sign in Coulomb friction.
+/// The default of `v_s`, rad/s or m/s. In the estimated Coulomb friction, `tanh(v_r / v_s)` replaces the sign of `v_r`.
 pub(super) const FRICTION_SPEED: f64 = 0.1;
 
 /// Read the kinds of friction that the law estimates: a flag, a name, or several names.

@@ -100,7 +100,7 @@ pub struct LoopFunctions {
     pub rates: Vec<Function>,
     /// The plant's input and the rate of the law's state.
     pub law: Function,
-    /// For each guard, the function whose zero is the instant of a contact change.
+    /// One function for each condition that ends a contact mode. The function is zero at the instant at which the mode changes.
     pub guards: Vec<Function>,
 }
 
