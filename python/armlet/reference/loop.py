@@ -117,7 +117,10 @@ class ClosedLoop:
         return np.concatenate([self.plant.rates(x, terms["tau"], load), terms["state_rate"], [loss, power]])
 
     def _storage(self) -> ElasticImpedance | None:
-        """The law with the storage function of a continuous loop; None if the storage function is the mechanical energy."""
+        """Return the law if its storage function is the recorded energy. Return None if the recorded energy is the mechanical energy.
+
+        Only an `ElasticImpedance` has a storage function, in a continuous loop without torque limits.
+        """
         own = isinstance(self.law, ElasticImpedance) and self.clock is None and self.tau_max is None
         return self.law if own and isinstance(self.law, ElasticImpedance) and np.isinf(self.law.motor_max).all() else None
 

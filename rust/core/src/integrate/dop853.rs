@@ -48,5 +48,5 @@ impl Scheme for Order8 {
     }
 }
 
-/// The Runge-Kutta method of order 8 for a state `B`.
+/// The Runge-Kutta method of order 8. `B` is the type of the state, `U` that of the input, and `T` that of the tolerances.
 pub type Dop853<B, U, T = Tolerance> = Embedded<Order8, B, U, T>;

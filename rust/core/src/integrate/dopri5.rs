@@ -50,7 +50,7 @@ impl Scheme for Pair54 {
     }
 }
 
-/// The method of order 5 on a state `B`.
+/// The method of order 5. `B` is the type of the state, `U` that of the input, and `T` that of the tolerances.
 ///
 /// ```
 /// use armlet_core::integrate::events::{Event, Watched};

@@ -79,7 +79,7 @@ fn argument<S: Real, B: Buffer<S>>(weights: &[f64], h: S, x: &[S], k: &[B], y: &
     }
 }
 
-/// The method with tableau `C` for a state `B`.
+/// The method with tableau `C`. `B` is the type of the state, `U` that of the input, and `T` that of the tolerances.
 pub struct Embedded<C, B, U, T = Tolerance> {
     controller: StepController<T>,
     /// The slopes of the stages, then the slopes of the dense output. The last slope of the stages is at the end of the step.

@@ -28,7 +28,7 @@ pub trait EqualSteps {
     const DIVISOR: f64;
 }
 
-/// The method with tableau `C` for a state `B`.
+/// The method with tableau `C`. `B` is the type of the state.
 pub struct Explicit<C, B, U> {
     k: B,
     y: B,

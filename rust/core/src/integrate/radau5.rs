@@ -32,7 +32,7 @@ const GAIN: f64 = 2.0;
 /// If Newton's iteration contracts by a larger factor and takes more than two iterations, the next step has a new Jacobian.
 const SLOW: f64 = 1e-3;
 
-/// The method Radau IIA of order 5 for a state `B`.
+/// The method Radau IIA of order 5. `B` is the type of the state.
 pub struct Radau5<S, B, U, A = Tolerance> {
     controller: StepController<A>,
     newton_tolerance: f64,

@@ -11,7 +11,7 @@ use crate::scalar::Real;
 /// The instants of the inputs, as fractions of the step.
 pub(super) const INSTANTS: &[f64] = &[0.0];
 
-/// The semi-implicit Euler method for a state `B` and an input `U`.
+/// The semi-implicit Euler method. `B` is the type of the state, and `U` the type of the input.
 pub struct SemiImplicit<B, U> {
     k: B,
     u: U,

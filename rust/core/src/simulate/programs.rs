@@ -27,7 +27,7 @@ const SHORT: usize = 20;
 /// The number type of a group of runs.
 pub type Lanes = Array8;
 
-/// The structures of the runs of a problem. Each is recorded when it first occurs.
+/// The structures of the runs of a problem. Runs with one structure use one program. A structure is recorded when it first occurs.
 pub struct Structures {
     /// The structures recorded so far.
     seen: Mutex<Vec<Arc<SeenLoop>>>,

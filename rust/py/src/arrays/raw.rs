@@ -53,7 +53,7 @@ pub fn of_lengths<'a, const K: usize>(values: [&'a Bound<'_, PyAny>; K], lengths
     Some(all)
 }
 
-/// The work of [`of_shape`]. `class` is the type `numpy.ndarray`.
+/// Like [`of_shape`], with `class`, the type `numpy.ndarray`, as an argument.
 #[inline(always)]
 fn of_class<'a>(value: &'a Bound<'_, PyAny>, shape: &[usize], class: *mut pyo3::ffi::PyTypeObject) -> Option<&'a [f64]> {
     let flags = npyffi::flags::NPY_ARRAY_C_CONTIGUOUS | npyffi::flags::NPY_ARRAY_ALIGNED;

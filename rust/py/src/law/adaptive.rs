@@ -22,7 +22,8 @@ use pyo3::types::{PyBool, PyString, PyTuple};
 /// `exp(-(v_r / v_s)^2) tanh(v_r / v_s)` (Stribeck friction). `parameter_names` lists all parameters.
 ///
 /// With leakage, `a_hat_dot = Gamma (Y' s - sigma (a_hat - a_0))`. With `composite=R`, `a_hat_dot = Gamma (Y' s + W' R e_W)` with
-/// `e_W = tau_W - W a_hat`. Here `tau_W = W a` is the equation of motion after the filter `1/(p + lambda)`, which requires no acceleration.
+/// `e_W = tau_W - W a_hat`. Here `tau_W = W a` is the equation of motion after the filter `1/(p + lambda)` with the Laplace variable `p`.
+/// It requires no acceleration.
 /// The filter uses the law's output as the torque. So composite adaptation does not allow saturation, or other torques on the arm. The
 /// law's state is the estimate and then the filters `(n b + k + n,)`: columns of b inertial parameters, k entries of joint parameters,
 /// and n torques. `terms` has `W`, `tau_W` and `e_W`.

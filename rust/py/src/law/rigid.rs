@@ -108,8 +108,8 @@ impl PDGravity {
 ///     friction: add the friction of the model at the desired velocity, `damping v_d + friction tanh(v_d / v_s)` (keyword only).
 ///     friction_speed: `v_s`, rad/s or m/s, > 0, scalar or `(n,)`; 0.1 if None (keyword only).
 ///     observer_bandwidth: `h`, 1/s, scalar or `(n,)`; None: no disturbance observer (keyword only). The observer estimates
-///         `d = h/(p + h) (m a - (tau - g - f))`, where `f` is the friction above. The law subtracts `d` from `u`, and adds `m a_d` instead
-///         of `M a_d`.
+///         `d = h/(p + h) (m a - (tau - g - f))`, where `p` is the Laplace variable and `f` the friction above. The law subtracts `d` from
+///         `u`, and adds `m a_d` instead of `M a_d`.
 ///     nominal_inertia: `m`, kg m^2 or kg, > 0, scalar or `(n,)`; the diagonal of `M` at the first desired position if None (keyword only).
 ///
 /// In `run.estimate`, the state `y` of the filter and then the state `s` of the observer, with `d = h (m v - s)`, follow `w`.
