@@ -88,7 +88,7 @@ CASES: dict[str, Callable[[], tuple[Any, Any, dict[str, Any]]]] = {
     "state feedback": lambda: (ELASTIC, al.StateFeedback(TWO, [0.3, 0.6], 300.0, 40.0, 1.0, 0.1, 700.0), {}),
     "priority of velocities": lambda: (VELOCITY, al.PriorityVelocity(THREE, tasks()), {}),
     "priority of accelerations": lambda: (al.RigidArm(THREE), al.PriorityAcceleration(THREE, tasks()), {}),
-    # The arm becomes stretched. There the program of the law refuses its steps.
+    # The arm becomes stretched. There the program of the law declines its steps.
     "priority at a singularity": lambda: (VELOCITY, al.PriorityVelocity(THREE, tasks([1.5, 0.3])), {"t_end": 0.6, "dt": 5e-3}),
     "priority at a singularity, sampled": lambda: (
         VELOCITY,

@@ -234,7 +234,7 @@ def test_profile_of_an_optimum() -> None:
     none = al.torque_optimal_time(0.0, math.pi, 1.0, 50.0, 1.0)
     with pytest.raises(al.InputError, match=r"^TorqueOptimum\.profile: the optimum has no motion"):
         none.profile(0.0)
-    # With friction, the torque at rest is reduced by the friction.
+    # The Coulomb friction reduces the acceleration at the start: 1.0 - 0.25 = 0.75 rad/s^2.
     rough = al.torque_optimal_time(0.0, 1.0, 1.0, 0.2, 1.0, viscous=0.1, coulomb=0.25)
     assert rough.monotone_profile(0.0) == (0.0, 0.0, 0.75, 1.0) and rough.profile(rough.t)[:3] == (1.0, 0.0, 0.0)
 

@@ -7,7 +7,7 @@ from typing import Any
 import armlet as al
 
 TIGHT: dict[str, Any] = {"method": "dop853", "rtol": 1e-11, "atol": 1e-12}
-#: A joint reverses too quickly for its Coulomb friction to hold it. So no joint sticks, which no integration step could resolve.
+#: A joint reverses so quickly that its Coulomb friction does not hold it. Integration steps cannot resolve a joint that sticks.
 MOTION = al.Sinusoid([0.1, 0.2], [0.5, 0.6], [3.0, 4.0], [0.0, 0.0])
 START: dict[str, Any] = {"q0": [0.3, -0.2], "v0": [1.5, 2.4]}
 

@@ -129,7 +129,7 @@ def test_a_minimum_where_one_part_of_its_slope_changes_sign() -> None:
 
 
 def test_rules_that_agree_by_chance() -> None:
-    # A motion of 10 rad. With tolerance 1e-12, both quadrature rules of a panel had the same error, 1e-10 of the time.
+    # A motion of two turns. With the tolerance 1e-12, both quadrature rules had the same error, 1e-10 of the duration.
     row = [5.599521593263056, 18.91548469442784, 1.3232613864949951, -0.18523837054913272, 1.688013602722488, -0.5040704951942897]
     tally, failed = link_trials.judge_optima(np.array([row]), np.random.default_rng(1))
     assert not failed and tally["monotone, checked"] == 1, (tally, failed)

@@ -1,4 +1,4 @@
-//! Ctrl-C and the interpreter lock (GIL): long work runs without the GIL, and checks for a signal every 20 ms.
+//! Ctrl-C and the interpreter lock (GIL). Long work checks for a signal every 20 ms. It runs without the GIL, unless it calls Python.
 
 use crate::errors::Failure;
 use armlet_core::error::Result as CoreResult;

@@ -19,7 +19,7 @@ use crate::trace::{Frame, Part, Program, Scratch, SlotTable, Sym, engine, form, 
 /// instruction cache. It also saves little time, because the time outside of the rates is short.
 const LARGE: usize = 3000;
 
-/// The program of an attempt, for loops of one structure.
+/// The program of an attempt, for loops with the same structure.
 pub struct AttemptProgram {
     program: Program,
     places: AttemptLayout,

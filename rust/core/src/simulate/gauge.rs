@@ -1,6 +1,7 @@
 //! Metrics of one run or of several runs at the same time, updated at each record of the run.
 //!
-//! The error is `e = q_d - q`, and `w_i = t_{i+1} - t_{i-1}` is twice the trapezoidal weight of record `i`. The metrics are
+//! The error is `e = q_d - q`, and `w_i = t_{i+1} - t_{i-1}` is twice the trapezoidal weight of record `i`. The settling band is
+//! `|e| <= settle max |e|` with a constant fraction `settle`. The metrics are
 //!
 //! `sum w e^2`, `max |e|`, `max q`, the last record with `|e| > settle max |e|`, `sum w |x_d - p|^2`, `sum w tau^2`, `max |tau|`, the time
 //! outside of limits, `max |E|`, and the number of violations such as `|E(t) - E(0) - int P dt| > tolerance max |E|`.

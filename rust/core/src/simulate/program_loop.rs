@@ -16,7 +16,7 @@ use crate::scalar::trig::REDUCTION_LIMIT;
 use crate::trace::{Frame, form};
 use std::sync::Arc;
 
-/// The loop of one run (`f64`), or of several runs with one structure, one per lane.
+/// The loop of one run (`f64`), or of several runs with the same structure, one per lane.
 pub struct ProgramLoop<'a, S: Real> {
     pub(super) recorded: Arc<Recorded>,
     pub(super) world: World<'a>,

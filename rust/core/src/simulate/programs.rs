@@ -1,4 +1,4 @@
-//! Runs of loops as programs. This file finds the structure of each run, and groups runs with one structure.
+//! Runs of loops as programs. This file finds the structure of each run, and groups runs with the same structure.
 //!
 //! All lanes of a program have the same structure. So the program and the bits of a run depend only on this run. A run whose angles exceed
 //! the range of the programs' sines is repeated without programs.
@@ -46,8 +46,8 @@ impl Structures {
         let Division::Fixed(fixed) = division else { return None };
         // Programs require the same sample times in all lanes. With random jitter, each lane has different sample times.
         let late = problem.options.sampling.as_ref().is_some_and(|sampling| sampling.jitter != 0.0);
-        // A guarded law decides ranks. Its program and its direct evaluation use different algorithms, which round differently. So short
-        // runs of this law use programs, too.
+        // A law with `Route::Guarded` branches on data. Its program and its direct evaluation use different algorithms, which round
+        // differently. So short runs of this law use programs, too.
         let short = !lanes && fixed.schedule.steps < SHORT && problem.law(0).route() != Route::Guarded;
         if short || late || !recorded::is_recordable(problem) {
             return None;

@@ -54,7 +54,7 @@ impl Derivatives {
     }
 }
 
-/// The programs of all loops of one structure.
+/// The programs of all loops with the same structure.
 pub struct RatesPrograms {
     pub rates: Program,
     /// The program of a whole attempt, for small loops with an adaptive explicit method.
@@ -85,7 +85,7 @@ impl RequiredDerivatives {
     }
 }
 
-/// The recorded rates of all loops of one structure.
+/// The recorded rates of all loops with the same structure.
 pub struct RecordedRates {
     pub slots: Slots,
     pub programs: RatesPrograms,

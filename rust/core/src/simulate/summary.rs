@@ -63,7 +63,7 @@ impl Plan {
         let (energy, lyapunov) = (&kept[places.energy.clone()], &kept[places.lyapunov.clone()]);
         all.push(energy_error(energy).unwrap_or(f64::NAN));
         all.push(energy.get(3).copied().unwrap_or(f64::NAN));
-        // If the Lyapunov function starts at zero, its relative growth is not defined.
+        // If the Lyapunov function starts at zero, its relative growth is not defined, and is set to zero.
         all.push(lyapunov.first().map_or(f64::NAN, |&first| if first > 0.0 { lyapunov[1] / first } else { 0.0 }));
         all.push(lyapunov.first().map_or(f64::NAN, |_| lyapunov[3] / lyapunov[1]));
         all

@@ -1,4 +1,5 @@
-//! Minimum-time planning of one link under gravity: the common arguments of the planners, and the pickles of their results.
+//! Minimum-time planning of one link under gravity, and of an arm along a path. This file has the common parts of the planners of one link,
+//! and the pickles of the results.
 
 pub mod bang_bang;
 pub mod bang_bang_batch;

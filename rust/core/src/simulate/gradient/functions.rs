@@ -120,7 +120,7 @@ impl LoopFunctions {
         };
         let own = all(0).ok_or_else(branches)?;
         for (k, &(p, run)) in directions.runs.iter().enumerate() {
-            // Runs with one key and one set-up have one recording. Debug builds check this.
+            // Runs with the same key and the same set-up have equal recordings. Debug builds check this.
             let same = set_ups.is_of_run_0(problem, k, run);
             if same && !cfg!(debug_assertions) {
                 continue;

@@ -62,7 +62,7 @@ impl SetUps {
     }
 }
 
-/// The functions of all loops with one structure.
+/// The functions of all loops with the same structure.
 struct KnownFunctions {
     sizes: Sizes,
     /// For each loop parameter, whether it varies.
