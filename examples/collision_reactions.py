@@ -20,7 +20,7 @@ wall = al.Wall("link2", tip, [-1.0, 0.0, 0.0], stiffness=2e4, damping=50.0)
 plant = al.RigidArm(arm, wall=wall)
 tracking = al.ComputedTorque(arm, motion, kp=400.0, kd=40.0)
 
-# A run of free motion with sensor noise gives the thresholds, by six standard deviations of the residual.
+# The thresholds are six standard deviations of the residual, in a run of free motion with sensor noise.
 noise = {"v": 2e-3}  # rad/s, standard deviation of each sample
 sampled = al.Sampling(1e-3, noise=noise, seed=1)
 observer = al.MomentumObserver(arm, 60.0)
