@@ -258,8 +258,9 @@ impl Function {
         self.moving.len()
     }
 
-    /// Return the function with its tangent, for the loop parameters `given`. Its arguments are the inputs, then their tangents. Its results are the function's results,
-    /// then their tangents. Each lane has one direction, and the groups of directions follow one another.
+    /// Return the function with its tangent, for the loop parameters `given`. Its arguments are the inputs, then their tangents. Its
+    /// results are the function's results, then their tangents. Each lane has one direction, and the groups of directions follow one
+    /// another.
     pub fn tangent(&self, given: &[f64]) -> Call {
         let made = || {
             let (inputs, groups) = (self.given + self.inputs(), self.groups);
@@ -270,7 +271,8 @@ impl Function {
         self.call(1, given, made)
     }
 
-    /// Return the function with its adjoint, for the loop parameters `given`. The adjoint computes the weights of the varying inputs from the weights of the results.
+    /// Return the function with its adjoint, for the loop parameters `given`. The adjoint computes the weights of the varying inputs from
+    /// the weights of the results.
     pub fn adjoint(&self, given: &[f64]) -> Call {
         let made = || {
             let inputs = self.given + self.inputs();
