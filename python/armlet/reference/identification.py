@@ -6,6 +6,7 @@
         W_j = -sum_k R_jk W_k over the remaining columns k,   so  Y = Y_b P,  P_kj = -R_jk,  P_kk = 1
     record:  W_b beta = tau over all samples at once,  W_b / (noise, lengths) = U S V',  beta = V S^-1 U' tau,
         sigma^2 = |tau - W_b beta|^2 / (rows - rank),  cov = sigma^2 V S^-2 V'                     (Gautier and Khalil 1992)
+        noise: standard deviations of the torques, by which rows are divided;   lengths: norms of the columns
     all parameters:  the smallest change of the arm's pi with P pi = beta, by least squares
 
 The core stacks torques at random states, and removes dependent columns one by one. It processes a record block by block.

@@ -146,7 +146,7 @@ class System(ABC):
         return None
 
     def start(self) -> State:
-        """The state after a reset. A present plan is discarded."""
+        """The state after a reset. A system that plans motions discards its plan here."""
         return State(0.0, self.q0, np.zeros(self.arm.n))
 
     def defaults(self) -> dict[str, float | str]:

@@ -50,7 +50,7 @@ impl<T: Clone> Cache<T> {
     }
 
     /// Return the matching entry. If no entry matches, store the entry that `make` returns, with the limits of [`Cache::keep`]. This
-    /// function waits for the lock. So it is only for a cache that no longer exists when the call of its owner ends.
+    /// function waits for the lock. So use it only for a cache that belongs to one call and ends with this call.
     pub fn find_or_keep(&self, is: impl Fn(&T) -> bool, make: impl FnOnce() -> T, fits: impl Fn(&VecDeque<T>) -> bool) -> T {
         let mut entries = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         let known = entries.iter().position(is).and_then(|at| entries.remove(at));

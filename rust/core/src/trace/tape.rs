@@ -96,8 +96,8 @@ pub(super) struct Tape {
     pub values: Vec<f64>,
     /// The labels of the set-up parameters that became inputs.
     pub labels: Labels,
-    /// The entry of each set-up parameter; `fixed` adds its entry only if some parameter varies. Recordings with different structures have
-    /// different lists.
+    /// The entries of the set-up parameters in the order of recording. A parameter that is recorded by `fixed` is in the list only if the
+    /// recording has varying parameters. Recordings with different structures have different lists.
     pub structure: Vec<u32>,
     pub inputs: u32,
     pub set_up: bool,
