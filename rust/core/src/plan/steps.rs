@@ -222,7 +222,7 @@ impl Collocation {
         let along = |start: f64, rate: f64| Values::from_fn(|i, _| start + rate * (plain[(i, 1)] * length));
         let straight = along(phase.x + phase.y, phase.v);
         let tangent = |cos: &Values| (resisting + Square::from_fn(|i, k| g * cos[i] * twice[(i, k)])).lu();
-        let (mut motion, mut last) = (Values::zeros(), f64::INFINITY);
+        let (mut motion, mut last, mut converged) = (Values::zeros(), f64::INFINITY, false);
         for _ in 0..12 {
             let angles = straight + twice * motion;
             let (sin, cos) = (angles.map(|x| sin_cos(x).0), angles.map(|x| sin_cos(x).1));
@@ -231,15 +231,15 @@ impl Collocation {
             motion += change;
             let (way, moved) = (twice * change, twice * motion);
             let (now, size) = (way.amax(), moved.amax() + phase.v * length);
-            if now > 1e-15 * size && now < 0.5 * last {
-                last = now;
-                continue;
+            converged = now.min(last) <= 1e-12 * size + 1e-15 * straight[0].abs();
+            if !(now > 1e-15 * size && now < 0.5 * last) {
+                break;
             }
-            // Newton's method has not converged: its steps no longer shrink, and are far above the rounding error of the angle.
-            if !(now.min(last) <= 1e-12 * size + 1e-15 * straight[0].abs()) {
-                motion.fill(f64::NAN);
-            }
-            break;
+            last = now;
+        }
+        if !converged {
+            // The steps of Newton's method no longer shrink, or shrink slowly, and are far above the rounding error of the angle.
+            motion.fill(f64::NAN);
         }
         let cos = (straight + twice * motion).map(|x| sin_cos(x).1);
         let drag = along(phase.spread.0, phase.spread.1).component_mul(&cos).map(|z| -g * z - viscous * phase.spread.1);
