@@ -1,7 +1,7 @@
 """A law with a momentum observer and a reaction to contact, written from its equations. M and g come from Lagrange's equations.
 
 r           (I + K T) r = K (p - w),  T the period of a sampled loop, 0 in a continuous loop
-w           w' = tau + M' v - C v - g - tau_f + r, where M' v replaces (C + C') v                     (De Luca et al. 2006)
+w           p = M v,  w' = tau + dM/dt v - C v - g - tau_f + r, where dM/dt v replaces (C + C') v                     (De Luca et al. 2006)
 contact     the first sample with some |r_i| above its threshold
 reaction    tau = g + K_c (y_c - y) + D_c (y_c' - y')
 stored      c' = 1, (y_c c)' = y, (r_c c)' = r in the period after the sample of contact, s' = 1 from then on

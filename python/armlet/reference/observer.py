@@ -1,6 +1,6 @@
 """The momentum observer (De Luca et al. 2006), written from its equations.
 
-    p = M v,   b = tau + M' v - C v - g - tau_f,   p' = b + tau_ext,   where M' v replaces (C + C') v
+    p = M v,   b = tau + dM/dt v - C v - g - tau_f,   p' = b + tau_ext,   where dM/dt v replaces (C + C') v
     r_k = (I + K dt)^-1 (r_(k-1) + K (p_k - p_(k-1) - b_(k-1) dt)),   with the tau since sample k-1 in b
     motors of elastic joints   M = B,  b = tau = tau_m - tau_J
     wrench                     F = (J')# r with singular values below eps clamped;  unexplained r - J'F

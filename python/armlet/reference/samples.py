@@ -2,7 +2,7 @@
 
 samples   W_j = Y(q_j, v_j, v_j, a_j), tau_j the torque without the torque of known rotors
 windows   W_j = [Y_M] + int Y_D dt,  [Y_M] the change of Y_M over the window,  M v = Y_M a,  g - C' v = Y_D a,
-          Y_D = Y(q, v, v, 0) - d/dt Y_M(q, v fixed);   Simpson's rule, and M' v by differences
+          Y_D = Y(q, v, v, 0) - d/dt Y_M(q, v fixed);   Simpson's rule, and dM/dt v by differences
 selection two samples are exchanged   while this increases the smallest singular value of the stacked W_j
 """
 
@@ -34,7 +34,7 @@ def _momentum(law: Any, q: Array, v: Array) -> Array:
 
 
 def _drift(law: Any, q: Array, v: Array) -> Array:
-    """The regressor columns of g - C' v, which are the columns of C v + g minus the columns of M' v."""
+    """The regressor columns of g - C' v, which are the columns of C v + g minus the columns of dM/dt v. Here C' is the transpose."""
     moved = [_momentum(law, q + k * STEP * v, v) for k in (-2, -1, 1, 2)]
     rate = (moved[0] - 8.0 * moved[1] + 8.0 * moved[2] - moved[3]) / (12.0 * STEP)
     return np.asarray(law.arm.regressor(q, v, v, np.zeros_like(v))[:, law.columns] - rate)

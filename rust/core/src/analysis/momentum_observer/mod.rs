@@ -1,7 +1,7 @@
 //! Momentum observer (`DeLuca2006`): it estimates the external torque from positions, velocities and motor torques, without accelerations.
 //!
 //! ```text
-//! p = M v,   p' = tau + tau_ext - tau_f + C' v - g          (M' = C + C', C the Christoffel factorisation)
+//! p = M v,   p' = tau + tau_ext - tau_f + C' v - g          (dM/dt = C + C', C the Christoffel factorisation)
 //! r = K [ p(t) - p(0) - int (tau - tau_f + C' v - g + r) ds ]        =>        r' = K (tau_ext - r)
 //! sampled: r_k = (I + K dt)^-1 (r_(k-1) + K (p_k - p_(k-1) - (tau - tau_f + C' v - g)_(k-1) dt))
 //! ```
