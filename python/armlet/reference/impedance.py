@@ -9,6 +9,7 @@ elastic  u = the torque above, or K (q_d - q) - D v + g(q);   B0 theta_ddot + D0
 D0       = 2 zeta B0^1/2 (B0^-1/2 K_J B0^-1/2)^1/2 B0^1/2
 E        = v'Mv/2 + (theta-q)'K_J(theta-q)/2 + theta_dot'B0 theta_dot/2 + e'K_m e/2
 P = dE/dt = F.x_dot - theta_dot'D0 w + x_dot.F_law + (x_d' - x_dot).K_m e + v.(u - J'F_law - g) + (theta_dot - v).u
+
 F_ff is the feedforward wrench, F_law the wrench in the bracket, and F the external force on the tip.
 """
 
