@@ -265,8 +265,8 @@ def test_a_stable_sample_time_is_accepted_and_an_unstable_one_refused_in_every_r
     w = np.sqrt(stiffness / inertia)
     plant = al.ElasticArm(arm, stiffness, inertia)
 
-    def law(motor_damping: float) -> al.JointImpedance:
-        return al.JointImpedance(arm, [0.0], 1.0, 1.0, stiffness, inertia, inertia, motor_damping=motor_damping)
+    def law(motor_damping: float, share: float = 1.0) -> al.JointImpedance:
+        return al.JointImpedance(arm, [0.0], 1.0, 1.0, stiffness, inertia, share * inertia, motor_damping=motor_damping)
 
     def simulate(law: Any, period: float) -> Any:
         options: dict[str, Any] = {"dt": period / 8, "sample_time": period, "record_every": 8, "monitors": False}
@@ -288,7 +288,7 @@ def test_a_stable_sample_time_is_accepted_and_an_unstable_one_refused_in_every_r
         simulate([law(damping), law(80.0 * damping)], 2.5 * np.pi / w)
     # Almost without damping, the loop is unstable at every sample time.
     with pytest.raises(al.InputError, match="expected a loop that is stable at short sample times"):
-        simulate(law(1e-9), 1e-3)
+        simulate(law(1e-9, share=0.5), 1e-3)
 
 
 def test_maps_broadcast() -> None:
