@@ -32,20 +32,14 @@ impl<T: Clone> Cache<T> {
 
     /// Return the matching entry; `None` if there is none, or if another thread holds the lock.
     pub fn find(&self, is: impl Fn(&T) -> bool) -> Option<T> {
-        let mut entries = free(&self.0)?;
-        let at = entries.iter().position(is)?;
-        let entry = entries.remove(at)?;
-        entries.push_back(entry.clone());
-        Some(entry)
+        recent(&mut *free(&self.0)?, is)
     }
 
     /// Store an entry. Remove the oldest entries until at most [`KEPT`] remain and `fits` is true. If another thread holds the lock,
     /// nothing is stored.
     pub fn keep(&self, entry: T, fits: impl Fn(&VecDeque<T>) -> bool) {
-        let Some(mut entries) = free(&self.0) else { return };
-        entries.push_back(entry);
-        while entries.len() > KEPT || !entries.is_empty() && !fits(&entries) {
-            entries.pop_front();
+        if let Some(mut entries) = free(&self.0) {
+            add(&mut entries, entry, fits);
         }
     }
 
@@ -53,20 +47,32 @@ impl<T: Clone> Cache<T> {
     /// function waits for the lock. So use it only for a cache that belongs to one call and ends with this call.
     pub fn find_or_keep(&self, is: impl Fn(&T) -> bool, make: impl FnOnce() -> T, fits: impl Fn(&VecDeque<T>) -> bool) -> T {
         let mut entries = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        let known = entries.iter().position(is).and_then(|at| entries.remove(at));
-        let is_new = known.is_none();
-        let entry = known.unwrap_or_else(make);
-        entries.push_back(entry.clone());
-        while is_new && (entries.len() > KEPT || !entries.is_empty() && !fits(&entries)) {
-            entries.pop_front();
-        }
-        entry
+        recent(&mut entries, is).unwrap_or_else(|| {
+            let entry = make();
+            add(&mut entries, entry.clone(), fits);
+            entry
+        })
     }
 
     /// The number of entries.
     #[cfg(test)]
     pub fn count(&self) -> usize {
         free(&self.0).map_or(0, |entries| entries.len())
+    }
+}
+
+/// Return the matching entry, and move it to the end of the entries, which is the place of the last one used.
+fn recent<T: Clone>(entries: &mut VecDeque<T>, is: impl Fn(&T) -> bool) -> Option<T> {
+    let entry = entries.iter().position(is).and_then(|at| entries.remove(at))?;
+    entries.push_back(entry.clone());
+    Some(entry)
+}
+
+/// Add an entry. Remove the oldest entries until at most [`KEPT`] remain and `fits` is true.
+fn add<T>(entries: &mut VecDeque<T>, entry: T, fits: impl Fn(&VecDeque<T>) -> bool) {
+    entries.push_back(entry);
+    while entries.len() > KEPT || !entries.is_empty() && !fits(entries) {
+        entries.pop_front();
     }
 }
 
