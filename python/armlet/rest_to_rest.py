@@ -28,8 +28,8 @@ _NAME = "point_to_point"
 _Array = NDArray[np.float64]
 # Number of coefficients per piece and joint of a path, lowest power first.
 _TERMS = 6
-# Largest limits of speed, acceleration and jerk, in three stages. In scaled units, larger limits shorten the motion by less than 1e-6, 1e-4
-# and 1e-2. With larger limits Ruckig may find no motion, because its phases are too short compared with rounding.
+# Largest limits of speed, acceleration and jerk, in three stages. In scaled units, larger limits shorten the motion by at most 2e-6, 2e-4
+# and 7e-3. With larger limits Ruckig may find no motion, because its phases are too short compared with rounding.
 _CAPS = (1e6, 1e9, 1e12), (1e4, 1e6, 1e8), (1e3, 1e4, 1e5)
 
 
@@ -109,25 +109,36 @@ def _phases(ruckig: Any, displacement: _Array, limits: _Array) -> tuple[_Array, 
     given = ruckig.InputParameter(n)
     given.current_position, given.target_position = [0.0] * n, displacement.tolist()
     answer = ruckig.Trajectory(n)
+    reason = ""
     for cap in _CAPS:
         given.max_velocity, given.max_acceleration, given.max_jerk = np.minimum(limits, np.array(cap)[:, None]).tolist()
         try:
             result = ruckig.Ruckig(n).calculate(given, answer)
         except ruckig.RuckigError as error:
-            result = str(error).strip().splitlines()[0]
+            reason = str(error).strip().splitlines()[0]
             continue
-        if result in (ruckig.Result.Working, ruckig.Result.Finished):
-            break
-    else:
-        raise SolveError(f"{_NAME}: ruckig finds no motion: {result}", Status.INFEASIBLE, 0.0)
+        if result not in (ruckig.Result.Working, ruckig.Result.Finished):
+            reason = str(result)
+            continue
+        t, coefficients = _pieces(answer)
+        reached = coefficients[-1].sum(axis=0)
+        # Ruckig guarantees an accuracy of about 1e-8. A phase that `_pieces` drops although it changes the motion has a larger error.
+        if (np.abs(reached - displacement) < 1e-6).all():
+            # Scaling makes the end exact to rounding.
+            return t, coefficients * np.where(displacement == 0.0, 1.0, displacement / np.where(displacement == 0.0, 1.0, reached))
+        reason = "a phase is shorter than rounding errors"
+    raise SolveError(f"{_NAME}: ruckig finds no motion: {reason}", Status.INFEASIBLE, 0.0)
+
+
+def _pieces(answer: Any) -> tuple[_Array, _Array]:
+    """Return the times and coefficients of Ruckig's phases, as `_phases` does. Phases shorter than rounding errors are dropped."""
     (profiles,) = answer.profiles
     ends = [np.minimum(np.cumsum(profile.t), answer.duration) for profile in profiles]
     t = np.unique(np.concatenate([[0.0, answer.duration], *ends]))
-    # Phases shorter than rounding errors are merged.
     t = t[np.concatenate([[True], np.diff(t) > 1e-12 * answer.duration])]
     t[-1] = answer.duration
     h = np.diff(t)
-    coefficients = np.zeros((h.size, _TERMS, n))
+    coefficients = np.zeros((h.size, _TERMS, len(profiles)))
     for j, (profile, until) in enumerate(zip(profiles, ends, strict=True)):
         # The phases are integrated one after the other from the start. So q, v and a are continuous to rounding.
         jerk = np.append(np.array(profile.j), 0.0)[np.searchsorted(until, t[:-1] + 0.5 * h, side="right")]
@@ -137,9 +148,6 @@ def _phases(ruckig: Any, displacement: _Array, limits: _Array) -> tuple[_Array, 
             q += h[p] * (v + h[p] * (a / 2 + h[p] * jerk[p] / 6))
             v += h[p] * (a + h[p] * jerk[p] / 2)
             a += h[p] * jerk[p]
-        # Scaling makes the end exact to rounding. Ruckig guarantees only about 1e-8.
-        if displacement[j] != 0.0:
-            coefficients[:, :, j] *= displacement[j] / q
     return t, coefficients
 
 

@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike, NDArray
 from ._core import Arm, load_urdf, numbers
 from .arguments import choice, instance, number, one_line, shown, text
 from .border import border, bordered
-from .errors import InputError
+from .errors import InputError, ModelError
 from .pickling import sealed
 from .robot_files import robot_text
 
@@ -151,7 +151,7 @@ class Srdf:
         name = "Srdf.arm"
         if len(group.chains) == 1 and not group.joints and not group.links:
             return group.chains[0]
-        tree = _tree(name, robot_text(name, "source", source, **files), "robot")
+        tree = _tree(name, robot_text(name, "source", source, **files), "robot", ModelError)
         carried = {_link(joint, "child"): (joint.get("name", ""), _link(joint, "parent")) for joint in tree.findall("joint")}
         child_of = {joint: child for child, (joint, _) in carried.items()}
         listed = [child_of[joint] for joint in group.joints if joint in child_of] + [link for link in group.links if link in carried]
@@ -191,16 +191,16 @@ def _link(joint: ElementTree.Element, tag: str) -> str:
     return "" if element is None else element.get("link", "")
 
 
-def _tree(function: str, xml: str, root: str) -> ElementTree.Element:
-    """Parse XML and return its root element. Texts with entities are refused."""
+def _tree(function: str, xml: str, root: str, error_type: type[InputError] = InputError) -> ElementTree.Element:
+    """Parse XML and return its root element. Texts with entities are refused. Errors: of the type `error_type`."""
     if "<!DOCTYPE" in xml or "<!ENTITY" in xml:
-        raise InputError(f"{function}: source declares a document type: expected XML without one")
+        raise error_type(f"{function}: source declares a document type: expected XML without one")
     try:
         tree = ElementTree.fromstring(xml)
     except (ElementTree.ParseError, ValueError) as error:
-        raise InputError(f"{function}: source is not well formed: {one_line(str(error))}") from None
+        raise error_type(f"{function}: source is not well formed: {one_line(str(error))}") from None
     if tree.tag != root:
-        raise InputError(f"{function}: source has the wrong root: expected <{root}>, got <{one_line(tree.tag)[:80]}>")
+        raise error_type(f"{function}: source has the wrong root: expected <{root}>, got <{one_line(tree.tag)[:80]}>")
     return tree
 
 

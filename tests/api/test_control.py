@@ -142,6 +142,7 @@ def test_poles(plant: al.Plant, law: al.Law | None) -> None:
         ((ARM,), {"u0": [1.0, 0.0]}, "u0 is given without x0"),
         ((ELASTIC, PD), {}, "to_control: law .*expected a law for ElasticArm, got PDGravity"),
         ((al.RigidArm(ARM, wall=al.Wall("link2", [0.7, 0, 0], [-1, 0, 0], stiffness=1e3)),), {}, "plant has a wall"),
+        ((al.RigidArm(ARM, stops=al.JointStops(1e4, 10.0, -1.0, 1.0)), PD), {}, "plant has joint stops"),
     ],
 )
 def test_refusals(arguments: Any, keywords: dict[str, Any], message: str) -> None:

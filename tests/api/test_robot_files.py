@@ -256,6 +256,11 @@ class TestSrdf:
             with pytest.raises(al.InputError, match=words):
                 call()
 
+    @pytest.mark.parametrize("group", ["arm", "joints", "links"])
+    def test_a_damaged_robot_is_a_model_error(self, group: str) -> None:
+        with pytest.raises(al.ModelError, match=r"^Srdf\.arm: source|^load_urdf: "):
+            self.srdf.arm("<robot", group)
+
     @pytest.mark.parametrize(
         ("text", "words"),
         [

@@ -49,6 +49,14 @@ def test_closed_forms() -> None:
     assert al.point_to_point([0.0, 0.0], [1.0, -0.1], 1.0, 2.0, 10.0).duration == pytest.approx(alone, rel=1e-9)
 
 
+@pytest.mark.parametrize(("v_max", "j_max"), [(1e20, 1e20), (1e7, 1e13), (10.0, 1e13)])
+def test_phases_shorter_than_rounding(v_max: float, j_max: float) -> None:
+    """Limits of jerk so large that the phases of jerk are lost in rounding. The acceleration alone determines the time, 2 sqrt(d / a)."""
+    p = al.point_to_point([0.0, 0.0], [1.0, -2.0], v_max, [1.0, 2.0], j_max)
+    assert p.duration == pytest.approx(2.0, rel=1e-3) and p.margin >= -1e-14
+    np.testing.assert_array_equal(p(p.duration)[0], [1.0, -2.0])
+
+
 def test_start_and_goal_are_equal() -> None:
     p = al.point_to_point([1.0, 2.0], [1.0, 2.0], 1.0, 1.0, 1.0)
     assert p.feasible and p.duration == 0.0

@@ -49,7 +49,7 @@ def to_control(
     the states and, of a loop, also the law's outputs `tau1..` or `u1..`.
 
     Args:
-        plant: the plant, without a wall; an arm means `RigidArm(arm)`.
+        plant: the plant, without a wall and without joint stops; an arm means `RigidArm(arm)`.
         law: the law of the loop; None: only the arm.
         x0: None: return the nonlinear system. Otherwise linearise about this state: q, (n,), or all states. With q alone, the arm is at
             rest, the springs support gravity, and the law has its initial estimate. The states of the linear system are deviations from
@@ -61,7 +61,8 @@ def to_control(
         A `control.NonlinearIOSystem`; with `x0` a `control.StateSpace`.
 
     Raises:
-        InputError: an argument has a wrong type, shape or value, or the plant has a wall, `LuGre` or `StickSlip` friction.
+        InputError: an argument has a wrong type, shape or value, or the plant has a wall, joint stops, `LuGre`
+            or `StickSlip` friction.
         ImportError: python-control is not installed.
 
     Source: Carpentier and Mansard 2018.
@@ -106,6 +107,8 @@ class _Loop:
         made = plant.__getnewargs_ex__()[1]
         if made.get("wall") is not None:
             raise InputError("to_control: plant has a wall: expected a plant without a wall, because the force of a wall is not smooth")
+        if made.get("stops") is not None:
+            raise InputError("to_control: plant has joint stops: expected a plant without stops, because their torques are not smooth")
         for name in ("friction", "motor_friction"):
             if isinstance(made.get(name), LuGre | StickSlip):
                 raise InputError(
