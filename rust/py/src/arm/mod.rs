@@ -20,6 +20,7 @@ pub use stored::_restore_arm;
 
 use crate::arrays::new_array;
 use crate::errors::entry;
+use armlet_core::arm::Arm as CoreArm;
 use armlet_macros::entered;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
@@ -49,6 +50,12 @@ impl Drop for Arm {
             let model = std::mem::replace(&mut self.model, ArmModel::nothing());
             Python::attach(|py| py.detach(|| drop(model)));
         }
+    }
+}
+
+impl From<CoreArm> for Arm {
+    fn from(arm: CoreArm) -> Self {
+        Arm { model: arm.into() }
     }
 }
 

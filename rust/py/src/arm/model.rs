@@ -26,12 +26,6 @@ impl From<CoreArm> for ArmModel {
     }
 }
 
-impl From<CoreArm> for super::Arm {
-    fn from(arm: CoreArm) -> Self {
-        super::Arm { model: arm.into() }
-    }
-}
-
 impl ArmModel {
     /// A placeholder for a model that has been moved to another owner.
     pub fn nothing() -> Self {
