@@ -7,7 +7,6 @@
 
 use crate::errors::format_error;
 use crate::interrupts::pause_in_turn;
-use crate::stored_array::array_table;
 use armlet_macros::entered;
 use pyo3::exceptions::{PyException, PyMemoryError};
 use pyo3::prelude::*;
@@ -26,6 +25,13 @@ pub const SHARE: usize = 1 << 22;
 const DIGEST: usize = 32;
 /// The pickle protocol. It is fixed, so that all versions of Python write the same bytes.
 const PROTOCOL: u8 = 4;
+
+/// The dispatch table of a pickler: the global table of `copyreg`, with `_stored_array` for numpy arrays.
+fn array_table(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
+    let table = py.import("copyreg")?.getattr("dispatch_table")?.cast_into::<PyDict>()?.copy()?;
+    table.set_item(py.import("numpy")?.getattr("ndarray")?, py.import("armlet._core")?.getattr("_stored_array")?)?;
+    Ok(table)
+}
 
 /// Make the result of `__reduce__` for the object `make(*arguments, **keywords)`.
 pub fn seal<'py>(make: &Bound<'py, PyAny>, arguments: Bound<'py, PyTuple>, keywords: Option<Bound<'py, PyDict>>) -> PyResult<Sealed<'py>> {

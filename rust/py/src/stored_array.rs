@@ -10,17 +10,10 @@ use crate::seal::{SHARE, Share};
 use armlet_macros::entered;
 use numpy::{PyArrayDyn, PyUntypedArrayMethods};
 use pyo3::prelude::*;
-use pyo3::types::{PyBytes, PyDict, PyTuple};
+use pyo3::types::{PyBytes, PyTuple};
 
 /// The count of float64 numbers in a share.
 const NUMBERS: usize = SHARE / size_of::<f64>();
-
-/// The dispatch table of a pickler: the global table of `copyreg`, with `_stored_array` for numpy arrays.
-pub fn array_table(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
-    let table = py.import("copyreg")?.getattr("dispatch_table")?.cast_into::<PyDict>()?.copy()?;
-    table.set_item(py.import("numpy")?.getattr("ndarray")?, py.import("armlet._core")?.getattr("_stored_array")?)?;
-    Ok(table)
-}
 
 /// Return the pickled form of an array, in shares if the array is large.
 #[entered]
