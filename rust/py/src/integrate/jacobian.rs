@@ -3,11 +3,10 @@
 //! One difference computes one column, or a group of columns that have no row in common. Sparse matrices are converted to dense matrices,
 //! because the methods use dense decompositions.
 
-use super::settings::Settings;
 use super::slope::{Slope, States, python};
 use crate::arrays::{Axis, Form, numbers, owned, require_finite, shown};
 use crate::errors::{Failure, input_error};
-use armlet_core::integrate::column_groups;
+use armlet_core::integrate::{Method, column_groups};
 use armlet_core::memory;
 use numpy::{PyArrayDyn, PyUntypedArrayMethods};
 use pyo3::prelude::*;
@@ -40,10 +39,10 @@ impl Jacobian {
         sparsity: Option<&Bound<'_, PyAny>>,
         n: usize,
         states: States,
-        settings: &Settings,
+        method: Method,
     ) -> Result<Self, Failure> {
         match jac {
-            None => Ok(Jacobian::Differences(Differences::new(function, sparsity, n, states, settings)?)),
+            None => Ok(Jacobian::Differences(Differences::new(function, sparsity, n, states, method)?)),
             Some(jac) if jac.is_callable() => Ok(Jacobian::Callable(jac.clone().unbind())),
             Some(jac) => {
                 let jac = dense(jac.py(), function, "jac", jac, n)?;
@@ -85,19 +84,19 @@ impl Jacobian {
 }
 
 impl Differences {
-    fn new(function: &str, sparsity: Option<&Bound<'_, PyAny>>, n: usize, states: States, settings: &Settings) -> Result<Self, Failure> {
+    fn new(function: &str, sparsity: Option<&Bound<'_, PyAny>>, n: usize, states: States, method: Method) -> Result<Self, Failure> {
         let pattern = sparsity.map(|sparsity| pattern(function, sparsity, n)).transpose()?;
         let groups = match &pattern {
-            _ if !settings.implicit() => Vec::new(),
+            _ if !method.is_implicit() => Vec::new(),
             Some(pattern) => column_groups(pattern, n),
             None => (0..n).map(|column| vec![column]).collect(),
         };
         let width = if states == States::Columns { groups.len() } else { 1 };
         // An explicit method uses no difference quotients, so the buffers are empty.
-        let n = if settings.implicit() { n } else { 0 };
+        let n = if method.is_implicit() { n } else { 0 };
         let state = || memory::zeros(n * width);
         let (at, up, down, steps) = (state()?, state()?, state()?, memory::zeros(n)?);
-        Ok(Differences { central: settings.central(), groups, pattern, width, at, up, down, steps })
+        Ok(Differences { central: method.needs_exact_derivatives(), groups, pattern, width, at, up, down, steps })
     }
 
     fn at(&mut self, slope: &mut Slope, s: f64, x: &[f64], dx: &[f64], j: &mut [f64]) {

@@ -198,12 +198,12 @@ pub fn integrate<'py>(
         let direction = if span[1] < span[0] { -1.0 } else { 1.0 };
         let (s0, s1) = (direction * span[0], direction * span[1]);
         let settings = Settings::new(NAME, n, method, [rtol, atol], [dt, max_step, first_step], s1 - s0)?;
-        if !settings.adaptive() {
+        if !settings.method.is_adaptive() {
             require_finite(py, NAME, "t_span", &[2], &span)?;
         }
         settings.require_memory(py, NAME, s1 - s0, n, states)?;
         let wanted = t_eval.map(|t_eval| times(NAME, t_eval, (s0, s1), direction)).transpose()?;
-        let jacobian = Jacobian::new(NAME, jac, jac_sparsity, n, states, &settings)?;
+        let jacobian = Jacobian::new(NAME, jac, jac_sparsity, n, states, settings.method)?;
         let args = (!args.is_empty()).then(|| args.clone().unbind());
         let slope = Slope::new(NAME, f.clone().unbind(), args.as_ref().map(|args| args.clone_ref(py)), states, direction);
         let field = Field::new(slope, jacobian, (s0, s1), positions, n);

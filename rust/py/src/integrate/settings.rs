@@ -24,7 +24,7 @@ const COLUMNS: u128 = 5;
 
 /// The settings of a method, read from Python arguments.
 pub struct Settings {
-    method: Method,
+    pub method: Method,
     tolerances: Tolerances,
     dt: Option<f64>,
     max_step: Option<f64>,
@@ -83,23 +83,9 @@ impl Settings {
             return Err(input_error(py, function, "dt", problem).into());
         }
         let matrices = MATRICES + if states == States::Columns { COLUMNS } else { 0 };
-        let matrices = if self.implicit() { matrices * (n as u128).pow(2) } else { 0 };
-        let vectors = n as u128 * if self.method == Method::Dop853 || self.implicit() { VECTORS } else { FEW_VECTORS };
+        let matrices = if self.method.is_implicit() { matrices * (n as u128).pow(2) } else { 0 };
+        let vectors = n as u128 * if self.method == Method::Dop853 || self.method.is_implicit() { VECTORS } else { FEW_VECTORS };
         Ok(memory::require(usize::try_from(8 * (matrices + vectors)).unwrap_or(usize::MAX))?)
-    }
-
-    pub fn adaptive(&self) -> bool {
-        self.method.is_adaptive()
-    }
-
-    /// Whether the method uses derivatives of `f`.
-    pub fn implicit(&self) -> bool {
-        self.method.is_implicit()
-    }
-
-    /// Whether the method requires central difference quotients.
-    pub fn central(&self) -> bool {
-        self.method.needs_exact_derivatives()
     }
 
     /// Start the method on `field` at the state `y`, and return the field with the method.

@@ -54,7 +54,7 @@ impl Stepper {
             let (start, end) = (direction * span[0], direction * span[1]);
             let settings = Settings::new(NAME, n, method, [rtol, atol], [None, max_step, first_step], end - start)?;
             settings.require_memory(py, NAME, 0.0, n, states)?;
-            let jacobian = Jacobian::new(NAME, jac, jac_sparsity, n, states, &settings)?;
+            let jacobian = Jacobian::new(NAME, jac, jac_sparsity, n, states, settings.method)?;
             let slope = Slope::new(NAME, f.clone().unbind(), None, states, direction);
             let field = Field::new(slope, jacobian, (start, end), 0, n);
             let (mut field, mut method) = settings.stepping(NAME, py, field, y0, 0)?;
