@@ -71,19 +71,6 @@ pub fn for_arm(arm: &Bound<'_, PyAny>, tasks: &Bound<'_, PyAny>, keywords: Keywo
     Ok(ArmPrioritySolver { n, rows, arm: arm.unbind(), tasks, keywords: kept, state: Mutex::new(core) })
 }
 
-/// Restore a pickled solver.
-#[entered]
-#[pyfunction]
-pub fn _restore_arm_solver(
-    py: Python<'_>,
-    arm: &Bound<'_, PyAny>,
-    tasks: &Bound<'_, PyAny>,
-    keywords: &Bound<'_, PyDict>,
-) -> PyResult<Py<PyAny>> {
-    let class = py.get_type::<super::PrioritySolver>();
-    Ok(class.call_method("for_arm", (arm, tasks), Some(keywords))?.unbind())
-}
-
 impl ArmPrioritySolver {
     fn state(&self) -> MutexGuard<'_, Core> {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)

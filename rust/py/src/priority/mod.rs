@@ -6,12 +6,14 @@
 mod arm_solver;
 mod diagnosis;
 mod solution;
+mod solve;
 mod solver;
 mod stack;
 mod stacks;
 
-pub use arm_solver::{_restore_arm_solver, ArmPrioritySolver};
+pub use arm_solver::ArmPrioritySolver;
 pub use diagnosis::{diagnose_priority, velocity_bounds};
-pub use solution::{PrioritySolution, residual_list, solve_priority, status_member};
-pub use solver::PrioritySolver;
+pub use solution::{PrioritySolution, residual_list, status_member};
+pub use solve::solve_priority;
+pub use solver::{_restore_arm_solver, PrioritySolver};
 pub use stack::{Keywords, MOST_LEVELS, method_name, per_joint};

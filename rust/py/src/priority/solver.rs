@@ -295,6 +295,19 @@ impl PrioritySolver {
     }
 }
 
+/// Restore a pickled `ArmPrioritySolver`.
+#[entered]
+#[pyfunction]
+pub fn _restore_arm_solver(
+    py: Python<'_>,
+    arm: &Bound<'_, PyAny>,
+    tasks: &Bound<'_, PyAny>,
+    keywords: &Bound<'_, PyDict>,
+) -> PyResult<Py<PyAny>> {
+    let class = py.get_type::<PrioritySolver>();
+    Ok(class.call_method("for_arm", (arm, tasks), Some(keywords))?.unbind())
+}
+
 /// Read the number of rows of each level: integers that are at least zero.
 fn row_counts(function: &str, rows: &Bound<'_, PyAny>) -> Result<Vec<usize>, Failure> {
     let what = "a list of sizes: expected integers >= 0, one per level";

@@ -1,0 +1,178 @@
+//! `armlet.solve_priority`, for one stack or for a batch of stacks.
+
+use super::solution::PrioritySolution;
+use super::stack::{Keywords, Stack, items, method_name};
+use super::stacks;
+use crate::arrays::{of_shape, optional_number};
+use crate::errors::{Failure, entry};
+use armlet_core::error::Error;
+use armlet_core::priority::{DEFAULT_ROUNDING, PrioritySolver as Core};
+use armlet_core::status::Status;
+use armlet_macros::entered;
+use pyo3::prelude::*;
+use pyo3::types::{PyList, PyTuple};
+use std::cell::RefCell;
+use std::sync::Arc;
+
+/// A solver with default options, and the number of rows of each level.
+struct Kept {
+    solver: Core,
+    rows: Arc<[usize]>,
+}
+
+thread_local! {
+    /// The solver of the last single solve with default options on this thread. A loop over stacks of equal sizes therefore allocates its
+    /// buffers once.
+    static LAST: RefCell<Option<Kept>> = const { RefCell::new(None) };
+}
+
+fn solver(function: &str, n: usize, rows: &[usize], keywords: &Keywords) -> Result<Core, Failure> {
+    if keywords.plain()
+        && let Some(Kept { solver: mut last, .. }) = LAST.take()
+        && last.n() == n
+        && last.rows() == rows
+        && last.method().name() == keywords.method
+    {
+        last.set_rounding(keywords.rounding.unwrap_or(DEFAULT_ROUNDING))?;
+        return Ok(last);
+    }
+    Ok(Core::new(n, rows, &keywords.options(function, n, rows.len())?)?)
+}
+
+/// Copy one stack to the inputs of the solver, and solve it.
+fn solve_row(solver: &mut Core, stack: &Stack) -> Result<Status, Error> {
+    let (jacobian, command) = solver.inputs();
+    let (mut at, mut to) = (0, 0);
+    for (level, m) in stack.rows.iter().enumerate() {
+        jacobian[at..at + m * stack.n].copy_from_slice(stack.jacobian(level, 0));
+        command[to..to + m].copy_from_slice(stack.velocity(level, 0));
+        at += m * stack.n;
+        to += m;
+    }
+    solver.run()
+}
+
+/// Compute joint velocities for tasks `J_i v = v_i` with priorities: a task does not disturb the tasks of higher priority.
+///
+/// `v = J1# v1 + (J2 P1)# (v2 - J2 J1# v1) + ..` with the pseudoinverse `#` and the null-space projector `P1 = I - J1# J1`. Rank decisions
+/// compare singular values with the size of the unprojected Jacobians.
+///
+/// Args:
+///     jacobians: one `(..., rows_i, n)` per level, the highest priority first. Zero rows, and more rows than joints, are allowed.
+///     velocities: one `(..., rows_i)` per level, in the unit of the task.
+///     method: "exact" is the equation above. "clamp" is continuous and bounded, and equals "exact" where all singular values are at least
+///         `eps`. "damped" and "chiaverini" use damped pseudoinverses. "sns" satisfies `v_min` and `v_max` (keyword only, as all below).
+///     eps: threshold on singular values, one number or one per level; None: 0.02 times each level's largest row norm.
+///     rounding: relative error of the entries of the Jacobians; None: 8 times the machine epsilon. For Jacobians that were computed from
+///         angles `q`, pass `8 (1 + sum|q|)` times the machine epsilon.
+///     weight: joint metric `W`, `(n, n)`, symmetric and positive definite: `v' W v` is minimised; None: the identity.
+///     v_min, v_max: bounds for "sns", a number or `(n,)`, rad/s or m/s. A missing bound is minus the other bound.
+///
+/// Returns:
+///     A `PrioritySolution`. A batch does not raise for one invalid row. A row whose numbers are not finite, or whose result overflows, is
+///     NaN with `Status.DIVERGED`.
+///
+/// Raises:
+///     InputError: shapes do not fit, the stack is empty, or the method is unknown. For a single stack, a number is not finite.
+///     SolveError: the result of a single stack overflows.
+///
+/// Source: Siciliano and Slotine, A general framework for managing multiple tasks in highly redundant robotic systems, ICAR 1991.
+///
+/// >>> import armlet as al
+/// >>> sol = al.solve_priority([[[1.0, 0.0]], [[1.0, 1.0]]], [[1.0], [3.0]], method="exact")
+/// >>> sol.v.round(12)
+/// array([1., 2.])
+/// >>> sol.status
+/// <Status.SUCCESS: 0>
+#[entered]
+#[pyfunction]
+#[pyo3(
+    signature = (jacobians, velocities, *, method=None, eps=None, rounding=None, weight=None, v_min=None, v_max=None),
+    text_signature = "(jacobians, velocities, *, method='clamp', eps=None, rounding=None, weight=None, v_min=None, v_max=None)"
+)]
+pub fn solve_priority<'py>(
+    py: Python<'py>,
+    jacobians: &Bound<'py, PyAny>,
+    velocities: &Bound<'py, PyAny>,
+    method: Option<&Bound<'py, PyAny>>,
+    eps: Option<&Bound<'py, PyAny>>,
+    rounding: Option<&Bound<'py, PyAny>>,
+    weight: Option<&Bound<'py, PyAny>>,
+    v_min: Option<&Bound<'py, PyAny>>,
+    v_max: Option<&Bound<'py, PyAny>>,
+) -> PyResult<PrioritySolution> {
+    const NAME: &str = "solve_priority";
+    entry(py, NAME, || {
+        let (method, rounding) = (method_name(NAME, method)?, optional_number(NAME, "rounding", rounding)?);
+        let keywords = Keywords { method, eps, rounding, weight, v_min, v_max };
+        if let Some(solution) = again(jacobians, velocities, &keywords) {
+            return Ok(solution);
+        }
+        let (jacobians, velocities) = (items(NAME, "jacobians", jacobians)?, items(NAME, "velocities", velocities)?);
+        let stack = Stack::read_or_lend(py, NAME, ["jacobians", "velocities"], &jacobians, Some(&velocities), true)?;
+        let solver = solver(NAME, stack.n, &stack.rows, &keywords)?;
+        if stack.lead.is_empty() {
+            return single(py, solver, &stack, keywords.plain());
+        }
+        // If the work is long, the stack is read again into copies.
+        let copied = || Stack::read(py, NAME, ["jacobians", "velocities"], &jacobians, Some(&velocities));
+        stacks::solve(py, NAME, &solver, stack, copied)
+    })
+}
+
+/// Entry `i` of a list or a tuple.
+#[inline]
+fn at<'py>(items: &Bound<'py, PyAny>, i: usize) -> Option<Bound<'py, PyAny>> {
+    match items.cast_exact::<PyList>() {
+        Ok(list) => list.get_item(i).ok(),
+        Err(_) => items.cast_exact::<PyTuple>().ok()?.get_item(i).ok(),
+    }
+}
+
+/// The length of a list or a tuple.
+#[inline]
+fn length(items: &Bound<'_, PyAny>) -> Option<usize> {
+    items.cast_exact::<PyList>().map(|list| list.len()).or_else(|_| items.cast_exact::<PyTuple>().map(|tuple| tuple.len())).ok()
+}
+
+/// Solve a single stack of contiguous arrays with the solver of the last call, if the sizes and the method are equal. `None` for other
+/// stacks, and for errors, which the general path reports.
+fn again(jacobians: &Bound<'_, PyAny>, velocities: &Bound<'_, PyAny>, keywords: &Keywords) -> Option<PrioritySolution> {
+    if !keywords.plain() {
+        return None;
+    }
+    // No Python code runs in this closure, so `LAST` is not borrowed twice.
+    LAST.with(|last| {
+        let mut last = last.try_borrow_mut().ok()?;
+        let Kept { solver, rows } = last.as_mut()?;
+        if solver.method().name() != keywords.method || [length(jacobians)?, length(velocities)?] != [rows.len(); 2] {
+            return None;
+        }
+        solver.set_rounding(keywords.rounding.unwrap_or(DEFAULT_ROUNDING)).ok()?;
+        let (n, mut to) = (solver.n(), 0);
+        for (i, &m) in rows.iter().enumerate() {
+            let (jacobian, velocity) = (at(jacobians, i)?, at(velocities, i)?);
+            let (jacobian, velocity) = (of_shape(&jacobian, &[m, n])?, of_shape(&velocity, &[m])?);
+            let (j, v) = solver.inputs();
+            j[to * n..(to + m) * n].copy_from_slice(jacobian);
+            v[to..to + m].copy_from_slice(velocity);
+            to += m;
+        }
+        solver.used();
+        solver.run().ok()?;
+        Some(PrioritySolution::of(solver, rows.clone()))
+    })
+}
+
+fn single(py: Python<'_>, mut solver: Core, stack: &Stack, keep: bool) -> Result<PrioritySolution, Failure> {
+    if let Err(error) = solve_row(&mut solver, stack) {
+        stack.require_finite(py, "solve_priority")?;
+        return Err(error.into());
+    }
+    let rows: Arc<[usize]> = solver.rows().into();
+    let solution = PrioritySolution::of(&solver, rows.clone());
+    if keep {
+        LAST.set(Some(Kept { solver, rows }));
+    }
+    Ok(solution)
+}
