@@ -74,9 +74,11 @@ mod _core {
     #[pymodule_export]
     use super::plan::_restore_plan;
     #[pymodule_export]
-    use super::plan::bang_bang::{BangBangReport, Bind, bang_bang_time};
+    use super::plan::bang_bang::bang_bang_time;
     #[pymodule_export]
     use super::plan::bang_bang_batch::BangBangBatch;
+    #[pymodule_export]
+    use super::plan::bang_bang_report::{BangBangReport, Bind};
     #[pymodule_export]
     use super::plan::profiles::{ProfileReport, minimum_jerk_time, trapezoid_time};
     #[pymodule_export]

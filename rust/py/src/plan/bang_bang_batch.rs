@@ -1,6 +1,6 @@
 //! `armlet.bang_bang_time` for arrays of problems: threads share them, and each register solves several together.
 
-use super::bang_bang::BangBangReport;
+use super::bang_bang_report::BangBangReport;
 use crate::arrays::{adopted, index_of, items, new_array, shown, signed, written_arrays};
 use crate::broadcast::Columns;
 use crate::errors::{Failure, entry, input_error};

@@ -1,143 +1,22 @@
-//! Minimum-time planning of one link under gravity, and of an arm along a path. This file has the common parts of the planners of one link,
-//! and the pickles of the results.
+//! Minimum-time planning of one link under gravity, and of an arm along a path. This file restores the pickled results of one link.
 
 pub mod bang_bang;
 pub mod bang_bang_batch;
+pub mod bang_bang_report;
+mod link;
 pub mod path_limits;
 pub mod profiles;
 pub mod time_path;
 pub mod timed_path;
 pub mod torque;
 
-use crate::broadcast::number_or_array;
-use crate::errors::{Failure, entry, input_error};
-use crate::seal::{Sealed, seal, seal_call};
+use crate::errors::{entry, input_error};
 use armlet_macros::entered;
 use bang_bang::bang_bang_time;
 use profiles::ProfileReport;
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
 use torque::TorqueOptimum;
-
-/// Define the common properties of the reports of rest-to-rest profiles. They read the field `core`.
-macro_rules! link_report {
-    ($report:ident) => {
-        #[entered]
-        #[pymethods]
-        impl $report {
-            /// Whether some duration satisfies the torque limits.
-            #[getter]
-            fn feasible(&self) -> bool {
-                self.core.feasible
-            }
-
-            /// Shortest duration, s; NaN if infeasible.
-            #[getter]
-            fn t_min(&self) -> f64 {
-                self.core.t_min
-            }
-
-            /// Longest duration, s; infinite if the motion may be arbitrarily slow, NaN if infeasible.
-            #[getter]
-            fn t_max(&self) -> f64 {
-                self.core.t_max
-            }
-
-            /// Whether the torque can hold the link at rest at the start.
-            #[getter]
-            fn hold_start(&self) -> bool {
-                self.core.hold_start
-            }
-
-            /// Whether the torque can hold the link at rest at the end.
-            #[getter]
-            fn hold_end(&self) -> bool {
-                self.core.hold_end
-            }
-        }
-    };
-}
-use link_report;
-
-/// The names of the arguments of the planners of one link: start and end, rad; inertia, kg m^2; gravity moment and torque limits, N m.
-pub const NAMES: [&str; 6] = ["theta0", "thetaf", "inertia", "gravity_moment", "tau_max", "tau_min"];
-
-/// The six numbers with the names [`NAMES`].
-pub type LinkProblem = [f64; 6];
-
-/// Read the six numbers of one problem. `None` if an argument is an array of one or more dimensions. `tau_min` defaults to `-tau_max`.
-pub fn problem(
-    py: Python<'_>,
-    function: &str,
-    values: [&Bound<'_, PyAny>; 5],
-    tau_min: Option<&Bound<'_, PyAny>>,
-) -> Result<Option<LinkProblem>, Failure> {
-    let mut p = [0.0; 6];
-    for k in 0..5 {
-        match number_or_array(function, NAMES[k], values[k])? {
-            Some(x) => p[k] = x,
-            None => return Ok(None),
-        }
-    }
-    p[5] = match tau_min {
-        None => symmetric(py, function, p[4])?,
-        Some(value) => match number_or_array(function, "tau_min", value)? {
-            Some(x) => x,
-            None => return Ok(None),
-        },
-    };
-    Ok(Some(p))
-}
-
-/// Return `-tau_max` as the default of `tau_min`. An invalid `tau_max` is an error about `tau_max`.
-fn symmetric(py: Python<'_>, function: &str, tau_max: f64) -> Result<f64, Failure> {
-    if tau_max > 0.0 && tau_max.is_finite() {
-        return Ok(-tau_max);
-    }
-    Err(input_error(py, function, "tau_max", format!("is not positive: expected a finite number > 0, got {tau_max}")).into())
-}
-
-/// Read the problem of a planner that accepts numbers only.
-pub fn single(
-    py: Python<'_>,
-    function: &str,
-    values: [&Bound<'_, PyAny>; 5],
-    tau_min: Option<&Bound<'_, PyAny>>,
-) -> Result<LinkProblem, Failure> {
-    if let Some(p) = problem(py, function, values, tau_min)? {
-        return Ok(p);
-    }
-    for (name, value) in NAMES.into_iter().zip(values.into_iter().chain(tau_min)) {
-        scalar(function, name, value)?;
-    }
-    unreachable!("an argument has axes")
-}
-
-/// Read a number. Arrays with axes are refused.
-pub fn scalar(function: &str, name: &str, value: &Bound<'_, PyAny>) -> Result<f64, Failure> {
-    let got = || value.getattr("shape").and_then(|s| s.str()).map_or("an array".to_string(), |s| format!("shape {s}"));
-    number_or_array(function, name, value)?
-        .ok_or_else(|| input_error(value.py(), function, name, format!("is not a number: expected a number, got {}", got())).into())
-}
-
-/// The Python text of a float or a truth value.
-pub fn float(x: f64) -> String {
-    if x.is_nan() || x.is_infinite() { x.to_string().to_lowercase() } else { format!("{x:?}") }
-}
-
-pub fn truth(x: bool) -> &'static str {
-    if x { "True" } else { "False" }
-}
-
-/// The pickled form of a result: the name of its function, and the numbers of the call.
-pub fn again<'py>(py: Python<'py>, function: &str, arguments: &[f64]) -> PyResult<Sealed<'py>> {
-    seal_call(py, "_restore_plan", (function, PyTuple::new(py, arguments)?).into_pyobject(py)?)
-}
-
-/// The pickled form of a part of a result: the result, and the name of the field that has the part.
-pub fn part<'py, T>(py: Python<'py>, owner: &Py<T>, name: &str) -> PyResult<Sealed<'py>> {
-    seal(&py.import("builtins")?.getattr("getattr")?, (owner.clone_ref(py).into_any(), name).into_pyobject(py)?, None)
-}
 
 /// Restore a result: call its function again with the same numbers.
 #[entered]

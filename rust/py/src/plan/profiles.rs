@@ -1,6 +1,6 @@
 //! `armlet.trapezoid_time` and `armlet.minimum_jerk_time`: the feasible durations of two rest-to-rest profiles.
 
-use super::{LinkProblem, again, float, link_report, scalar, single, truth};
+use super::link::{LinkProblem, again, float, link_report, scalar, single, truth};
 use crate::errors::entry;
 use crate::seal::Sealed;
 use armlet_core::error::Error;

@@ -1,6 +1,6 @@
 //! `armlet.torque_optimal_time`: the fastest rest-to-rest motion of one link under torque limits, and its results in Python.
 
-use super::{LinkProblem, again, float, part, scalar, single, truth};
+use super::link::{LinkProblem, again, float, part, scalar, single, truth};
 use crate::arrays::{WHATEVER, numbers, owned, require_finite, written_arrays};
 use crate::broadcast::number_or_array;
 use crate::errors::{Failure, entry, input_error};
