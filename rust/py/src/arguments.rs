@@ -1,14 +1,15 @@
-//! The arguments of constructors of laws and plants. They are read once, and kept for `repr` and pickling.
+//! The arguments of constructors of laws and plants. They are read once, and kept for `repr` and pickling (module `kept`).
 
 use crate::arm::Arm;
 use crate::arrays::{Axis, Form, SCALAR, WHATEVER, flag_or_false, new_array, numbers, object, owned, require_finite, spread, text, vector};
 use crate::errors::Failure;
+use crate::kept::Kept;
 use crate::motion::Motion;
 use armlet_core::kinematics::coordinates::parse_axes;
 use armlet_core::linalg::gain::Gain;
 use armlet_core::motion::Motion as CoreMotion;
 use pyo3::prelude::*;
-use pyo3::types::{PyBool, PyDict, PyTuple};
+use pyo3::types::PyBool;
 
 const AN_ARM: &str = "an Arm such as planar_pr(..)";
 const A_MOTION: &str = "a Motion such as Hold";
@@ -18,7 +19,7 @@ pub struct Arguments<'py> {
     function: &'static str,
     pub arm: Bound<'py, Arm>,
     /// The names and kept values of all arguments except the arm.
-    pub arguments: Vec<(&'static str, Py<PyAny>)>,
+    pub arguments: Kept,
 }
 
 impl<'py> Arguments<'py> {
@@ -136,71 +137,4 @@ pub fn gain(function: &str, name: &'static str, value: &Bound<'_, PyAny>, n: usi
         1 => Ok(Gain::diagonal(name, owned(values)?)?),
         _ => Ok(Gain::full(name, n, owned(values)?)?),
     }
-}
-
-/// Define `repr` and pickling for a base class with the fields `arm` and `arguments`.
-macro_rules! stands_on_arm {
-    ($class:ident) => {
-        #[entered]
-        #[pymethods]
-        impl $class {
-            fn __repr__(slf: &Bound<'_, Self>) -> PyResult<String> {
-                $crate::arguments::shown_as(slf.as_any(), slf.get().arm.bind(slf.py()), &slf.get().arguments)
-            }
-
-            fn __getnewargs_ex__<'py>(&self, py: Python<'py>) -> PyResult<$crate::arguments::Call<'py>> {
-                $crate::arguments::call(py, Some(self.arm.bind(py)), &self.arguments)
-            }
-
-            fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<$crate::seal::Sealed<'py>> {
-                $crate::seal::seal_new(slf.as_any())
-            }
-        }
-    };
-}
-
-/// Define pickling for a base class with the field `arguments`.
-macro_rules! made_of_arguments {
-    ($class:ident) => {
-        #[entered]
-        #[pymethods]
-        impl $class {
-            fn __getnewargs_ex__<'py>(&self, py: Python<'py>) -> PyResult<$crate::arguments::Call<'py>> {
-                $crate::arguments::call(py, None, &self.arguments)
-            }
-
-            fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<$crate::seal::Sealed<'py>> {
-                $crate::seal::seal_new(slf.as_any())
-            }
-        }
-    };
-}
-pub(crate) use {made_of_arguments, stands_on_arm};
-
-/// The `repr` of an object: `Name(arm, argument=value, ..)`.
-pub fn shown_as(object: &Bound<'_, PyAny>, arm: &Bound<'_, Arm>, arguments: &[(&'static str, Py<PyAny>)]) -> PyResult<String> {
-    let py = object.py();
-    // The text of an arm of links is a table; only its first line is used here.
-    let mut parts = vec![arm.repr()?.to_string().lines().next().unwrap_or_default().to_string()];
-    for (name, value) in arguments {
-        let value = value.bind(py);
-        let value = value.call_method0("tolist").unwrap_or_else(|_| value.clone());
-        parts.push(format!("{name}={}", value.repr()?));
-    }
-    Ok(format!("{}({})", object.get_type().name()?, parts.join(", ")))
-}
-
-/// The positional and keyword arguments of a call.
-pub type Call<'py> = (Bound<'py, PyTuple>, Bound<'py, PyDict>);
-
-/// The arguments of the constructor call that makes an equal object, with the arm if the object has an arm.
-pub fn call<'py>(py: Python<'py>, arm: Option<&Bound<'py, Arm>>, arguments: &[(&'static str, Py<PyAny>)]) -> PyResult<Call<'py>> {
-    let keywords = PyDict::new(py);
-    if let Some(arm) = arm {
-        keywords.set_item("arm", arm)?;
-    }
-    for (name, value) in arguments {
-        keywords.set_item(name, value)?;
-    }
-    Ok((PyTuple::empty(py), keywords))
 }

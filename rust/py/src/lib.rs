@@ -15,6 +15,7 @@ mod gradient;
 mod integrate;
 mod interrupts;
 mod inverse_kinematics;
+mod kept;
 mod keywords;
 mod law;
 mod listed;

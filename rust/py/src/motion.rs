@@ -1,12 +1,12 @@
 //! `armlet.Motion` and its subclasses: desired motions as functions of time.
 
-use crate::arguments::made_of_arguments;
 use crate::arrays::{
     Axis, Form, Looked, SCALAR, any_vector, copied, elements, new_vector, number, numbers, optional_number, owned, require_finite, spread,
     vector, written_arrays,
 };
 use crate::errors::{Failure, entry, input_error};
 use crate::interrupts::long;
+use crate::kept::{Kept, made_of_arguments, shown_as};
 use armlet_core::error::Error;
 use armlet_core::interrupt::look;
 use armlet_core::memory;
@@ -20,7 +20,7 @@ use pyo3::types::{PyFloat, PyInt};
 pub struct Motion {
     pub core: Core,
     /// The arguments of the constructor, for `repr` and pickling.
-    arguments: Vec<(&'static str, Py<PyAny>)>,
+    arguments: Kept,
 }
 
 made_of_arguments!(Motion);
@@ -108,13 +108,7 @@ impl Motion {
     }
 
     fn __repr__(slf: &Bound<'_, Self>) -> PyResult<String> {
-        let py = slf.py();
-        let parts = slf.get().arguments.iter().map(|(name, value)| {
-            let value = value.bind(py);
-            let value = value.call_method0("tolist").unwrap_or_else(|_| value.clone());
-            Ok(format!("{name}={}", value.repr()?))
-        });
-        Ok(format!("{}({})", slf.get_type().name()?, parts.collect::<PyResult<Vec<_>>>()?.join(", ")))
+        shown_as(slf.as_any(), None, &slf.get().arguments)
     }
 
     fn __eq__(&self, other: &Bound<'_, PyAny>) -> bool {

@@ -1,10 +1,11 @@
 //! `armlet.MomentumObserver`: the external torque from the generalised momentum, `r_dot = K (tau_ext - r)`.
 
-use crate::arguments::{Arguments, call, shown_as};
+use crate::arguments::Arguments;
 use crate::arm::Arm;
 use crate::arrays::{Axis, Form, SCALAR, adopted, copied, number, numbers, owned, require_finite, spread, text};
 use crate::errors::{Failure, entry, input_error};
 use crate::interrupts::long;
+use crate::kept::{Kept, call, shown_as};
 use crate::seal::{Sealed, seal_call};
 use armlet_core::analysis::momentum_observer::{MomentumObserver as Core, ObserverState};
 use armlet_core::dynamics::Model;
@@ -59,7 +60,7 @@ pub struct MomentumObserver {
     /// The arm of the observer.
     #[pyo3(get)]
     arm: Py<Arm>,
-    arguments: Vec<(&'static str, Py<PyAny>)>,
+    arguments: Kept,
 }
 
 /// The observer of the core, and whether its samples are `(B, n)`.
@@ -325,12 +326,12 @@ impl MomentumObserver {
     }
 
     fn __repr__(slf: &Bound<'_, Self>) -> PyResult<String> {
-        shown_as(slf.as_any(), slf.get().arm.bind(slf.py()), &slf.get().arguments)
+        shown_as(slf.as_any(), Some(slf.get().arm.bind(slf.py()).as_any()), &slf.get().arguments)
     }
 
     /// The pickled form: the arguments, the state and the thresholds.
     fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Sealed<'py>> {
-        let (_, keywords) = call(py, Some(self.arm.bind(py)), &self.arguments)?;
+        let (_, keywords) = call(py, Some(self.arm.bind(py).as_any()), &self.arguments)?;
         let observed = self.observed(py);
         let ObserverState { residual, momentum, drift } = observed.core.state().clone();
         let thresholds = observed.core.thresholds().map(<[f64]>::to_vec);

@@ -1,10 +1,11 @@
 //! The plants `armlet.RigidArm`, `armlet.ElasticArm` and `armlet.VelocityArm`, and `armlet.Wall`, which a plant may touch.
 
-use crate::arguments::{Arguments, stands_on_arm};
+use crate::arguments::Arguments;
 use crate::arm::Arm;
 use crate::arrays::{number, object, text, three};
 use crate::errors::{Failure, entry};
 use crate::friction;
+use crate::kept::{Kept, stands_on_arm};
 use crate::seal::{Sealed, seal_new};
 use armlet_core::plant::{ElasticSpec, JointFriction, PlantSpec, RigidSpec, Stops, VelocitySpec, Wall as CoreWall};
 use armlet_macros::entered;
@@ -17,7 +18,7 @@ pub struct Plant {
     pub spec: PlantSpec,
     #[pyo3(get)]
     pub arm: Py<Arm>,
-    arguments: Vec<(&'static str, Py<PyAny>)>,
+    arguments: Kept,
 }
 
 impl Arguments<'_> {

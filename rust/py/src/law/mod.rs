@@ -14,10 +14,11 @@ pub use impedance::CartesianImpedance;
 pub use priority::*;
 pub use rigid::*;
 
-use crate::arguments::{Arguments, stands_on_arm};
+use crate::arguments::Arguments;
 use crate::arm::Arm;
 use crate::arrays::{new_array, new_vector, number, of_shape, require_finite, vector};
 use crate::errors::{Failure, entry, input_error};
+use crate::kept::{Kept, stands_on_arm};
 use armlet_core::error::all_finite;
 use armlet_core::law::{JointReference, LawEvaluator, LawSpec};
 use armlet_core::plant::PlantKind;
@@ -36,7 +37,7 @@ pub struct Law {
     #[pyo3(get)]
     arm: Py<Arm>,
     /// The other arguments of the constructor, for `repr` and pickling.
-    arguments: Vec<(&'static str, Py<PyAny>)>,
+    arguments: Kept,
 }
 
 stands_on_arm!(Law);

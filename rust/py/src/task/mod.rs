@@ -2,9 +2,10 @@
 
 pub mod kinds;
 
-use crate::arguments::{axes_of, made_of_arguments};
+use crate::arguments::axes_of;
 use crate::arrays::{Axis, Form, Looked, SCALAR, copied, items, owned, require_finite, shown, text};
 use crate::errors::{Failure, entry, input_error};
+use crate::kept::{Kept, made_of_arguments};
 use crate::motion::Motion;
 use crate::priority::MOST_LEVELS;
 use armlet_core::arm::Arm;
@@ -84,7 +85,7 @@ pub struct Task {
     gain: Raw,
     damping: Option<Raw>,
     /// The arguments, for `repr` and pickling.
-    arguments: Vec<(&'static str, Py<PyAny>)>,
+    arguments: Kept,
 }
 
 made_of_arguments!(Task);
@@ -136,7 +137,7 @@ fn kept(value: &Bound<'_, PyAny>) -> PyResult<Py<PyAny>> {
 
 impl Common<'_, '_> {
     /// Make the task of a blueprint. The common arguments are appended to `arguments`.
-    fn task(self, blueprint: Blueprint, mut arguments: Vec<(&'static str, Py<PyAny>)>) -> Result<Task, Failure> {
+    fn task(self, blueprint: Blueprint, mut arguments: Kept) -> Result<Task, Failure> {
         let given = match (self.target, self.motion) {
             (Some(target), Some(_)) => {
                 return Err(input_error(target.py(), self.name, "motion", "is given twice: expected either target or motion").into());

@@ -1,0 +1,76 @@
+//! The kept arguments of a constructor: the `repr` and the pickle of the object that it made.
+
+use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyTuple};
+
+/// The names and values of arguments.
+pub type Kept = Vec<(&'static str, Py<PyAny>)>;
+
+/// Define `repr` and pickling for a base class with the fields `arm` and `arguments`.
+macro_rules! stands_on_arm {
+    ($class:ident) => {
+        #[entered]
+        #[pymethods]
+        impl $class {
+            fn __repr__(slf: &Bound<'_, Self>) -> PyResult<String> {
+                $crate::kept::shown_as(slf.as_any(), Some(slf.get().arm.bind(slf.py()).as_any()), &slf.get().arguments)
+            }
+
+            fn __getnewargs_ex__<'py>(&self, py: Python<'py>) -> PyResult<$crate::kept::Call<'py>> {
+                $crate::kept::call(py, Some(self.arm.bind(py).as_any()), &self.arguments)
+            }
+
+            fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<$crate::seal::Sealed<'py>> {
+                $crate::seal::seal_new(slf.as_any())
+            }
+        }
+    };
+}
+
+/// Define pickling for a base class with the field `arguments`.
+macro_rules! made_of_arguments {
+    ($class:ident) => {
+        #[entered]
+        #[pymethods]
+        impl $class {
+            fn __getnewargs_ex__<'py>(&self, py: Python<'py>) -> PyResult<$crate::kept::Call<'py>> {
+                $crate::kept::call(py, None, &self.arguments)
+            }
+
+            fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<$crate::seal::Sealed<'py>> {
+                $crate::seal::seal_new(slf.as_any())
+            }
+        }
+    };
+}
+pub(crate) use {made_of_arguments, stands_on_arm};
+
+/// The `repr` of an object: `Name(arm, argument=value, ..)`, without an arm if the object has none.
+pub fn shown_as(object: &Bound<'_, PyAny>, arm: Option<&Bound<'_, PyAny>>, arguments: &[(&'static str, Py<PyAny>)]) -> PyResult<String> {
+    let (py, mut parts) = (object.py(), Vec::new());
+    if let Some(arm) = arm {
+        // The text of an arm of links is a table; only its first line is used here.
+        parts.push(arm.repr()?.to_string().lines().next().unwrap_or_default().to_string());
+    }
+    for (name, value) in arguments {
+        let value = value.bind(py);
+        let value = value.call_method0("tolist").unwrap_or_else(|_| value.clone());
+        parts.push(format!("{name}={}", value.repr()?));
+    }
+    Ok(format!("{}({})", object.get_type().name()?, parts.join(", ")))
+}
+
+/// The positional and keyword arguments of a call.
+pub type Call<'py> = (Bound<'py, PyTuple>, Bound<'py, PyDict>);
+
+/// The arguments of the constructor call that makes an equal object, with the arm if the object has an arm.
+pub fn call<'py>(py: Python<'py>, arm: Option<&Bound<'py, PyAny>>, arguments: &[(&'static str, Py<PyAny>)]) -> PyResult<Call<'py>> {
+    let keywords = PyDict::new(py);
+    if let Some(arm) = arm {
+        keywords.set_item("arm", arm)?;
+    }
+    for (name, value) in arguments {
+        keywords.set_item(name, value)?;
+    }
+    Ok((PyTuple::empty(py), keywords))
+}
