@@ -1,5 +1,6 @@
 //! Array arguments and array results, and the validation of other arguments.
 
+mod convert;
 mod pieces;
 pub mod python;
 mod raw;
@@ -10,9 +11,9 @@ mod single;
 mod write;
 
 pub use pieces::{PIECE, copied_to_bytes};
-pub use raw::{Lent, adopted, of_lengths, of_shape, out_of_shape, out_slice, overwrite};
-pub use read::{Looked, any_vector, numbers, owned, spread, three, vector};
+pub use raw::{adopted, of_lengths, of_shape, out_of_shape, out_slice, overwrite};
+pub use read::{Looked, any_vector, numbers, owned, require_finite, spread, three, vector};
 pub use sequence::items;
-pub use shape::{Axis, Form, SCALAR, WHATEVER, elements, index_of, require_finite, shown};
+pub use shape::{Axis, Form, SCALAR, WHATEVER, elements, index_of, shown};
 pub use single::{count, flag, flag_or_false, name, number, object, optional_number, quoted, signed, text, whole};
-pub use write::{copied, new_array, new_vector, written_array, written_arrays};
+pub use write::{Lent, copied, new_array, new_vector, written_array, written_arrays};

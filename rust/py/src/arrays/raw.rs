@@ -2,16 +2,14 @@
 //!
 //! A C-contiguous, aligned float64 array is read in place. `PyReadonlyArray` would take a global lock per array to track borrows.
 
+use super::shape::{elements, shown};
 use crate::errors::{Failure, input_error};
 use numpy::{Element, PyArray1, PyArrayDescrMethods, PyArrayDyn, PyArrayMethods, PyUntypedArrayMethods, npyffi};
 use pyo3::prelude::*;
+use pyo3::sync::PyOnceLock;
 use std::any::Any;
 use std::ffi::c_int;
 use std::ptr::null_mut;
-
-use super::read::require_unmasked;
-use super::shape::{elements, shown};
-use super::write::copied;
 
 /// A slice of the elements of a C-contiguous, aligned array, without a copy; `None` for other arrays.
 pub fn in_place<'a, T: Element>(array: &'a Bound<'_, PyArrayDyn<T>>) -> Option<&'a [T]> {
@@ -203,27 +201,14 @@ pub fn overwrite(array: &Bound<'_, PyAny>, values: &[f64]) -> Result<(), Failure
     Ok(())
 }
 
-/// A vector for repeated calls of Python callables. Its memory is reused if no callable has kept a reference to it.
-#[derive(Default)]
-pub struct Lent(Option<Py<PyArray1<f64>>>);
-
-impl Lent {
-    /// Return an array that contains `values`, in reused memory if possible.
-    pub fn array<'py>(&mut self, py: Python<'py>, values: &[f64]) -> Result<Bound<'py, PyAny>, Failure> {
-        if let Some(kept) = &self.0
-            && unseen(kept.bind(py), values.len())
-        {
-            // SAFETY: `unseen` has checked that the array is contiguous, aligned and of this length, and that no other reference exists.
-            unsafe { std::slice::from_raw_parts_mut(kept.bind(py).data(), values.len()) }.copy_from_slice(values);
-        } else {
-            let made = copied(py, &[values.len()], values)?;
-            self.0 = Some(made.cast_into::<PyArray1<f64>>().map_err(PyErr::from)?.unbind());
-        }
-        match &self.0 {
-            Some(kept) => Ok(kept.bind(py).clone().into_any()),
-            None => unreachable!("just kept"),
-        }
+/// Overwrite the numbers of a vector if it has the length of `values` and only its owner has a reference. The result is false otherwise.
+pub fn overwrite_unseen(array: &Bound<'_, PyArray1<f64>>, values: &[f64]) -> bool {
+    let free = unseen(array, values.len());
+    if free {
+        // SAFETY: `unseen` has checked that the array is contiguous, aligned and of this length, and that no other reference exists.
+        unsafe { std::slice::from_raw_parts_mut(array.data(), values.len()) }.copy_from_slice(values);
     }
+    free
 }
 
 /// Whether an array still has `n` writeable, contiguous numbers, and only its owner has a reference.
@@ -243,6 +228,14 @@ fn unseen(array: &Bound<'_, PyArray1<f64>>, n: usize) -> bool {
     }
 }
 
+/// Whether an object is a masked array.
+pub fn is_masked(value: &Bound<'_, PyAny>) -> PyResult<bool> {
+    static MASKED: PyOnceLock<Py<PyAny>> = PyOnceLock::new();
+    let py = value.py();
+    let class = MASKED.get_or_try_init(py, || PyResult::Ok(py.import("numpy.ma")?.getattr("MaskedArray")?.unbind()))?;
+    value.is_instance(class.bind(py))
+}
+
 /// A mutable slice of the elements of the caller's array `out=`. An array of another type, shape or layout, a read-only array, and an array
 /// that overlaps an argument are refused.
 // A `&mut Bound` is never available, because Python code can share every array.
@@ -255,7 +248,7 @@ pub fn out_slice<'a>(
 ) -> Result<&'a mut [f64], Failure> {
     let py = value.py();
     let refuse = |problem: String| -> Failure { input_error(py, function, "out", problem).into() };
-    if require_unmasked(value).is_err() {
+    if is_masked(value).unwrap_or(true) {
         return Err(refuse(format!("is a masked array: expected a float64 array of shape {}", shown(shape))));
     }
     let Ok(array) = value.cast::<PyArrayDyn<f64>>() else {

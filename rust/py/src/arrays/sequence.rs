@@ -2,7 +2,7 @@
 //!
 //! The length of a sequence is read first, and no entries beyond this length are converted. Ctrl-C is checked between entries.
 
-use super::read::{Wrong, array_of, copy, object, real, shape_of};
+use super::convert::{Wrong, array_of, copy, object, real};
 use super::shape::shown;
 use crate::errors::{Failure, input_error};
 use crate::interrupts::Breaks;
@@ -70,6 +70,20 @@ pub fn shape(value: &Bound<'_, PyAny>, depth: usize) -> Result<Vec<usize>, Wrong
         shape.extend(shape_of(&entry(value, 0)?, depth + 1)?);
     }
     Ok(shape)
+}
+
+/// The shape of an entry of a sequence that is nested `depth` levels deep.
+fn shape_of(value: &Bound<'_, PyAny>, depth: usize) -> Result<Vec<usize>, Wrong> {
+    if real(value)?.is_some() {
+        return Ok(Vec::new());
+    }
+    if let Some(array) = array_of(value)? {
+        return Ok(array.getattr("shape")?.extract()?);
+    }
+    if is_sequence(value) {
+        return shape(value, depth);
+    }
+    Err(Wrong::Kind(object(value)))
 }
 
 /// Append the entries of a sequence to `out`. They must have the implied `shape`.

@@ -1,9 +1,7 @@
-//! The expected shapes of arguments, the text of shapes in messages, and the error for numbers that are not finite.
+//! The expected shapes of arguments, and the text of shapes and indices in messages.
 
-use super::pieces;
-use crate::errors::{Failure, input_error};
+use crate::errors::Failure;
 use armlet_core::error::Error;
-use pyo3::prelude::*;
 
 /// One axis of a shape that an argument may have.
 #[derive(Clone, Copy)]
@@ -84,29 +82,6 @@ pub fn index_of(shape: &[usize], mut k: usize) -> String {
     match index.as_slice() {
         [i] => i.to_string(),
         many => format!("({})", many.iter().map(ToString::to_string).collect::<Vec<_>>().join(", ")),
-    }
-}
-
-/// Refuse numbers that are not finite.
-pub fn require_finite(py: Python<'_>, function: &str, name: &str, shape: &[usize], values: &[f64]) -> Result<(), Failure> {
-    if pieces::all_finite(py, values)? {
-        return Ok(());
-    }
-    match values.iter().position(|x| !x.is_finite()) {
-        None => Ok(()),
-        Some(k) if shape.is_empty() => {
-            Err(input_error(py, function, name, format!("is not finite: expected a finite number, got {}", values[k])).into())
-        }
-        Some(k) => {
-            let index = index_of(shape, k);
-            Err(input_error(
-                py,
-                function,
-                name,
-                format!("is not finite: expected finite numbers, got {} (first bad index {index})", values[k]),
-            )
-            .into())
-        }
     }
 }
 

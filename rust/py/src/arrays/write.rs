@@ -1,8 +1,9 @@
 //! New result arrays, C-contiguous. Insufficient memory is a `MemoryError`.
 
 use super::pieces;
-use super::raw::{Bits, made, out_of_shape};
+use super::raw::{Bits, made, out_of_shape, overwrite_unseen};
 use crate::errors::Failure;
+use numpy::PyArray1;
 use pyo3::prelude::*;
 
 /// Make an array of this shape with these values, float64 or bool.
@@ -47,4 +48,22 @@ pub fn new_vector<'py>(
     fill: impl FnOnce(&mut [f64]) -> Result<(), Failure>,
 ) -> Result<Bound<'py, PyAny>, Failure> {
     new_array(py, &[n], fill)
+}
+
+/// A vector for repeated calls of Python callables. Its memory is reused if no callable has kept a reference to it.
+#[derive(Default)]
+pub struct Lent(Option<Py<PyArray1<f64>>>);
+
+impl Lent {
+    /// Return an array that contains `values`, in reused memory if possible.
+    pub fn array<'py>(&mut self, py: Python<'py>, values: &[f64]) -> Result<Bound<'py, PyAny>, Failure> {
+        if let Some(kept) = self.0.as_ref().map(|kept| kept.bind(py))
+            && overwrite_unseen(kept, values)
+        {
+            return Ok(kept.clone().into_any());
+        }
+        let made = copied(py, &[values.len()], values)?;
+        self.0 = Some(made.clone().cast_into::<PyArray1<f64>>().map_err(PyErr::from)?.unbind());
+        Ok(made)
+    }
 }
