@@ -4,8 +4,9 @@
 //!   damping ratio and on a torque sensor.
 //! - Stiffness limit of one joint (Routh): `k < K_J (1 + d/D0)(1 - d B0/(D0 M))`. With `D0 = 2 sqrt(B0 K_J)` the limit is
 //!   `K_J (1 + d/D0)(1 - d D0/(4 M K_J))`. Here `M` and `d` are inertia and damping of the link, `B0` and `D0` those of the motor.
-//! - Stiffness scale: the largest `kappa` with a stable loop. The loop has the stiffness `kappa K_m` and is linearised at rest. It is
-//!   stable if every eigenvalue has a negative real part. Eigenvalues of free motions do not count.
+//! - Stiffness scale: the largest factor `kappa` of the law's stiffness with a stable loop. The stiffness is `K_m` of a Cartesian
+//!   impedance, or `kp` of a PD law. The loop is linearised at its equilibrium. It is stable if every eigenvalue has a negative real part.
+//!   Eigenvalues of free motions do not count.
 
 use super::equilibrium::equilibrium;
 use crate::error::{Error, Result, positive};
@@ -66,10 +67,12 @@ pub fn smallest_reduced_inertia(inertia: f64, stiffness: f64, sample_time: f64, 
     }
 }
 
-/// Compute the largest `kappa` for which the loop with the stiffness `kappa K_m` and unchanged damping is stable at its equilibrium.
+/// Compute the largest factor `kappa` of the law's stiffness (`K_m` of a Cartesian impedance, `kp` of a PD law) for which the loop is
+/// stable at its equilibrium. Damping and joint stiffness are unchanged.
 ///
-/// The result is infinite if no instability is found below `1e6`, and zero if the loop with `K_m` is unstable.
-/// Errors: `Input` for a law without a spring, and those of [`equilibrium`].
+/// The search increases `kappa` from 1 in steps of 5 percent to the first unstable factor. The result is infinite if all factors up to
+/// `1e6` are stable, and zero if the loop is unstable with `kappa = 1`. Errors: `Input` for a law without a spring, and those of
+/// [`equilibrium`].
 pub fn stiffness_scale(plant: &PlantSpec, law: &LawSpec, wrench: &[f64; 6], force_frame: Option<usize>, q0: &[f64]) -> Result<f64> {
     const GROWTH: f64 = 1.05;
     const CAP: f64 = 1e6;

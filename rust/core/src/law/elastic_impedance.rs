@@ -98,7 +98,7 @@ impl ElasticImpedanceSpec {
     /// Terms for diagnosis: mass matrix `M`, Coriolis matrix `S`, gravity torque `g`, `Jdot`, and in the task space `M_x = (J M^-1 J')^-1`
     /// and `S_x = M_x (J M^-1 S - Jdot) M^-1 J' M_x`.
     ///
-    /// `M_x` and `S_x` are NaN where `J` loses rank. The law itself inverts no matrix.
+    /// `M_x` and `S_x` are NaN where `J` loses rank. The torque does not use them.
     fn target_dynamics(&self, outer: &mut CartesianImpedance<f64>, trig: &[(f64, f64)], q: &[f64], v: &[f64]) -> Vec<Term> {
         let (n, m) = (q.len(), self.outer.coordinates.m());
         let (mut mass, mut coriolis, mut g) = (vec![0.0; n * n], vec![0.0; n * n], vec![0.0; n]);

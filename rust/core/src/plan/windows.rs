@@ -1,19 +1,22 @@
 //! The feasible back-swings: open intervals of the distance `e` of the turn behind the start, whose edges are roots of smooth functions.
 //!
 //! Under a constant torque `u` from rest at `xt`, the energy is a linear function of the angle, `E = V(xt) + u (x - xt)`. The phase
-//! continues while this line is above the potential `V = -G cos x`. The line of the upper torque `u+` rises and the lines of the lower
-//! torque `u-` fall. So they cross once:
+//! continues while this line is above the potential `V = -G cos x`. `x0` is the start, `x1` the goal and `xt = x0 - e` the turn. `u+` and
+//! `u-` are the absolute values of the upper and the lower torque bound. The line of the torque `u+` rises and the lines of the torque
+//! `-u-` fall. So they cross once:
 //!
 //! ```text
 //! the back-swing to xt is feasible iff
-//!     both lines of u-, from x0 and from x1 to the left, are above V up to xt, and
+//!     both lines of -u-, from x0 and from x1 to the left, are above V up to xt, and
 //!     the line of u+ from xt is above V up to x1:   W(xt) > W(x) for xt < x <= x1,   W(x) = V(x) - u+ x
 //! ```
 //!
-//! From `x1` to the left, the second condition is true where `W` exceeds all its values on the way from `x1`. `W` rises from its value at
-//! `x1` to a maximum. Then it rises from the value of each maximum to the next maximum, because `W(x - 2 pi) = W(x) + 2 pi u+`. So there is
-//! one interval per revolution, until a line of `u-` ends. With friction, curves of the phase plane replace the lines. Two curves of one
-//! torque do not cross, and two curves of different torques cross at most once.
+//! From `x1` to the left, the second condition is true where `W` exceeds all its values between there and `x1`. So the first interval
+//! begins where `W` exceeds its value at `x1`, and ends at the next maximum of `W`. Beyond a maximum `W` falls. The next interval begins
+//! where `W` exceeds the value of this maximum. It ends at the next maximum, one revolution further, because
+//! `W(x - 2 pi) = W(x) + 2 pi u+`. So there is one interval per revolution, until a line of `-u-` ends. If `u+ >= |G|`, `W` has no maximum,
+//! and there is only one interval. With friction, curves of the phase plane replace the lines. Two curves of one torque do not cross, and
+//! two curves of different torques cross at most once.
 
 use super::search::Window;
 use std::cell::LazyCell;
@@ -31,7 +34,7 @@ pub(super) struct Windows<F> {
 impl<F: FnOnce() -> f64> Windows<F> {
     /// Create the intervals, from distances behind `x0`, rad. The function `W(x) = -G cos x - u+ x` exceeds its value at the goal `x1` from
     /// `low` to its maximum at `crest`. After the distance `recovery` beyond a maximum, `W` exceeds the value of this maximum again.
-    /// Motions under the lower torque `u-` reach at most `most`.
+    /// Motions under the lower torque `-u-` reach at most `most`.
     pub fn new(low: f64, crest: f64, most: f64, recovery: F) -> Self {
         let mut windows = Windows { low, crest, most, recovery: LazyCell::new(recovery) };
         if crest <= 0.0 && most > 0.0 {

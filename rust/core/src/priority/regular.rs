@@ -121,7 +121,7 @@ impl<S: Real> Regular<S> {
         }
         self.joint_velocities(self.n);
         let Regular { n, v, residual, .. } = self;
-        // Each comparison with NaN is false, so that NaN makes the result invalid.
+        // `|residual| < infinity` is false for NaN, so that NaN makes the result invalid.
         let (zero, infinity) = (S::zero(), S::splat(f64::INFINITY));
         residual.iter_mut().zip(jacobian.chunks_exact(*n)).zip(command).fold(stands, |stands, ((residual, row), &command)| {
             *residual = command - product(row, v);
@@ -225,7 +225,7 @@ impl<S: Real> Regular<S> {
             } else {
                 inverse2 * threshold2(eps2.as_deref(), i, most2[i])
             };
-            // A comparison with NaN is false, so that NaN makes the result invalid.
+            // If `excess` is NaN, `excess < 2` is false, so that the result is invalid.
             stands = S::select(one.lt(excess), zero, S::select(excess.lt(S::splat(2.0)), stands, zero));
         }
         stands

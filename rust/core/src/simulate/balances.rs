@@ -1,7 +1,12 @@
 //! Residuals of balances over recorded runs. They detect runs that are wrong although all numbers are finite.
 //!
-//! The balances `E(t) - E(0) - int P dt = 0` and `V1(0) - V1(t) - int s'Kd s dt = 0` are exact for the loop, where `E` is the energy, `P`
-//! the supplied power and `V1` the Lyapunov function. So their residuals are errors of the method.
+//! The balance `E(t) - E(0) - int P dt = 0` is exact for the differential equation of every loop, where `E` is the energy and `P` the
+//! supplied power. So its residual is the error of the integration method.
+//!
+//! The balance `V1(0) - V1(t) - int D dt = 0` of the Lyapunov function `V1` is exact for a continuous adaptive law whose model has the
+//! structure of the plant. `D = s'Kd s` without the options of the law that change `dV1/dt`, and otherwise includes their terms. Here `s`
+//! is the sliding variable, `Kd` its gain and `'` the transpose. A projection makes the balance positive, so its residual is then not an
+//! error. With a sample time, or with effects of the plant that the model does not have, the residual also contains their contributions.
 
 /// The names of the residuals, in the order of `Run::balances`.
 pub const NAMES: [&str; 4] = ["energy_error", "energy_missing", "lyapunov_rise", "lyapunov_error"];

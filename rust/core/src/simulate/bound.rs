@@ -30,7 +30,7 @@ impl Bound {
                 largest = largest.max(value.abs());
             }
         }
-        // For a finite number, the product with zero is zero. Otherwise it is NaN. A comparison with NaN is false.
+        // For a finite number, the product with zero is zero. Otherwise it is NaN, and `zero < 1` is false.
         S::all(zero.lt(S::splat(1.0))) && S::all(largest.lt(S::splat(self.beyond)))
     }
 

@@ -4,7 +4,7 @@ use super::layout::Layout;
 use crate::trace::tape::Op;
 use crate::trace::{Cut, Engine, Frame, Part, Program, Scratch, SlotTable, Stream, engine, form, segments};
 
-/// The entries of a recording that are results of programs.
+/// The indices of the recorded operations that compute the results of the programs.
 pub struct Tracing {
     /// The results of the law: the plant's input, the rate of the law's state, and a flag that is one if the results are valid.
     pub law: Vec<u32>,

@@ -151,7 +151,8 @@ impl Plan {
             aims,
             frame,
             units,
-            // Each comparison with a NaN is false, so that no error is within a band that is NaN. A negative band has the same effect.
+            // No error counts as within a band that is NaN. The metrics test `band < |error|`, which is always false for NaN. So -1
+            // replaces NaN: every error exceeds it.
             band: measures.band.as_ref().map(|band| band.iter().map(|&band| if band >= 0.0 { band } else { -1.0 }).collect()),
             settle: measures.settle,
             tolerance: measures.tolerance,

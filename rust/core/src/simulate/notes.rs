@@ -12,7 +12,7 @@ use crate::trace::{Sym, sym};
 /// The number of reference values: values of the first record that monitors read at later records.
 pub const FIRSTS: usize = 2;
 
-/// The entries of a recording that contain the numbers of a record.
+/// The recorded operations that compute the numbers of a record.
 pub struct Noted {
     pub numbers: Vec<Sym>,
     /// The reference values of the monitors, computed if this is the first record.

@@ -48,7 +48,7 @@ pub struct Recorded {
     ops: Vec<Op>,
 }
 
-/// The loop parameters of a run, and the entries that identify the run's structure.
+/// The loop parameters of a run, and the indices of their operations in the recording. These indices identify the run's structure.
 pub struct LoopParameters {
     pub values: Vec<f64>,
     pub structure: Vec<u32>,
@@ -102,7 +102,8 @@ fn set_up<'a>(problem: &'a Problem, run: usize, common: Common) -> (ClosedLoop<'
 pub struct Seen<R, T> {
     key: Key,
     tag: T,
-    /// The entry of each loop parameter in the recording.
+    /// For each loop parameter, in the order of recording: the index of its operation in the recording. Loops of one structure have equal
+    /// lists.
     structure: Vec<u32>,
     /// The recording. `None` means that the code branches on data.
     pub recorded: Option<Arc<R>>,

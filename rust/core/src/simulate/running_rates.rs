@@ -16,9 +16,10 @@ pub struct Running<S> {
     attempt: Option<Frame>,
     /// The frame of the programs of derivatives.
     lanes: Option<Frame>,
-    /// The exogenous input and its time derivative at the state of the linearisation.
+    /// The exogenous input and its time derivative at the time of a linearisation. An attempt uses the first one for the inputs of its
+    /// stages.
     instants: [Exogenous<S>; 2],
-    /// The derivative of the rates with respect to time, at the state of the linearisation.
+    /// The derivative of the rates with respect to time, from the last linearisation.
     dft: Vec<S>,
 }
 
@@ -98,7 +99,7 @@ impl<S: Real> Running<S> {
         j.fill(S::zero());
         let [_, u_dot] = &self.instants;
         let drift = || u_dot.desired.iter().chain(&u_dot.wrench[..slots.wrench]);
-        // Each lane has one direction. Time is the last direction of the plant's program.
+        // Each lane has one direction of differentiation. Time is the last direction of the plant's program.
         let mut along = |program: &Program, seeds: usize, column: usize, count: usize, moves: bool| {
             let directions = count + usize::from(moves);
             for first in (0..directions).step_by(frame.lanes()) {

@@ -5,7 +5,8 @@
 #[repr(C, align(64))]
 struct CacheLine([f64; 8]);
 
-/// Memory of `slots` slots with `lanes` numbers each. A lane is one run.
+/// Memory of `slots` slots with `lanes` numbers each. The lanes are independent evaluations of the same program: runs, rows of inputs, or
+/// directions of derivatives.
 #[derive(Clone, Debug)]
 pub struct Frame {
     lines: Vec<CacheLine>,

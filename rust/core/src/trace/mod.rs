@@ -1,6 +1,6 @@
 //! Recorded computations as programs. A loop runs once with the number type [`Sym`], which records its operations on a *tape*. The
-//! recording is simplified. A *program* is its straight-line code for one instruction set. It computes one run, or one run per *lane* (one
-//! element of a SIMD register).
+//! recording is simplified. A *program* is its straight-line code for one instruction set. It computes one evaluation, or one per *lane*
+//! (one element of a SIMD register). The lanes are runs, rows of inputs, or directions of derivatives.
 //!
 //! A *frame* is the memory of a running program. A *slot* of a frame has one number per lane.
 //!

@@ -2,8 +2,9 @@
 //! the program.
 //!
 //! The results have the same bits as the emitted code of the same instruction set. Tests compare both results. The portable program runs
-//! where the system refuses executable memory. Computed values are in slots after the slots of the program. After the last read of a value,
-//! its slot is reused.
+//! where the system refuses executable memory, on processors other than x86-64 and AArch64, and if the environment variable
+//! `ARMLET_PROGRAMS` is `portable`. Computed values are in slots after the slots of the program. After the last read of a value, its slot
+//! is reused.
 
 use super::frame::Frame;
 use super::lifetimes::{Lifetimes, NEVER};

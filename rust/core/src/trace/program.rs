@@ -1,7 +1,7 @@
 //! A program: a recorded computation that runs on frames. A frame is the memory of a running program.
 //!
-//! It is machine code if the system allows executable memory. Otherwise it is evaluated instruction by instruction, with the same bits. The
-//! environment variable `ARMLET_PROGRAMS=portable` selects this evaluation.
+//! It is machine code on x86-64 and AArch64, if the system allows executable memory. Otherwise it is evaluated instruction by instruction,
+//! with the same bits. The environment variable `ARMLET_PROGRAMS=portable` selects this evaluation.
 
 #[cfg(target_arch = "aarch64")]
 use super::aarch64::Assembler;
@@ -48,7 +48,7 @@ pub fn engine() -> Engine {
     })
 }
 
-/// The form of code on this machine: packed for lanes, scalar for one run.
+/// The form of code on this machine: packed for several lanes, scalar for one lane.
 pub fn form(packed: bool) -> Form {
     let set = match isa() {
         _ if cfg!(target_arch = "aarch64") => Set::Neon,

@@ -1,5 +1,5 @@
-//! Copies between rows of the caller's arrays and lanes of a frame, which is the memory of a program. A row has the numbers of one run, and
-//! a lane of the frame receives this row. The copy is a transposition. With AVX2, it moves blocks of four by four numbers.
+//! Copies between rows of the caller's arrays and lanes of a frame, which is the memory of a program. A row has the numbers of one
+//! evaluation, and a lane of the frame receives this row. The copy is a transposition. With AVX2, it moves blocks of four by four numbers.
 
 use super::frame::Frame;
 use crate::scalar::lanes::{Isa, isa};

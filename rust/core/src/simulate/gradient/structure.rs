@@ -26,7 +26,7 @@ use std::sync::{Arc, OnceLock};
 #[derive(Clone, PartialEq)]
 struct SetUp {
     ops: Vec<Op>,
-    /// The entry of each loop parameter.
+    /// For each loop parameter, in the order of recording: the index of its operation in `ops`.
     structure: Vec<u32>,
 }
 

@@ -1,8 +1,8 @@
 //! Monitors: identities of the theory, evaluated at the records of a run.
 //!
 //! ```text
-//! V1 = s' M s / 2 + (a - a_hat)' Gamma^-1 (a - a_hat) / 2 never increases
-//! V1(0) - V1(t) - int s' Kd s = 0
+//! V1 = s' M s / 2 + (a - a_hat)' Gamma^-1 (a - a_hat) / 2
+//! V1(0) - V1(t) - int D dt = 0,  D = s' Kd s without further options
 //! dM/dt - 2 C is skew
 //! E(t) - E(0) - int P dt = 0
 //! ```
