@@ -67,8 +67,8 @@ pub fn smallest_reduced_inertia(inertia: f64, stiffness: f64, sample_time: f64, 
     }
 }
 
-/// Compute the largest factor `kappa` of the law's stiffness (`K_m` of a Cartesian impedance, `kp` of a PD law) for which the loop is
-/// stable at its equilibrium. Damping and joint stiffness are unchanged.
+/// Compute the largest factor `kappa` of the law's stiffness for which the loop is stable at its equilibrium. The stiffness is `K_m` of a
+/// Cartesian impedance, or `kp` of a PD law. Damping and joint stiffness are unchanged.
 ///
 /// The search increases `kappa` from 1 in steps of 5 percent to the first unstable factor. The result is infinite if all factors up to
 /// `1e6` are stable, and zero if the loop is unstable with `kappa = 1`. Errors: `Input` for a law without a spring, and those of

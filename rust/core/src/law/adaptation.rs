@@ -1,10 +1,12 @@
 //! Adaptive tracking of any arm: the choice of estimated parameters, and the metric of their adaptation.
 //!
-//! - The law estimates all parameters `pi`, or a base set `b`, a linear map of `pi` ([`Base`]). Then `Y pi = Y_b b`, where `Y_b` has some
-//!   columns of `Y`.
-//! - The metric is Euclidean, `a_hat' = Gamma Y' s`, or natural (Lee, Kwon and Park 2018). In the natural metric, the estimate of the
-//!   pseudo-inertia `P` of each body has the rate `P_hat' = gamma P_hat L P_hat`, and always remains physically possible. `L` is the matrix
-//!   of the body's part of `Y' s`. The Lyapunov function is then `s' M s / 2 + sum d(P || P_hat) / gamma`, with the divergence `d`.
+//! - The law estimates all inertial parameters `pi`, or a base set `b`, a linear map of `pi` ([`Base`]). Then `Y pi = Y_b b`, where `Y` is
+//!   the regressor and `Y_b` has some of its columns.
+//! - The metric is Euclidean, `a_hat_dot = Gamma Y' s`, or natural (Lee, Kwon and Park 2018). Here `a_hat` is the estimate, `s` the sliding
+//!   variable and `'` the transpose. In the natural metric, the estimate of the pseudo-inertia `P` of each body has the rate
+//!   `P_hat_dot = gamma P_hat L P_hat`. It remains physically possible in continuous time. `L` is a matrix of the body's part of `Y' s`.
+//!   The Lyapunov function is then `s' M s / 2 + sum d(P || P_hat) / gamma`, with the mass matrix `M` and the divergence `d`. Each
+//!   parameter `a_k` of a joint column adds `(a_k - a_hat_k)^2 / (2 gamma_k)`.
 
 use super::adaptive::{Adaptive, AdaptiveSpec};
 use super::composite::LaneComposite;
@@ -63,8 +65,8 @@ impl Adaptation {
 }
 
 impl AdaptiveSpec {
-    /// Keep the estimates physically possible. An initial estimate outside of the lower bounds of `projection` is replaced by the nearest
-    /// one within them.
+    /// Add a projection, which keeps the estimates physically possible. An initial estimate outside of the lower bounds of `projection` is
+    /// replaced by the nearest one within them.
     ///
     /// Errors: `Input` for natural adaptation, or a base set.
     pub fn projected(mut self, projection: Projection) -> Result<Self> {
@@ -81,12 +83,13 @@ impl AdaptiveSpec {
     }
 }
 
-/// A base set of `b` parameters: the independent columns of the regressor, and the projection `P`.
+/// A base set of `b` parameters: the independent columns of the regressor, and the linear map from all `p` parameters to the base
+/// parameters.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Base {
     /// Indices of the estimated parameters, `(b,)`.
     pub columns: Vec<usize>,
-    /// The projection `P`, `(b, p)`, row-major, from all parameters to the estimated parameters.
+    /// The matrix of the linear map, `(b, p)`, row-major.
     pub projection: Vec<f64>,
 }
 
@@ -102,7 +105,7 @@ impl Base {
         finite("base", &self.projection)
     }
 
-    /// Compute the base parameters `P pi`, `(b,)`, from all parameters `pi`, `(p,)`.
+    /// Compute the base parameters, `(b,)`, from all parameters `pi`, `(p,)`.
     pub fn project(&self, pi: &[f64]) -> Vec<f64> {
         self.projection.chunks_exact(pi.len()).map(|row| row.iter().zip(pi).map(|(p, x)| p * x).sum()).collect()
     }
@@ -119,7 +122,7 @@ pub struct AnyAdaptive<S: Real> {
     columns: Vec<usize>,
     /// The gain `gamma` of each body, then of each parameter of a joint column; empty in the Euclidean metric.
     natural: Vec<S>,
-    /// All parameters, if a base set is estimated; else empty.
+    /// The estimated base parameters at the places of their columns among all parameters, and zeros elsewhere; empty without a base set.
     full: Vec<S>,
     /// The entries of the base set in `Y' s`, the product of the transposed regressor and the sliding variable.
     kept: Vec<S>,
@@ -128,7 +131,7 @@ pub struct AnyAdaptive<S: Real> {
     more: Option<More<S>>,
 }
 
-/// Joint columns, restraint, and additional adaptation.
+/// Joint columns, restraint (leakage and dead zone), and additional adaptation.
 struct More<S> {
     joints: LaneColumns<S>,
     restraint: LaneRestraint<S>,
@@ -138,9 +141,9 @@ struct More<S> {
     entries: Vec<S>,
     /// The product `y = Y' s` of the transposed regressor and the sliding variable, `(p,)`.
     y: Vec<S>,
-    /// The vector `w` that `Gamma` multiplies, `(p,)`; empty without restraint and without additional adaptation.
+    /// The vector `w` that replaces `y` in the rate of the estimate, `(p,)`; empty without restraint and without additional adaptation.
     w: Vec<S>,
-    /// The difference `y - w` of the plain adaptation `y` and the adaptation `w`, `(p,)`; empty if `w` is empty.
+    /// The difference `y - w`, `(p,)`; empty if `w` is empty.
     back: Vec<S>,
 }
 

@@ -1,7 +1,9 @@
 //! Adaptive tracking (Slotine and Li 1987):
 //!
 //! `e = q_d - q`, `Lambda = Kd^-1 Kp`, `v_r = v_d + Lambda e`, `a_r = a_d + Lambda e_dot`, `s = v_r - v`,
-//! `tau = Y(q, v, v_r, a_r) a_hat + Kp e + Kd e_dot = Y a_hat + Kd s`, `a_hat_dot = Gamma Y^T s`.
+//! `tau = Y(q, v, v_r, a_r) a_hat + Kp e + Kd e_dot = Y a_hat + Kd s`, `a_hat_dot = Gamma Y' s`.
+//!
+//! The regressor `Y` satisfies `Y a = M(q) a_r + C(q, v) v_r + g(q)` for the inertial parameters `a`. The prime is the transpose.
 //!
 //! Rotor inertias (armature) and friction may be among the estimated parameters `a` (`joint_columns`). If rotor inertias are not estimated,
 //! they are known, and the torque `armature a_r` is added.
@@ -39,7 +41,7 @@ use crate::scalar::Real;
 /// let law = LawSpec::from(AdaptiveSpec::new(model.clone(), motion, kp, kd, adaptation, None, None)?);
 /// let plant = PlantSpec::from(RigidSpec::new(model));
 /// let run = Problem::from_rest(&plant, &law, &dvector![0.0, 0.0], Options::fixed(1.0, 1e-3))?.run()?;
-/// // V1 never rises, whatever the parameters are.
+/// // The Lyapunov function V1 never increases.
 /// let lyapunov = run.monitor("lyapunov").unwrap_or_default();
 /// assert!(lyapunov.windows(2).all(|v| v[1] <= v[0] + 1e-9 * lyapunov[0]));
 /// # Ok::<(), armlet_core::error::Error>(())
@@ -339,7 +341,7 @@ where
         self.gamma.multiply(self.yt_s.as_ref(), dz);
     }
 
-    /// The dissipation `s^T Kd s`, W.
+    /// The dissipation `s' Kd s`, W.
     fn dissipation(&self) -> S {
         self.kd.quadratic(self.s.as_ref())
     }

@@ -1,5 +1,5 @@
-//! Joint velocities for tasks in priority, for many rows of joint angles. One program contains the kinematics and the solution, and
-//! computes one row per SIMD lane.
+//! Joint velocities for tasks in order of priority, for many rows of joint positions. One program (a recorded and compiled computation)
+//! contains the kinematics and the solution, and computes one row per SIMD lane. Few rows are solved without a program.
 
 use super::ArmSolver;
 use crate::interrupt::look;
@@ -33,7 +33,7 @@ fn program(solver: &ArmSolver) -> Option<Evaluation> {
     program
 }
 
-/// Record the program from the joint angles and the command to the joint velocities.
+/// Record the program from the joint positions and the command to the joint velocities.
 fn recorded(solver: &ArmSolver) -> Option<Evaluation> {
     let (n, total) = (solver.n(), solver.rows().iter().sum::<usize>());
     solver.solver().recorded(

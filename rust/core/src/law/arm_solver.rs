@@ -1,5 +1,5 @@
-//! Joint velocities `v` for the tasks of an arm in priority: `v` solves `J_i(q) v = v_i` by a method of [`crate::priority`]. The Jacobians
-//! are computed from the joint positions `q`.
+//! Joint velocities `v` for the tasks of an arm in order of priority, by a method of [`crate::priority`]. Task `i` requires
+//! `J_i(q) v = v_i`, where `v_i` is its commanded velocity. The Jacobians `J_i` are computed from the joint positions `q`.
 
 use crate::arm::Arm;
 use crate::error::{Error, Result, finite};
@@ -10,7 +10,7 @@ use crate::status::Status;
 use crate::trace::Evaluation;
 use std::sync::{Arc, Mutex};
 
-/// The settings of a program: thresholds `eps`, and bounds.
+/// The settings of a program, which is a recorded and compiled computation: thresholds `eps`, and bounds.
 type With = (Option<Vec<f64>>, Option<(Vec<f64>, Vec<f64>)>);
 
 /// The program of a solver with its settings. The outer `None` means that it was not made yet, the inner `None` that it cannot be made.
@@ -26,7 +26,7 @@ pub struct ArmSolver {
     /// A copy of the tasks, on the number type of direct evaluation.
     running: TaskStack<Float>,
     solver: PrioritySolver,
-    /// The recorded program for many rows of joint angles, if it was made.
+    /// The program for many rows of joint positions, if it was made.
     program: SharedProgram,
 }
 
@@ -52,7 +52,7 @@ impl ArmSolver {
         self.stack.rows()
     }
 
-    /// The tasks of the solver. [`ArmSolver::solve`] places a copy of them.
+    /// The tasks of the solver. [`ArmSolver::solve`] evaluates a copy of them.
     pub fn tasks(&mut self) -> &mut TaskStack {
         &mut self.stack
     }
@@ -95,7 +95,7 @@ impl ArmSolver {
     pub fn solve(&mut self, q: &[f64], velocities: &[f64]) -> Result<Status> {
         self.prepare(q).copy_from_slice(velocities);
         self.solver.run().or_else(|error| {
-            // Jacobians are not finite only if `q` is not finite.
+            // If a Jacobian is not finite because `q` is not finite, the error names `q`.
             finite("q", q)?;
             Err(error)
         })

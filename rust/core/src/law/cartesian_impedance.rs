@@ -1,10 +1,12 @@
 //! Cartesian impedance (Hogan 1985): a spring and a damper between a frame and its target, with gravity compensation:
 //!
-//! `tau = J' (K_m e + D_m (x_d' - J v)) + g(q)`, `e = x_d - x` (orientation: `log(R_d R')`), in any rows of position and orientation. The
-//! law uses no inverse of `J`, so it is defined at singularities. [`ImpedanceOptions`] has its options.
+//! `tau = J' (K_m e + D_m (x_d_dot - J v)) + g(q)`, `e = x_d - x` (orientation: `log(R_d R')`), in any rows of position and orientation.
+//! `x` and `R` are position and rotation matrix of the frame, `J` is the Jacobian of the rows, and `'` the transpose. The law uses no
+//! inverse of `J`, so it is defined at singularities. Of its options ([`ImpedanceOptions`]), only a null space and the compensation of the
+//! coupling use an inverse. Its singular values are clamped.
 //!
-//! The orientation of a moving target is a rotation vector, with zeros for missing rows. Its `x_d'` and `x_d''` are the angular velocity
-//! and the angular acceleration of that rotation.
+//! The orientation of a moving target is a rotation vector, with zeros for missing rows. Its `x_d_dot` and `x_d_ddot` are the angular
+//! velocity and the angular acceleration of that rotation.
 
 use super::impedance_options::{Extras, ImpedanceOptions};
 use super::null_space::{NullSpace, Place};
@@ -35,7 +37,7 @@ use crate::spatial::{Vector3, rotation_rate};
 /// let law = LawSpec::from(CartesianImpedanceSpec::new(model.clone(), target, stiffness, damping, "link2", "xy")?);
 /// let tip = Some(model.tree("arm")?.frame_index("link2")?);
 /// let plant = PlantSpec::from(RigidSpec::new(model));
-/// // A force of 10 N along x moves the tip by F / K = 0.05 m.
+/// // A force of 10 N along x moves the equilibrium of the tip by F / K = 0.05 m.
 /// let rest = equilibrium(&plant, &law, &[10.0, 0.0, 0.0, 0.0, 0.0, 0.0], tip, &[0.9, -1.2])?;
 /// assert!(rest.reachable && rest.stable);
 /// assert!((rest.x[0] - 0.65).abs() < 1e-6 && (rest.x[1] - 0.3).abs() < 1e-6);
@@ -211,13 +213,13 @@ pub struct CartesianImpedance<S: Real> {
     /// Jacobian of the rows, `(m, n)`.
     pub(super) jacobian: Vec<S>,
     pub(super) e: Vec<S>,
-    /// Velocity error `x_d' - x'`, `(m,)`, m/s and rad/s.
+    /// Velocity error `x_d_dot - x_dot`, `(m,)`, m/s and rad/s.
     pub(super) slip: Vec<S>,
     /// Spring wrench `K_m e`, `(m,)`, N and N m.
     spring: Vec<S>,
-    /// Wrench `F`, `(m,)`, N and N m: `K_m e + D_m (x_d' - x')` and the terms of the options.
+    /// Wrench, `(m,)`, N and N m: `K_m e + D_m (x_d_dot - x_dot)` and the terms of the options.
     force: Vec<S>,
-    /// Acceleration `x_d''` of the target, `(m,)`, m/s^2 and rad/s^2.
+    /// Acceleration `x_d_ddot` of the target, `(m,)`, m/s^2 and rad/s^2.
     acceleration: Vec<S>,
     turns_target: bool,
     null_space: Option<NullSpace<S>>,
@@ -232,10 +234,11 @@ impl<S: Real> CartesianImpedance<S> {
 }
 
 impl<S: Real> CartesianImpedance<S> {
-    /// The power `x_dot.(force) + (x_d' - x_dot).K_m e` at the last evaluation, W: the power of the spring and the loss of the damper.
+    /// The power `x_dot.(force) + (x_d_dot - x_dot).K_m e` at the last evaluation, W: the power of the wrench on the frame, plus the rate
+    /// of the spring's energy.
     ///
-    /// For a target at rest and without options it is `-x_dot'D_m x_dot`. A null space or a compensated coupling adds the power of its
-    /// torque, `v.(N' tau_0 + C v)`.
+    /// For a target at rest and without options it is `-x_dot' D_m x_dot`. A null space or a compensated coupling adds the power of its
+    /// torque, `v.(N' tau_0 + C v)` (`null_space.rs`).
     pub(super) fn power(&self, x: &[S]) -> S {
         let (m, n) = (self.e.len(), self.jacobian.len() / self.e.len());
         let mut sum = S::zero();
@@ -254,8 +257,8 @@ impl<S: Real> CartesianImpedance<S> {
     }
 }
 
-/// Compute `x_d'`, `(m,)`, and `x_d''`, `(m,)`, for the rows of orientation, and write them to `rate` and `second`. `desired` has the
-/// samples of a rotation vector that changes with time.
+/// Compute the angular velocity and the angular acceleration of the target for the rows of orientation, and write them to `rate` and
+/// `second`, `(m,)` each. `desired` has the samples of a rotation vector that changes with time.
 pub(crate) fn turn_rates<S: Real>(rows: &[usize], desired: &[S], rate: &mut [S], second: &mut [S]) {
     let m = rows.len();
     let part = |k: usize| {

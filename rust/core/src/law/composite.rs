@@ -1,23 +1,25 @@
 //! Composite adaptation (SlotineLi1989): the estimate also follows the error of the filtered dynamics, which requires no acceleration.
 //!
 //! ```text
-//! a_hat' = Gamma (Y' s + W' R e_W),   e_W = tau_W - W a_hat,   V' = -s'Kd s - e_W' R e_W
+//! a_hat_dot = Gamma (Y' s + W' R e_W),   e_W = tau_W - W a_hat,   V1_dot = -s' Kd s - e_W' R e_W  where tau_W = W a
 //! ```
 //!
-//! `W` and `tau_W` are the regressor and the torque of the dynamics after the filter `1/(d/dt + lambda)`. With `M v = Y_M(q, v) a` and `g -
-//! C' v = Y_D(q, v) a`, the dynamics are `d/dt (M v) = tau + C' v - g`. The filtered derivative is integrated by parts:
+//! Here `Y` is the regressor, `s` the sliding variable, `a_hat` the estimate of the parameters `a`, `V1` the Lyapunov function, and `'` the
+//! transpose. `W` and `tau_W` are the regressor and the torque of the dynamics after the filter `1/(d/dt + lambda)`. With
+//! `M v = Y_M(q, v) a` and `g - C' v = Y_D(q, v) a`, the dynamics are `d/dt (M v) = tau + C' v - g`. The filtered derivative is integrated
+//! by parts:
 //!
 //! ```text
-//! W = Y_M + X,   X' = -lambda (Y_M + X) + Y_D,   X(0) = -Y_M(q_0, v_0)
+//! W = Y_M + X,   X_dot = -lambda (Y_M + X) + Y_D,   X(0) = -Y_M(q_0, v_0)
 //! ```
 //!
-//! so that `W(0) = 0`. The joint columns of armature are part of `Y_M`, and the joint columns of friction are part of `Y_D`. Known rotors
-//! `B` change the torque: `tau_W = X_tau - B v`, `X_tau' = -lambda X_tau + tau + lambda B v`.
+//! so that `W(0) = 0`. The joint columns of armature are part of `Y_M`, and the joint columns of friction are part of `Y_D`. Known rotor
+//! inertias `B` change the torque: `tau_W = X_tau - B v`, `X_tau_dot = -lambda X_tau + tau + lambda B v`.
 //!
 //! `Y_M = Y(q, 0, 0, v) - Y_g` with `Y_g = Y(q, 0, 0, 0)`. Row `i` of `C' v` is `(Y(q, v, e_i, 0) - Y_g)' v`.
 //!
-//! Many entries of `Y_M` and `Y_D` are zero at every state. The torque of a joint does not depend on the bodies before it. A planar arm
-//! depends on four of the ten parameters of a body. The `X` of a zero entry remains zero, and is not computed.
+//! Many entries of `Y_M` and `Y_D` are zero at every state. The torque of a joint does not depend on the bodies between it and the base. A
+//! planar arm depends on four of the ten parameters of a body. The `X` of a zero entry remains zero, and is not computed.
 //!
 //! The law's state is the estimate, then `X` of the `b` estimated parameters of bodies, `(n, b)`, `X` of the joint columns, and `X_tau`,
 //! `(n,)`.
@@ -35,7 +37,7 @@ use crate::scalar::Real;
 pub struct Composite {
     /// Rate `lambda` of the filter, 1/s, > 0.
     pub rate: f64,
-    /// Weight `R` of the error, of size `n`, 1/(N m s^3) for revolute joints.
+    /// Weight `R` of the error, of size `n`, 1/(N m s^3) for revolute joints, m/(N s^3) for prismatic joints.
     pub weight: Gain,
     /// `(n, b)`: whether an entry of the regressor `Y_M` or `Y_D` can differ from zero. The geometry of the arm determines this.
     present: Vec<bool>,

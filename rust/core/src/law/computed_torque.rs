@@ -1,7 +1,7 @@
 //! Computed torque (inverse-dynamics control):
 //!
-//! `tau = M(q) (a_d + Kd e_dot + Kp e) + C(q, v) v + g(q)`, so that `e_ddot + Kd e_dot + Kp e = 0` on the
-//! exact model. `Kp` is in 1/s^2 and `Kd` in 1/s.
+//! `tau = M(q) (a_d + Kd e_dot + Kp e) + C(q, v) v + g(q)`, so that `e_ddot + Kd e_dot + Kp e = 0` for the error `e = q_d - q` of a plant
+//! that equals the law's model. `Kp` is in 1/s^2 and `Kd` in 1/s.
 
 use super::definition::facts;
 use super::{Build, Definition, Instant, JointReference, Law, Term, require_same_dof, require_size};

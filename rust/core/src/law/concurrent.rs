@@ -1,13 +1,14 @@
 //! Concurrent learning (ChowdharyJohnson2010; ParikhKamalapurkarDixon2019): the estimate also follows the errors of stored samples.
 //!
 //! ```text
-//! a_hat' = Gamma (Y' s + sum_j W_j' R e_j),   e_j = tau_j - W_j a_hat,   V' = -s'Kd s - sum_j e_j' R e_j where tau_j = W_j a
-//! W_j = Y(q_j, v_j, v_j, a_j), tau_j the torque there                                          a sample with its acceleration
+//! a_hat_dot = Gamma (Y' s + sum_j W_j' R e_j),   e_j = tau_j - W_j a_hat,   V1_dot = -s' Kd s - sum_j e_j' R e_j where tau_j = W_j a
+//! W_j = Y(q_j, v_j, v_j, v_dot_j), tau_j the torque there                                      a sample with its acceleration
 //! W_j = [Y_M(q, v)] + int Y_D(q, v) dt, tau_j = int tau dt, [.] the change over the window     a window of a record without accelerations
 //! ```
 //!
-//! `composite` defines `Y_M` and `Y_D`. A loop only requires `sum W_j' R W_j` and `sum W_j' R tau_j`. The torque of known rotors `B` is
-//! subtracted from `tau_j`: `tau_j - B a_j`, or `tau_j - B [v]`.
+//! Here `Y` is the regressor, `s` the sliding variable, `a_hat` the estimate of the parameters `a`, `V1` the Lyapunov function, and `'` the
+//! transpose. `Y_M` and `Y_D` are the regressors of the momentum `M v` and of the drift `g - C' v`. A loop only requires `sum W_j' R W_j`
+//! and `sum W_j' R tau_j`. The torque of known rotor inertias `B` is subtracted from `tau_j`: `tau_j - B v_dot_j`, or `tau_j - B [v]`.
 
 use super::adaptive::AdaptiveSpec;
 use super::composite::LaneComposite;
@@ -49,7 +50,7 @@ pub struct Record<'a> {
 pub struct Windows {
     /// Time between two instants, s.
     pub step: f64,
-    /// Length of a window, s. It is rounded to an even number of steps.
+    /// Length of a window, s. It is rounded to an even number of steps, at least two.
     pub length: f64,
     /// Whether each torque is constant until the next instant, as in a sampled loop.
     pub held: bool,
@@ -90,7 +91,8 @@ pub struct StoredRows {
 impl AdaptiveSpec {
     /// Add learning from stored samples. `weight` is the weight `R` of the torque errors of the samples, of size `n`.
     ///
-    /// Errors: `WrongShape` for the size of `weight`, `Input` for samples of a wrong shape, or numbers that are not finite. `Memory`.
+    /// Errors: `WrongShape` for the size of `weight`, `Input` for samples of a wrong shape, or numbers that are not finite. `Memory` if the
+    /// memory does not suffice.
     pub fn concurrent(mut self, stored: StoredRows, weight: &Gain) -> Result<Self> {
         let (n, p, StoredRows { rows, torques }) = (self.model.n(), self.estimate.len(), stored);
         require_size("concurrent_weight", weight, n)?;
@@ -136,7 +138,8 @@ impl AdaptiveSpec {
         Some(rows.chunks_exact(p).zip(torques).map(error).collect())
     }
 
-    /// Compute the samples of a record with the accelerations `a`, `(K, n)`, rad/s^2 or m/s^2. Errors: `Memory`.
+    /// Compute the samples of a record with the accelerations `a`, `(K, n)`, rad/s^2 or m/s^2. Errors: `Memory` if the memory does not
+    /// suffice.
     pub fn samples(&self, record: Record, a: &[f64]) -> Result<StoredRows> {
         let (n, p, all) = (self.model.n(), self.estimate.len(), self.model.parameter_count());
         let (count, bodies) = (record.q.len() / n, p - self.columns.count());
@@ -159,7 +162,8 @@ impl AdaptiveSpec {
 
     /// Compute the samples of windows of a record. Each window starts half a window after the previous one.
     ///
-    /// Errors: `Input` for a window that is longer than the record, or a length or step that is not positive. `Memory`.
+    /// Errors: `Input` for a window that is longer than the record, or a length or step that is not positive. `Memory` if the memory does
+    /// not suffice.
     pub fn window_samples(&self, record: Record, windows: Windows) -> Result<StoredRows> {
         let (n, p) = (self.model.n(), self.estimate.len());
         positive("window", windows.length)?;

@@ -1,5 +1,5 @@
-//! Laws that decide ranks. On plain numbers they use every algorithm of `priority`. Recorded, they use the regular algorithm, and report
-//! whether it is valid.
+//! Laws whose solver decides the ranks of tasks in priority. On plain numbers, the solver may use every algorithm of `priority`. A recorded
+//! law only uses the regular algorithm, which has no branch, and reports whether its result is valid.
 
 use super::Law;
 use crate::error::Result;

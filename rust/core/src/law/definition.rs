@@ -86,13 +86,12 @@ pub trait Definition {
         self.reduction().map(|reduction| &reduction.joint_stiffness)
     }
 
-    /// The matrix `(I + Kt)^-1` of a law of motors; `None` for other laws. This matrix times the output at rest is the derivative of a
-    /// potential.
+    /// The matrix `(I + Kt)^-1` of a law that regulates motors, where `Kt` is the gain of the joint torque or zero; `None` for other laws.
     fn torque_share(&self) -> Option<Gain> {
         None
     }
 
-    /// The target positions of the links for a law of motors, `(n,)`; `None` for other laws.
+    /// The target positions of the links for a law that regulates motors, `(n,)`, rad or m; `None` for other laws.
     fn link_target(&self) -> Option<Vec<f64>> {
         None
     }
@@ -147,7 +146,7 @@ pub trait Build: Definition {
 /// How a law can be evaluated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Route {
-    /// The law executes the same operations for every state. Such a law can be recorded, and has derivatives.
+    /// The law executes the same operations for every state. Such a law can be recorded, and evaluated on dual numbers.
     Straight,
     /// The law branches on plain numbers. The recorded law has no branch, and reports where it is not valid.
     Guarded,
@@ -158,7 +157,7 @@ pub enum Route {
 }
 
 impl Route {
-    /// Whether the law requires plain numbers. Such a law accepts neither registers nor dual numbers.
+    /// Whether the law requires plain numbers, unless it is recorded. Such a law accepts neither registers nor dual numbers.
     pub fn is_scalar(self) -> bool {
         self != Route::Straight
     }
@@ -178,10 +177,10 @@ pub struct Instant<'a> {
     pub t: f64,
     /// Samples `[x_d, x_d', x_d'']` of the desired motions, one motion after another.
     pub desired: &'a [f64],
-    /// (sin, cos) of each joint position, `(n,)`.
+    /// (sin, cos) of each joint position, `n` pairs.
     pub trig: &'a [(f64, f64)],
-    /// State of the plant: joint positions (rad or m) and velocities (rad/s or m/s), then motor positions and velocities if there are
-    /// motors.
+    /// State of the plant: joint positions (rad or m), and velocities (rad/s or m/s) unless they are the plant's input. If there are
+    /// motors, their positions and velocities follow.
     pub x: &'a [f64],
     /// State of the law, for example an estimate or an integral; empty for a law without a state.
     pub z: &'a [f64],

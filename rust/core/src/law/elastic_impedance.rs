@@ -1,13 +1,17 @@
 //! Cartesian impedance through elastic joints (Ott, Albu-Schaeffer, Kugi and Hirzinger 2008). The outer loop is an impedance law, which
 //! computes `u`. The inner loop converts `u` into the motor torque
 //!
-//! `tau = (I - B B0^-1) K_J (theta - q) + B B0^-1 ( J'[K_m (x_d - x) - D_m J v] + g(q) - D0 w )`
+//! `tau = (I - B B0^-1) K_J (theta - q) + B B0^-1 ( J'[K_m (x_d - x) + D_m (x_d_dot - J v)] + g(q) - D0 w )`
 //!
-//! with the damped velocity `w` of `inertia_reduction`. The options are the options of the rigid law, except that `tau_max` limits the
-//! motor torque `tau`. An integral wrench `F_I` contributes `B B0^-1 J' F_I` to `tau`.
+//! with the motor positions `theta` and the joint stiffness `K_J`. `B` is the motor inertia, `B0` its reduced value, `D0` its damping, and
+//! `w` the damped velocity of `inertia_reduction`. The prime is the transpose. Units are those of revolute joints. The options are the
+//! options of the rigid law, except that `tau_max` limits the motor torque `tau`. An integral wrench `F_I` contributes `B B0^-1 J' F_I` to
+//! `tau`.
 //!
-//! The storage function `E = v'Mv/2 + (theta-q)'K_J(theta-q)/2 + theta_dot'B0 theta_dot/2 + e'K_m e/2` obeys the identity `dE/dt = F.x_dot
-//! - theta_dot'D0 w - x_dot'D_m x_dot + (theta_dot - v).u`. Its last term has no definite sign.
+//! For a target at rest and without options, the storage function
+//! `E = v'Mv/2 + (theta-q)'K_J(theta-q)/2 + theta_dot'B0 theta_dot/2 + e'K_m e/2`, with `e = x_d - x`, obeys the identity
+//! `dE/dt = F.x_dot - theta_dot'D0 w - x_dot'D_m x_dot + (theta_dot - v).u`, where `F` is the external force. The last term has no
+//! definite sign.
 
 use super::cartesian_impedance::{CartesianImpedance, CartesianImpedanceSpec};
 use super::impedance_options::held;
@@ -31,8 +35,8 @@ pub struct ElasticImpedanceSpec {
 impl ElasticImpedanceSpec {
     /// Whether the energy `E`, plus the energy of wall and stops, is a storage function on this plant.
     ///
-    /// The plant must agree with the law's model and have no losses. The motor torque must have no limit. Rows of orientation are excluded,
-    /// because there the rate of `e` is not `-J v`.
+    /// The plant must agree with the law's model, and have neither joint damping nor friction. The motor torque must have no limit. Rows of
+    /// orientation are excluded, because there the rate of `e` is not `-J v`.
     pub fn has_storage(&self, plant: &PlantSpec) -> bool {
         !self.outer.coordinates.turns()
             && self.outer.options.tau_max.is_none()

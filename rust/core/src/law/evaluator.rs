@@ -1,6 +1,7 @@
 //! Evaluation of a law at single instants, like `law(t, q, v)` in Python.
 //!
-//! The first calls evaluate the law directly. Later calls run its recorded program, with the same bits.
+//! The first calls evaluate the law directly. Later calls run its program (its recorded and compiled operations) with the same bits, if the
+//! law has a program.
 
 use super::{Law, LawSpec, Route};
 use crate::motion::{Motion, sample_all};
@@ -8,7 +9,7 @@ use crate::scalar::{Float, Real};
 use crate::trace::function::{self, CALLS, Evaluation, Recorded, record};
 use crate::trace::sym::Sym;
 
-/// The largest number of joints for which a law is recorded. For larger arms, recording takes longer than the calls save.
+/// The largest number of joints for which a law is recorded, because the time of a recording grows with the number of joints.
 const MOST_JOINTS: usize = 12;
 
 /// A law on one number type, with its buffers.

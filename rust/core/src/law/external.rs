@@ -1,4 +1,4 @@
-//! An external law: a function of the caller, of time and measured state, evaluated at samples.
+//! An external law: a function that the caller supplies. It is a function of time and measured state, and is evaluated at samples.
 
 use super::{Build, Definition, Instant, Law, Route, Term};
 use crate::dynamics::Model;
@@ -16,7 +16,7 @@ pub type Call = Arc<dyn Fn(f64, &[f64], &mut [f64]) -> bool + Send + Sync>;
 pub struct ExternalSpec {
     /// The model of the arm.
     pub model: Model,
-    /// The kind of plant that the law drives.
+    /// The kind of plant that the law controls.
     pub plant: PlantKind,
     /// The function of the caller.
     pub call: Call,
@@ -58,7 +58,7 @@ impl Definition for ExternalSpec {
         Route::Outside
     }
 
-    /// The torque is the only term.
+    /// The plant's input `tau` is the only term.
     fn terms(&self, at: &Instant) -> Vec<Term> {
         let mut tau = vec![0.0; self.model.n()];
         if !(self.call)(at.t, at.x, &mut tau) {

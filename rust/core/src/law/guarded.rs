@@ -1,23 +1,25 @@
 //! A law with a momentum observer (`DeLuca2006`), which detects contact and starts a reaction (`Haddadin2017`).
 //!
 //! ```text
-//! r = K (p - w),   w' = tau - tau_f + C' v - g + r,   w(0) = p(0),   p = M v        =>        r' = K (tau_ext - r)
-//! sampled: K_T = K (I + K T)^-1 replaces K, and w' is constant:   r_k = (I + K T)^-1 (r_(k-1) + K (p_k - p_(k-1) - (..)_(k-1) T))
+//! r = K (p - w),   w_dot = tau - tau_f + C' v - g + r,   w(0) = p(0),   p = M v        =>        r_dot = K (tau_ext - r)
+//! sampled: K_T = K (I + K T)^-1 replaces K, and w_dot is constant:   r_k = (I + K T)^-1 (r_(k-1) + K (p_k - p_(k-1) - (..)_(k-1) T))
 //! ```
 //!
-//! Here `(..) = tau - tau_f + C' v - g`, and `T` is the sample time. Contact is the first sample at which some `|r_i|` exceeds its
-//! threshold. From that sample on, this reaction replaces the law:
+//! Here `p` is the momentum, `r` the residual, `K` the gain, `tau_f` the known friction, `tau_ext` the external torque, and `'` the
+//! transpose. In the last line, `(..) = tau - tau_f + C' v - g`, and `T` is the sample time. Contact is the first sample at which some
+//! `|r_i|` exceeds its threshold. From that sample on, this reaction replaces the law:
 //!
 //! ```text
-//! tau = g(q) + K_c (y_c - y) + D_c (y_c' - y'),   y = q, or the motors' theta of elastic joints
-//! stop: y_c the position at contact      float: K_c = 0      retract: y_c' = V r_c / max |r_c| for a time, r_c the residual at contact
+//! tau = g(q) + K_c (y_c - y) + D_c (y_c_dot - y_dot),   y = q, or the motors' theta of elastic joints
+//! stop: y_c the position at contact      float: K_c = 0      retract: y_c_dot = V r_c / max |r_c| for a time, r_c the residual at contact
 //! ```
 //!
 //! For elastic joints, `tau` of the observer is the torque of the joints, `K_J (theta - q)`.
 //!
-//! The law's state is the state of the inner law, then `w`, then `R` with `R' = r`. A reaction adds `c`, `s`, `y_c c` and `r_c c`. Only at
-//! the sample of contact, the rates are `c' = 1`, `(y_c c)' = y` and `(r_c c)' = r`. From that sample on, `s' = 1`. So the quotients by `c`
-//! are the values at contact, even if the result of that sample acts late.
+//! The law's state is the state of the inner law, then `w`, then the integral `R` of `r`. A reaction adds `c`, `s`, `y_c c` and `r_c c`.
+//! Only at the sample of contact, `c` has the rate 1, `y_c c` the rate `y`, and `r_c c` the rate `r`. From that sample on, `s` has the rate
+//! 1, so it is the time since contact. The rates of a sample act for one sample time. So the quotients of `y_c c` and `r_c c` by `c` are
+//! the values at contact, even if the rates of that sample act after a delay.
 
 use super::{Build, Definition, Instant, JointReference, Law, LawSpec, Level, ReductionSpec, Route, Term, require_rows, require_size};
 use crate::dynamics::Model;

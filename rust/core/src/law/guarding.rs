@@ -29,7 +29,8 @@ impl Build for GuardedSpec {
         let lanes = |get: &dyn Fn(usize) -> Gain| -> Vec<Gain> { (0..S::LANES).map(get).collect() };
         let gain = |name, gains: &[Gain]| AnyGain::labelled(name, |i| &gains[i]);
         let acts = first.reacts();
-        // `inner` is passed as a trait object. The same generic function builds the inner law, and would otherwise contain itself.
+        // `inner` is passed as a trait object. The inner law is built by the same generic function. With the type of a closure, the
+        // compiler would instantiate this function again for each inner law, without end.
         let inner = |i: usize| &*of(i).inner;
         Guarded {
             inner: LawSpec::build(&inner as &dyn Fn(usize) -> &'a LawSpec),
@@ -214,7 +215,7 @@ impl<S: Real> Law<S> for Guarded<S> {
             *tau = tau.clamped(-limit, limit);
         }
 
-        // The observer: w' = tau - tau_f + C' v - g + r.
+        // The observer: w_dot = tau - tau_f + C' v - g + r.
         match &self.springs {
             None => self.observed.copy_from_slice(tau),
             Some(springs) => {

@@ -1,11 +1,12 @@
 //! Options of a Cartesian impedance law: a feed-forward wrench `F_ff`, integral action `w`, limits, a null space, and compensation of the
 //! coupling ([`super::NullSpaceSpec`]).
 //!
-//! `F = K_m e + D_m (x_d' - x') + F_ff + w` within `wrench_max`, `w' = K_i e`, `tau = J' F + g(q) + ..` within `tau_max`.
+//! `F = K_m e + D_m (x_d_dot - x_dot) + F_ff + w` within `+-wrench_max`, `w_dot = K_i e`, `tau = J' F + g(q) + tau_n` within `+-tau_max`,
+//! where `tau_n` is the torque of null space and coupling.
 //!
 //! Conditional integration (Astrom and Hagglund, Advanced PID Control, 3.5) stops row `k` of `w` in two cases. In the first, `F_k` exceeds
-//! its limit, and `w_k'` would increase the excess. In the second, a torque `tau_i` exceeds its limit, and `J_ki w_k'` would increase the
-//! excess.
+//! its limit, and the rate of `w_k` would increase the excess. In the second, a torque `tau_i` exceeds its limit, and the rate times `J_ki`
+//! would increase the excess.
 
 use super::null_space::{NULL_SPACE_EPS, NullSpaceSpec};
 use super::require_size;
@@ -21,7 +22,7 @@ const LEAST_EPS: f64 = 1e-7;
 pub struct ImpedanceOptions {
     /// The posture control in the null space; `None` without it.
     pub null_space: Option<NullSpaceSpec>,
-    /// Whether to add the torque `C v` and the wrench `L (x_d'' - J_dot v)`, with the inertia `L` of the rows.
+    /// Whether to add the torque `C v` and the wrench `L (x_d_ddot - J_dot v)`, with the Cartesian inertia `L` of the rows.
     pub compensate_coupling: bool,
     /// The clamp `eps` of singular values in the inverse `L`, from 1e-7 to below 1. It is relative to the root mean square of the rows with
     /// the same unit, m or rad.

@@ -1,5 +1,6 @@
 //! Motor-inertia reduction (Ott, Albu-Schaeffer, Kugi and Hirzinger 2008): torque feedback makes motors of inertia `B` behave like motors
-//! of inertia `B0`.
+//! of inertia `B0`. `theta` are the motor positions, `u` is the torque that an outer loop commands, and `D0` the damping. Units are those
+//! of revolute joints; for a prismatic joint, replace rad by m, N m by N and kg m^2 by kg.
 //!
 //! `tau = (I - B B0^-1) tau_J + B B0^-1 (u - D0 w)` gives `B0 theta_ddot + D0 w + tau_J = u`, `tau_J = K_J (theta - q)`,
 //!

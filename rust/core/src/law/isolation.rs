@@ -1,4 +1,5 @@
-//! Find the touched link from the external torque. A force on a link does not load the joints beyond that link.
+//! Find the touched link from the residual `r` of a momentum observer, an estimate of the external joint torques. A force on a link does
+//! not load the joints beyond that link.
 
 use crate::dynamics::Model;
 

@@ -8,8 +8,8 @@
 //! Stribeck           diag(exp(-(v_r / v_s)^2) tanh(v_r / v_s))
 //! ```
 //!
-//! The columns are in this order. `v_s` smooths the jump of Coulomb friction. Sources: `SlotineLi1987` for parameters that enter linearly,
-//! `Armstrong1994` for the Stribeck effect.
+//! The columns are in this order. `v_r` and `a_r` are the reference velocity and acceleration of the adaptive law. The speed `v_s` smooths
+//! the jump of Coulomb friction. Sources: `SlotineLi1987` for parameters that enter linearly, `Armstrong1994` for the Stribeck effect.
 
 use crate::dynamics::Model;
 use crate::error::{Error, Result, positive};

@@ -9,7 +9,7 @@ use crate::scalar::Real;
 /// Joint impedance of an arm with elastic joints, with validated parameters.
 #[derive(Clone, Debug, PartialEq)]
 pub struct JointImpedanceSpec {
-    /// The outer loop: the impedance law of the links.
+    /// The outer loop: PD control of the links with gravity compensation.
     pub outer: PdGravitySpec,
     /// The inner loop: the reduction of motor inertia.
     pub inner: ReductionSpec,

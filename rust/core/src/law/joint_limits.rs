@@ -1,12 +1,14 @@
 //! Joint limits as bounds of a law's command, computed at every evaluation (Flacco, De Luca, Khatib 2015, `flacco2015saturation`).
 //!
-//! Velocities, with the distance `d = q_max - q` and the horizon `h`: `u <= min(v_max, d/h, sqrt(2 a_max d))`; beyond the limit `u <= d/h`.
+//! Velocity commands `u`, with the distance `d = q_max - q` and the horizon `h`: `u <= min(v_max, d/h, sqrt(2 a_max d))`; beyond the limit,
+//! where `d < 0`, `u <= d/h`.
 //!
-//! Accelerations: `a <= (v' - v)/h` within `+-a_max`, with `v' = min(v_max, d/(4 h), sqrt(a_max d))`. The velocity loop is four times as
-//! fast as the position loop, so that it does not overshoot. It brakes at half of `a_max`, as a reserve for corrections.
+//! Acceleration commands: `a <= (w - v)/h` within `+-a_max`, with the velocity bound `w = min(v_max, d/(4 h), sqrt(a_max d))`. The loop
+//! from `w` to `v` is four times as fast as the loop from `d` to `w`, so that it does not overshoot. It brakes at half of `a_max`, as a
+//! reserve for corrections.
 //!
-//! Lower bounds have the same form. A loop with a sample time or steps of at most `h`, which starts at rest within the
-//! limits, remains within them.
+//! Lower bounds have the same form. A loop with a sample time or steps of at most `h`, which starts at rest within the limits, remains
+//! within them. This requires a plant that follows the command.
 
 use crate::dynamics::Model;
 use crate::error::{Error, Result, positive};
@@ -15,8 +17,8 @@ use crate::priority::{PriorityMethod, PriorityOptions, joint_velocity_bounds};
 /// The default horizon `h`, s: the shortest time in which a joint may reach its limit.
 pub const HORIZON: f64 = 0.1;
 
-/// Limits that replace the limits of the arm. `None` uses the arm's limit; an arm has no `a_max`. If only one of `v_min` and `v_max` is
-/// given, the other one is its negative.
+/// Limits that replace the limits of the arm. `None` uses the arm's limit; an arm has no acceleration limits. If only one of `v_min` and
+/// `v_max` is given, the other one is its negative.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct LimitOverrides {
     /// Least positions `(n,)`, rad or m.

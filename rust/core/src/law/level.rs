@@ -8,7 +8,8 @@ use crate::motion::Motion;
 use crate::priority::PriorityOptions;
 use crate::scalar::Real;
 
-/// One level of priority: `v = x_d' + K e`.
+/// One level of priority. It commands the task velocity `x_d_dot + K e`, with the error `e`. In a law of accelerations, it commands the
+/// task acceleration `x_d_ddot + D e_dot + K e`.
 ///
 /// ```
 /// use armlet_core::arm::Arm;
@@ -48,7 +49,7 @@ pub struct Level {
     pub target: Motion,
     /// Gain `K`, `(rows, rows)`: 1/s, or 1/s^2 in a law of accelerations.
     pub gain: Gain,
-    /// Gain of the error's rate, `(rows, rows)`, 1/s, in a law of accelerations. `None` means critical damping, `2 K^1/2`.
+    /// Gain `D` of the error's rate, `(rows, rows)`, 1/s, in a law of accelerations. `None` means critical damping, `2 K^(1/2)`.
     pub damping: Option<Gain>,
 }
 
@@ -69,7 +70,7 @@ impl Level {
         Ok(Level { function, target, gain, damping })
     }
 
-    /// The gain of the error's rate, `(rows, rows)`, 1/s.
+    /// The gain `D` of the error's rate, `(rows, rows)`, 1/s.
     pub fn rate_gain(&self) -> Gain {
         self.damping.clone().unwrap_or_else(|| self.gain.square_root().scaled(2.0))
     }

@@ -1,6 +1,8 @@
 //! The Lyapunov function of the adaptive laws. It uses the true parameters `a` of the plant:
 //!
-//! `V1 = s' M s / 2 + (a - a_hat)' Gamma^-1 (a - a_hat) / 2`, or `s' M s / 2 + sum d(P || P_hat) / gamma` in the natural metric.
+//! `V1 = s' M s / 2 + (a - a_hat)' Gamma^-1 (a - a_hat) / 2`, or in the natural metric `s' M s / 2 + sum d(P || P_hat) / gamma` plus
+//! `(a_k - a_hat_k)^2 / (2 gamma_k)` of each parameter `a_k` of a joint column. `s` is the sliding variable, `M` the mass matrix, `a_hat`
+//! the estimate, `P` the pseudo-inertia of a body and `d` a divergence.
 
 use super::{Adaptation, AdaptiveSpec, LawSpec};
 use crate::dynamics::ArmAt;

@@ -5,8 +5,9 @@
 //! Terms of this folder:
 //! - `n` is the number of joints, and `m` the number of rows of a task.
 //! - `p` is the length of the law's state `z`, or the number of estimated parameters.
-//! - A *lane* is one entry of a SIMD register. A loop on registers runs one problem per lane. All its laws have the *same shape*.
-//! - A *program* is machine code made from the recorded operations of a law. It has the same bits as the law itself.
+//! - A *lane* is one entry of a SIMD register. A law on registers computes one run per lane. The laws of the lanes have the *same shape*:
+//!   they are of one kind, with equal sizes, arms of equal geometry, and the same options. Their numbers may differ.
+//! - A *program* is a recorded and compiled computation (`trace`), here of a law. Its results have the same bits as a direct evaluation.
 //! - *Joint columns* are the columns of the regressor for armature (rotor inertia) and friction, after the columns of the bodies.
 
 mod adaptation;
@@ -98,13 +99,13 @@ use std::ops::{Deref, DerefMut};
 
 /// A law in a control loop.
 pub trait Law<S: Real> {
-    /// Compute the plant's input `tau`, `(n,)`, and the rate `dz`, `(p,)`, of the law's state `z`.
+    /// Compute the plant's input `tau`, `(n,)`, and the rate `dz`, `(p,)`, of the law's state `z`, `(p,)`.
     ///
-    /// `desired` has the desired motions one after another, each `[x_d, x_d', x_d'']`. `trig` has (sin, cos) of each joint, and `x` is the
-    /// plant's state.
+    /// `desired` has the samples of the desired motions one after another, each `[x_d, x_d', x_d'']` with time derivatives `'`. `trig` has
+    /// (sin, cos) of each joint position, and `x` is the plant's state.
     fn evaluate(&mut self, desired: &[S], trig: &[(S, S)], x: &[S], z: &[S], tau: &mut [S], dz: &mut [S]);
 
-    /// Initialise the filters in the law's state `z` from the plant's state `x`. `_trig` has (sin, cos) of each joint.
+    /// Initialise the filters in the law's state `z` from the plant's state `x`. `_trig` has (sin, cos) of each joint position.
     fn restart(&mut self, _trig: &[(S, S)], _x: &[S], _z: &mut [S]) {}
 
     /// Set the time of the next samples, s, for a law that is a function of time and is evaluated only at samples.
@@ -113,17 +114,20 @@ pub trait Law<S: Real> {
     /// Set the sample period of the loop, s, and the limits of the plant's input, `(n,)` or empty.
     fn configure(&mut self, _period: Option<f64>, _limits: &[S]) {}
 
-    /// Return 1 if the last evaluation is valid, and 0 if it must be repeated directly; `None` for a law that is always valid.
+    /// Return 1 if the last evaluation is valid, and 0 if it must be repeated without a program. The result is `None` for a law that is
+    /// always valid.
     fn stands(&self) -> Option<S> {
         None
     }
 
-    /// The rate at which the law's Lyapunov function decreases at the last evaluation, W; zero for a law without such a function.
+    /// The rate at which the law's Lyapunov function decreases at the last evaluation, W; zero for a law without such a function. It is the
+    /// rate on a plant with the structure of the law's model, without the effects of further options of the law.
     fn dissipation(&self) -> S {
         S::zero()
     }
 
-    /// The rate at which the Lyapunov function decreases on the true plant, W. `x` is the plant's state, `z` the law's state.
+    /// The rate at which the Lyapunov function decreases on the true plant, without the effect of a projection, W. `x` is the plant's
+    /// state, `z` the law's state.
     fn dissipation_of(&self, _: &Truth<S>, _x: &[S], _z: &[S]) -> S {
         self.dissipation()
     }
@@ -134,7 +138,7 @@ pub trait Law<S: Real> {
     }
 }
 
-/// Declare the kinds of laws: the enum, its conversions, and the construction for lanes. Each law has one file and one entry in this list.
+/// Declare the kinds of laws: the enum, its conversions, and the construction for lanes. Each law has one entry in this list.
 macro_rules! laws {
     ($($(#[$doc:meta])* $law:ident($definition:ty),)*) => {
         /// A law of any kind, with the interface [`Definition`].
@@ -216,11 +220,11 @@ laws! {
     MotorPd(MotorPdSpec),
     /// Full state feedback of an elastic arm.
     StateFeedback(StateFeedbackSpec),
-    /// Velocities of tasks in priority.
+    /// Joint velocities for tasks in order of priority.
     PriorityVelocity(PriorityVelocitySpec),
-    /// Accelerations of tasks in priority.
+    /// Joint accelerations for tasks in order of priority, by computed torque.
     PriorityAcceleration(PriorityAccelerationSpec),
-    /// A law of torques with a momentum observer and, if requested, a reaction to contact.
+    /// A law that commands torques, with a momentum observer and, if requested, a reaction to contact.
     Guarded(GuardedSpec),
     /// A law that is a function of the caller, evaluated at samples.
     External(ExternalSpec),
@@ -264,7 +268,8 @@ impl LawSpec {
         self.terms(&Instant { t, desired: &desired, trig: &trig, x, z })
     }
 
-    /// A copy of the law whose outer spring is `kappa` times as stiff; `None` for a law without an outer spring.
+    /// A copy of the law whose spring is `kappa` times as stiff; `None` for a law without a spring. The spring has the stiffness `K_m` of a
+    /// Cartesian impedance, or `Kp` of a PD law of links.
     pub fn with_stiffness(&self, kappa: f64) -> Option<LawSpec> {
         let mut law = self.clone();
         let stiffness = law.outer_stiffness()?;

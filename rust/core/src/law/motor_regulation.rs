@@ -1,8 +1,9 @@
 //! Regulation of an arm with elastic joints by feedback of the motors, with the desired motor positions `theta_d = q_d + K_J^-1 g(q_d)`:
 //!
 //! `tau = g + Kp (theta_d - theta) - Kd theta_dot` (Tomei 1991). Here `g` is `g(q_d)`, or it is computed online, `g(theta - K_J^-1 g(q_d))`
-//! (De Luca, Siciliano and Zollo 2005). Feedback of the joint torque adds `Kt (g(q_d) - tau_J) - Ks tau_J_dot` (Albu-Schaeffer and
-//! Hirzinger 2001).
+//! (De Luca, Siciliano and Zollo 2005). Feedback of the joint torque `tau_J = K_J (theta - q)` adds `Kt (g(q_d) - tau_J) - Ks tau_J_dot`
+//! (Albu-Schaeffer and Hirzinger 2001). `theta` are the motor positions. Units are those of revolute joints; for a prismatic joint, replace
+//! rad by m and N m by N.
 
 use super::definition::facts;
 use super::{Build, Definition, Instant, JointReference, Law, Term, require_rows, require_size};

@@ -1,17 +1,19 @@
 //! The null space of an impedance law, and the coupling between its motion and the frame (Khatib 1987; Ott 2008):
 //!
-//! The torque `tau_0 = K_n (q_n - q) + D_n (q_n' - v)` acts as `N' tau_0`, with `N' = I - J' L J W^-1` and `L = (J W^-1 J')^-1`:
+//! The torque `tau_0 = K_n (q_n - q) + D_n (q_n_dot - v)` acts as `N' tau_0`, with `N' = I - J' L J W^-1` and `L = (J W^-1 J')^-1`. `J` is
+//! the Jacobian of the controlled rows, `W` a metric, and `'` the transpose:
 //!
 //! - dynamically consistent, `W = M`: `J M^-1 N' = 0`, so `tau_0` does not accelerate the frame;
 //! - static, `W = I`: `N' = I - J' (J')#`.
 //!
-//! Compensation of the coupling adds the torque `C v` and the wrench `L (x_d'' - J_dot v)`. Then `L (x'' - x_d'') = F` for every null
-//! motion, with the other wrenches `F` of the law.
+//! Compensation of the coupling adds the torque `C v` and the wrench `L (x_d_ddot - J_dot v)` with `W = M`. Then
+//! `L (x_ddot - x_d_ddot) = F` for every motion in the consistent null space, where `F` is the sum of the other wrenches of the law. This
+//! requires an exact model, and a pose that is not near a singularity.
 //!
-//! Near singularities, `L = max(J W^-1 J', eps^2)^-1`. Rows of position and rows of orientation are divided by the root mean square of
-//! their rows of `J W^-1/2`. So `W^-1/2 J' L` is the pseudo-inverse with the spectral clamp `sigma / max(sigma, eps)^2`. In a direction
-//! with the singular value `sigma`, the fraction `1 - min(1, (sigma/eps)^2)` of `tau_0` remains. The largest of these fractions is the
-//! loss.
+//! Near singularities, `L = max(J W^-1 J', eps^2)^-1`, where `max` acts on the eigenvalues. Before, rows of position and rows of
+//! orientation are divided by the root mean square of their rows of `J W^-1/2`. So `W^-1/2 J' L` is the pseudo-inverse of `J W^-1/2` with
+//! `sigma / max(sigma, eps)^2` in place of `1 / sigma`, for each singular value `sigma`. In the direction of `sigma`, the fraction
+//! `1 - min(1, (sigma/eps)^2)` of `tau_0` remains. The largest of these fractions is the loss.
 
 use super::{Term, require_rows, require_size};
 use crate::dynamics::{AnyArm, Dynamics, Workspace};
@@ -181,9 +183,9 @@ pub(super) struct Place<'a, S> {
     pub q: &'a [S],
     pub v: &'a [S],
     pub jacobian: &'a [S],
-    /// Desired acceleration `x_d''` of the rows, `(m,)`, m/s^2 and rad/s^2.
+    /// Desired acceleration `x_d_ddot` of the rows, `(m,)`, m/s^2 and rad/s^2.
     pub acceleration: &'a [S],
-    /// Desired posture `q_n`, then its rates `q_n'` and `q_n''`, `(n,)` each; empty without a null space.
+    /// Desired posture `q_n`, then its velocity and its acceleration, `(n,)` each; empty without a null space.
     pub posture: &'a [S],
     /// Gravity torque `g(q)`, `(n,)`.
     pub gravity: &'a [S],
@@ -253,7 +255,7 @@ impl<S: Real> NullSpace<S> {
         }
     }
 
-    /// Add the wrench `L (x_d'' - J_dot v)` to `force`.
+    /// Add the wrench `L (x_d_ddot - J_dot v)` to `force`.
     fn couple(&mut self, arm: &AnyArm<S>, ws: &mut Workspace<S>, coordinates: &Coordinates, at: &Place<S>, force: &mut [S]) {
         let (n, m) = (at.q.len(), force.len());
         if let AnyArm::Tree(tree) = arm {

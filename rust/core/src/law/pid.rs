@@ -8,10 +8,11 @@
 //! d   = h (m v_f - s),   s' = tau - g - f + d           disturbance observer of bandwidth h, nominal inertia m
 //! ```
 //!
-//! While `u_i` exceeds the limit of joint `i`, `w_i` does not change further in this direction. This is conditional integration (Astrom and
-//! Hagglund 2006, section 3.5). So a long saturation does not increase the integral. The observer reads `tau` within the limits, so it does
-//! not wind up either. With the observer the joints behave like `m a = tau - g - f` (Ohnishi, Shibata and Murakami 1996). So `m a_d`
-//! replaces `M a_d`.
+//! The prime is the time derivative. `v_s` is a speed, and `damping` and `friction` are the viscous and Coulomb friction of the arm's
+//! joints. While `u_i` exceeds the limit of joint `i`, `w_i` does not change further in this direction. This is conditional integration
+//! (Astrom and Hagglund 2006, section 3.5). So a long saturation does not increase the integral. The observer reads `tau` within the
+//! limits, so it does not wind up either. With the observer, motions that are slow compared with `h` follow `m a = tau - g - f` (Ohnishi,
+//! Shibata and Murakami 1996). So `m a_d` replaces `M a_d`.
 //!
 //! The law's state is `w`, then `y` with a filter, then `s` with an observer, `(n,)` each.
 
@@ -235,7 +236,7 @@ pub struct Pid<S: Real> {
 }
 
 impl<S: Real> Law<S> for Pid<S> {
-    /// Set the states of the velocity filter and the observer, so that the filtered velocity `v_f` and the disturbance `d` start at zero.
+    /// Set the states of the velocity filter and the observer. Then the output of the filter and the disturbance `d` start at zero.
     fn restart(&mut self, _: &[(S, S)], x: &[S], z: &mut [S]) {
         let n = self.e.len();
         if self.filter.is_some() {

@@ -18,7 +18,7 @@ use crate::trace::c::{CFile, COptions, CSource, Routine};
 /// The largest number of steps of the law's state between two calls. If more are necessary, one step covers the whole time.
 const MOST_STEPS: u32 = 10_000;
 
-/// The largest number of operations of a law that can be printed as C.
+/// The largest estimated number of operations of a law that can be printed as C.
 const LONGEST: f64 = 600_000.0;
 
 /// The sizes of a printed law.
@@ -224,7 +224,7 @@ two = {}, four = {};\n        state->state[i] = {};\n    }}\n",
         let whole = if breaks.is_empty() {
             format!("        {prefix}_advance_by(state, {upper}_DT);\n")
         } else {
-            // A step in which a motion jumps is divided at the jump, as in a loop of fixed steps.
+            // A step in which a derivative of a motion jumps is divided at the jump, as in a loop of fixed steps.
             format!(
                 "        double at = k * {upper}_DT, h = {upper}_DT;
         const double stop = (k + 1.0) * {upper}_DT;

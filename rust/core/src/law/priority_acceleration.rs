@@ -1,8 +1,9 @@
 //! Prioritised accelerations under computed torque, for rigid arms (`siciliano1991priority`, `nakanishi2008operational`):
 //!
-//! `a` solves `J_i a = x_d,i'' + D_i (x_d,i' - J_i v) + K_i e_i - dJ_i/dt v` in priority. In the remaining freedom `a = -c v`, which stops
-//! motions that change no task. Then `tau = M a + C v + g`. The method `sns` keeps `a` within bounds. `joint_limits` computes these bounds
-//! from the joint limits at every evaluation.
+//! `a` solves `J_i a = x_d,i'' + D_i (x_d,i' - J_i v) + K_i e_i - dJ_i/dt v` for the tasks `i` in order of priority. The prime is the time
+//! derivative, `e_i` the error of a task and `J_i` its Jacobian. In the remaining freedom `a = -c v`, which stops motions that change no
+//! task. Then `tau = M a + C v + g`. The method `sns` keeps `a` within bounds. `joint_limits` computes these bounds from the joint limits
+//! at every evaluation.
 
 use super::decided::{Decided, RecordedSolver, Solve};
 use super::joint_limits::{JointLimits, LimitOverrides};
@@ -18,7 +19,7 @@ use crate::plant::PlantKind;
 use crate::priority::{PriorityMethod, PriorityOptions, PrioritySolver};
 use crate::scalar::Real;
 
-/// Accelerations of tasks in priority, with validated parameters.
+/// Joint accelerations for tasks in order of priority, with validated parameters.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PriorityAccelerationSpec {
     model: Model,

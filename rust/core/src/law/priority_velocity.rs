@@ -1,12 +1,13 @@
 //! Prioritised joint velocities with feedback of the task errors (CLIK, `siciliano1990kinematic`):
 //!
-//! `u` solves `J_i u = x_d,i' + K_i e_i` in priority, by one of the methods of `priority`. The plant is `q' = u`.
+//! `u` solves `J_i u = x_d,i' + K_i e_i` for the tasks `i` in order of priority, by one of the methods of `priority`. The prime is the time
+//! derivative, `e_i` the error of a task and `J_i` its Jacobian. The plant is `q' = u`.
 //!
 //! The method `sns` keeps `u` within bounds. `joint_limits` computes these bounds from the joint limits at every evaluation.
 //!
 //! The decision about a rank assumes a relative error of `DEFAULT_ROUNDING (1 + sum|q|)` in the entries of the Jacobians. The methods
-//! branch on singular values, so this law runs on plain numbers. A recording uses the algorithm for regular stacks, and reports where it is
-//! not valid.
+//! branch on singular values, so this law runs on plain numbers. A recording uses an algorithm without branches, and reports where it is
+//! not valid. A law with the method `sns` cannot be recorded.
 
 use super::decided::{Decided, RecordedSolver, Solve};
 use super::joint_limits::{JointLimits, LimitOverrides};
@@ -22,7 +23,7 @@ use crate::plant::PlantKind;
 use crate::priority::{PriorityMethod, PriorityOptions, PrioritySolver};
 use crate::scalar::Real;
 
-/// Velocities of tasks in priority, with validated parameters.
+/// Joint velocities for tasks in order of priority, with validated parameters.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PriorityVelocitySpec {
     model: Model,

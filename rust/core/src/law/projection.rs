@@ -1,17 +1,18 @@
-//! Adaptation that keeps bodies physically possible: near the boundary, the rate of the estimate is corrected. The method is
-//! `pomet1992adaptive`, with a convex function of the pseudo-inertias in place of a ball.
+//! Adaptation that keeps bodies physically possible: beyond a lower bound of the pseudo-inertias, the rate of the estimate `pi_hat` is
+//! corrected. The method is `pomet1992adaptive`, with a convex function of the pseudo-inertias in place of a ball. `Y` is the regressor,
+//! `s` the sliding variable, `Gamma` the gain, and `'` the transpose.
 //!
 //! ```text
 //! P_k(pi_hat) the pseudo-inertia of body k, P_k^min = L L' its lower bound,  Z_k = L^-1 P_k L^-T - 1,  N_k the negative part of Z_k
 //! f^2 = sum |N_k|^2 (Frobenius),   g = grad f^2 / 2,   g . d pi = sum tr(L^-T N_k L^-1 P_k(d pi))
-//! pi_hat' = Gamma (y - c g),   y = Y' s,   c = [min(1, f / LAYER) max(0, g' Gamma y) + PULL f^2] / g' Gamma g
+//! pi_hat_dot = Gamma (y - c g),   y = Y' s,   c = [min(1, f / LAYER) max(0, g' Gamma y) + PULL f^2] / g' Gamma g
 //! ```
 //!
-//! `f^2` is convex. It is zero where every `P_k >= P_k^min`, and so at the true `pi`. Therefore `(pi_hat - pi) . g >= f^2 / 2`. The
-//! correction subtracts `c (pi_hat - pi) . g >= 0` from the derivative of Slotine and Li's Lyapunov function, so it never increases this
-//! derivative. Where `f = LAYER`, `f f' <= -PULL f^2`. So an estimate that starts with `P_k >= P_k^min` keeps `P_k >= (1 - LAYER) P_k^min`.
-//! The rate is Lipschitz, and does not depend on frames or units. The parameters `(A, B, C)` of the planar PR arm are one body with `P =
-//! [[A, B], [B, C]]`.
+//! `f^2` is convex. It is zero where every `P_k >= P_k^min`. The true `pi` must satisfy this condition. Then
+//! `(pi_hat - pi) . g >= f^2 / 2`. The correction subtracts `c (pi_hat - pi) . g >= 0` from the derivative of Slotine and Li's Lyapunov
+//! function, so it never increases this derivative. Where `f >= LAYER`, `f df/dt <= -PULL f^2`. So in continuous time, an estimate that
+//! starts with `P_k >= P_k^min` keeps `P_k >= (1 - LAYER) P_k^min`. The rate is Lipschitz continuous. The parameters `(A, B, C)` of the
+//! planar PR arm are one body with `P = [[A, B], [B, C]]`.
 
 use crate::error::{Error, Result, finite};
 use crate::linalg::gain::Multiply;
@@ -108,7 +109,8 @@ fn least_pivot<S: Real>(a: &Pseudo<S>) -> S {
 ///
 /// With `B = V' A V` nearly diagonal, `G_ii = f(B_ii)`. `G_ij = B_ij (f(B_ii) - f(B_jj)) / (B_ii - B_jj)` is a divided difference (Daleckii
 /// and Krein). Then the derivatives of `V` cancel in the derivative of the result. For equal eigenvalues the derivatives of `V` are
-/// arbitrary, but must be bounded. So a common eigenspace is not rotated. Where both eigenvalues have the same sign, the formula is exact.
+/// arbitrary, but must be bounded. So entries `a_pq` of at most `least` are not rotated to zero. Where both eigenvalues have the same sign,
+/// the formula is exact.
 fn negative_part<S: Real>(a: &Pseudo<S>) -> Pseudo<S> {
     let (zero, one) = (S::zero(), S::splat(1.0));
     let mut a = *a;
@@ -216,7 +218,7 @@ impl<S: Real> Projector<S> {
         Projector { width: *width, inverses, gradient: zeros.clone(), weighted: zeros }
     }
 
-    /// Correct the rate `dz = Gamma y` of the estimate. This is a separate call, so that a law without projection does not contain this
+    /// Correct the rate `dz = Gamma y` of the estimate. This function is not inlined, so that a law without projection does not contain its
     /// code.
     #[inline(never)]
     pub fn correct<G: Multiply<S>>(&mut self, gamma: &G, estimate: &[S], y: &[S], dz: &mut [S]) {
@@ -242,7 +244,7 @@ impl<S: Real> Projector<S> {
         gamma.multiply(&self.gradient, &mut self.weighted);
         let dot = |b: &[S]| self.weighted.iter().zip(b).fold(zero, |sum, (&a, &b)| a.mul_add(b, sum));
         let (push, size) = (dot(y), dot(&self.gradient));
-        // For a squared norm below 1e-200, the products underflow, and the rate requires no correction.
+        // For `f^2` below 1e-200, the products underflow, and the rate requires no correction.
         let there = S::splat(1e-200).lt(square);
         let f = S::select(there, square, S::splat(1.0)).sqrt();
         let share = (f * S::splat(1.0 / LAYER)).min(S::splat(1.0));

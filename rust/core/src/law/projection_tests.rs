@@ -51,8 +51,8 @@ fn derivatives_where_eigenvalues_are_equal() {
     // All eigenvalues are equal. If they are negative, the derivative is the direction itself. If they are positive, it is zero.
     assert_eq!(slope(&diagonal([-0.5; 4]), &d), d);
     assert_eq!(slope(&diagonal([0.5; 4]), &d), [[0.0; 4]; 4]);
-    // Two pairs of eigenvalues, rotated by `V`: the derivative is `V (F o V' D V) V'`. `F` is 1 in the negative pair, 0 in the other pair,
-    // and 2/5 between -2 and 3.
+    // Two pairs of eigenvalues, rotated by `V`: the derivative along `D` is `V (F o V' D V) V'`, where `o` multiplies entry by entry. `F`
+    // is 1 in the negative pair, 0 in the other pair, and 2/5 between -2 and 3.
     let (c, s) = (0.6, 0.8);
     let v: Pseudo<f64> = [[c, 0.0, s, 0.0], [0.0, c, 0.0, -s], [-s, 0.0, c, 0.0], [0.0, s, 0.0, c]];
     let inside = |a: &Pseudo<f64>| product(&product(&transposed(&v), a), &v);

@@ -1,13 +1,15 @@
 //! Restraints of the estimate of an adaptive law: leakage and a dead zone.
 //!
 //! ```text
-//! a_hat' = Gamma w,   w = y - l  where |s| >= s_0,   w = 0 where |s| < s_0 (dead zone),   y = Y' s
+//! a_hat_dot = Gamma w,   w = y - l  where |s| >= s_0,   w = 0 where |s| < s_0 (dead zone),   y = Y' s
 //! l = sigma (a_hat - a_0)        leakage (sigma modification, IoannouKokotovic1984)
 //! l = sigma |s| (a_hat - a_0)    e-modification (NarendraAnnaswamy1987)
-//! V' = -s'Kd s + (a - a_hat)'(y - w):  with leakage -s'Kd s + (a - a_hat)' l,  in the dead zone -s'Kd s + (a - a_hat)' y
+//! V1_dot = -s' Kd s + (a - a_hat)' (y - w):  with leakage -s' Kd s + (a - a_hat)' l,  in the dead zone -s' Kd s + (a - a_hat)' y
 //! ```
 //!
-//! Under disturbances the estimate remains bounded. In return, it has an error of the order of `sigma` or `s_0`.
+//! `Y` is the regressor, `s` the sliding variable, `a_hat` the estimate of the parameters `a`, `V1` the Lyapunov function, and `'` the
+//! transpose. Leakage keeps the estimate bounded under bounded disturbances. A dead zone does so if `s_0` exceeds the `|s|` that the
+//! disturbances cause. In return, the estimate has an error of the order of `sigma` or `s_0`.
 
 use super::adaptive::AdaptiveSpec;
 use crate::error::{Error, Result, finite};
@@ -31,7 +33,7 @@ pub struct Restraint {
     pub form: LeakageForm,
     /// The centre `a_0` of the leakage, `(p,)`, in the units of the parameters.
     pub centre: Vec<f64>,
-    /// Dead zone `s_0 >= 0`, rad/s; zero without a dead zone.
+    /// Dead zone `s_0 >= 0`, rad/s or m/s; zero without a dead zone.
     pub dead_zone: f64,
 }
 
@@ -66,8 +68,8 @@ impl AdaptiveSpec {
         Ok(self)
     }
 
-    /// Stop the adaptation while the norm of the sliding variable `s` is below `s_0`, rad/s. Errors: `Input` for an `s_0` that is negative
-    /// or not finite.
+    /// Stop the adaptation while the norm of the sliding variable `s` is below `s_0`, rad/s or m/s. Errors: `Input` for an `s_0` that is
+    /// negative or not finite.
     pub fn resting_below(mut self, s_0: f64) -> Result<Self> {
         not_negative("dead_zone", s_0)?;
         self.restraint.dead_zone = s_0;

@@ -1,6 +1,8 @@
 //! The storage function of Cartesian impedance through elastic joints, with the springs and motors of the law's model:
 //!
 //! `E = v' M v / 2 + (theta - q)' K_J (theta - q) / 2 + theta_dot' B0 theta_dot / 2 + e' K_m e / 2`, plus the energy of wall and stops.
+//! `theta` are the motor positions, `K_J` is the joint stiffness, and `B0` the reduced motor inertia. `e` is the error of the controlled
+//! rows and `K_m` their stiffness.
 
 use super::LawSpec;
 use crate::dynamics::ArmAt;
