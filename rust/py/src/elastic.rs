@@ -180,19 +180,21 @@ fn each<'py, const K: usize>(
 
 /// The smallest reduced motor inertia `B0` for which a sampled motor loop is stable.
 ///
-/// The loop reduces the motor inertia `B` to `B0` while the link is locked. The torque is constant during a sample of length `dt`, so a
-/// linear map advances `(theta, theta_dot)` exactly. At `B0` the spectral radius of this map is 1, with the damping `D0 = 2 zeta sqrt(B0
-/// K_J)`. For `B0 << B` and a sensor without lag, the result is about `K_J (dt / min(4 zeta, 1/zeta))^2`.
+/// The link is locked, and feedback of the joint torque makes the motor of inertia `B` behave like one of inertia `B0` (see
+/// `ElasticImpedance`). The motor torque is constant during a sample of length `dt`. So a linear map advances the state
+/// `(theta, theta_dot)` exactly. With a lag of the sensor, the state includes the sensor's output. At `B0` the spectral radius of this map
+/// is 1, with the damping `D0 = 2 zeta sqrt(B0 K_J)`. For `B0 << B` and a sensor without lag, the result is about
+/// `K_J (dt / min(4 zeta, 1/zeta))^2`.
 ///
 /// Args:
-///     motor_inertia: `B`, kg m^2, > 0. All arguments are numbers or arrays, and broadcast.
+///     motor_inertia: `B`, kg m^2 or kg, > 0. All arguments are numbers or arrays, and broadcast.
 ///     joint_stiffness: `K_J`, N m/rad, > 0.
 ///     sample_time: `dt`, s, > 0.
 ///     damping_ratio: `zeta`, > 0; 1 if None (keyword only).
 ///     sensor_bandwidth: bandwidth of a first-order torque sensor, rad/s; a sensor without lag if None (keyword only).
 ///
 /// Returns:
-///     `B0`, kg m^2, of the common shape; NaN where even `B0 = B` is unstable.
+///     `B0`, kg m^2 or kg, of the common shape; NaN where even `B0 = B` is unstable.
 ///
 /// Raises:
 ///     InputError: a number is not positive, or the shapes do not broadcast.
@@ -231,17 +233,17 @@ pub fn smallest_reduced_inertia<'py>(
 /// zero, no stiffness is stable.
 ///
 /// Args:
-///     mass: inertia `M` of the link, kg m^2, > 0. All arguments are numbers or arrays, and broadcast.
+///     mass: inertia `M` of the link, kg m^2 or kg, > 0. All arguments are numbers or arrays, and broadcast.
 ///     joint_stiffness: `K_J`, N m/rad, > 0.
-///     reduced_inertia: reduced motor inertia `B0`, kg m^2, > 0.
-///     damping: `d` of the damper at the link, N m s/rad, >= 0.
-///     motor_damping: `D0`, N m s/rad, > 0; the critical damping `2 sqrt(B0 K_J)` if None (keyword only).
+///     reduced_inertia: reduced motor inertia `B0`, kg m^2 or kg, > 0.
+///     damping: `d` of the damper at the link, N m s/rad or N s/m, >= 0.
+///     motor_damping: damping `D0` of the motor, N m s/rad or N s/m, > 0; the critical damping `2 sqrt(B0 K_J)` if None (keyword only).
 ///
 /// Returns:
-///     `k`, N m/rad, of the common shape.
+///     `k`, N m/rad or N/m, of the common shape.
 ///
 /// Raises:
-///     InputError: a number has the wrong sign, or the shapes do not broadcast.
+///     InputError: a number has the wrong sign or is not finite, or the shapes do not broadcast.
 ///
 /// Source: [Ott2008] for the reduction; docs/elastic.md.
 ///

@@ -14,7 +14,7 @@ use pyo3::types::{PyDict, PyTuple};
 use std::sync::Arc;
 
 const NAME: &str = "simulate";
-/// The largest number of events of a run.
+/// The largest number of entries of the argument `events`. The number of recorded crossings has no such limit.
 const MOST_EVENTS: usize = 4096;
 
 fn refuse(value: &Bound<'_, PyAny>, problem: String) -> Failure {
@@ -108,7 +108,8 @@ pub fn observer(plant: &PlantSpec, events: Option<Bound<'_, PyAny>>, dense: bool
     Ok((dense || !observer.events.is_empty()).then_some(observer))
 }
 
-/// Split the first `seen` columns of `values`, `(rows, states)`, into the fields `q`, `v`, `theta`, `theta_dot` of `n` columns each.
+/// Split the first `seen` columns of `values`, `(rows, states)`, into the fields `q`, `v`, `theta`, `theta_dot` of `n` columns each, as
+/// many as there are.
 fn put_parts(fields: &Bound<'_, PyDict>, rows: usize, n: usize, (seen, states): (usize, usize), values: &[f64]) -> Result<(), Failure> {
     for (k, name) in ["q", "v", "theta", "theta_dot"].iter().enumerate().take(seen / n) {
         let part = memory::collected((0..rows * n).map(|i| values[i / n * states + k * n + i % n]))?;
@@ -117,7 +118,7 @@ fn put_parts(fields: &Bound<'_, PyDict>, rows: usize, n: usize, (seen, states): 
     Ok(())
 }
 
-/// Add the fields `events` and `dense` to the fields of a run. `p` is the number of states of the law.
+/// Add the fields `events` and `dense` to the fields of a run, if they were requested. `p` is the number of states of the law.
 pub fn answer(fields: &Bound<'_, PyDict>, plant: &PlantSpec, p: usize, observer: RunObserver) -> Result<(), Failure> {
     let (py, n, states) = (fields.py(), plant.n(), plant.states());
     if !observer.events.is_empty() {

@@ -2,7 +2,7 @@
 //!
 //! The caller passes the run itself and *runs of variations*. In these, a parameter has other values. The derivative of a number of
 //! the loop with respect to the parameter is the sum of its values in these runs, multiplied by `weights`. A *record* is the state and the
-//! torque at one time of `t_eval`.
+//! input at one time of `t_eval`.
 
 use crate::arrays::{Axis, Form, adopted, count, numbers};
 use crate::errors::{Failure, entry, input_error};
@@ -33,8 +33,9 @@ impl Named {
     /// Assign runs to the parameters. Run 0 is the run to differentiate, and the runs of each name follow.
     ///
     /// A parameter that varies alone has one run per weight. Parameters that vary together have probes, and then one common run per weight.
-    /// A probe is a run in which only some of these parameters vary: in probe `b`, those whose code (a binary number) has bit `b`. For an
-    /// input of the program, the set of probes that change it is the code of the parameter that changes it.
+    /// A probe is a run in which only some of these parameters vary: in probe `b`, those whose code (a binary number) has bit `b`. The loop
+    /// runs as a *program* (recorded machine code), whose inputs depend on the parameters. Bit `b` of an input's code is set if probe `b`
+    /// changes the input. The input depends on the parameter that has the same code (see [`Shared`]).
     fn of(function: &str, value: &Bound<'_, PyAny>, names: &Bound<'_, PyAny>, runs: usize) -> Result<Self, Failure> {
         let (shape, weights) = numbers(function, "weights", value, &[Form(&[Axis::Any("P"), Axis::Any("W")])])?;
         let (names, points): (Vec<Name>, usize) = (names.extract()?, shape[1]);

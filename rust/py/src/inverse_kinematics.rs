@@ -92,10 +92,10 @@ const NAME: &str = "inverse_kinematics";
 ///     tasks: `Task` and other tasks with constant targets `(rows,)` or `(..., rows)`, m or rad, the highest priority first. The gains of
 ///         the tasks are not used.
 ///     q0: start of the search, `(n,)` or `(..., n)`, rad or m. Leading axes of `q0` and of all targets broadcast.
-///     method: the priority map of every step: "clamp", "damped", "exact" or "chiaverini" (keyword only, as all below). None: steps for
-///         all tasks together, and "clamp" for steps in the order of priority.
-///     eps: threshold on singular values of the priority map, one number or one per task. With `eps`, all steps use the map. None: 0.02
-///         times each task's largest row norm.
+///     method: the method of `solve_priority` for every step: "clamp", "damped", "exact" or "chiaverini" (keyword only, as all below).
+///         None: steps for all tasks together, and "clamp" for steps in the order of priority.
+///     eps: threshold on singular values in steps in the order of priority, one number or one per task. With `eps`, all steps are in the
+///         order of priority. None: 0.02 times each task's largest row norm.
 ///     tolerance: a task is reached if the size of every entry of its error is at most this, m or rad; 1e-9 if None.
 ///     max_iterations: largest number of steps from each start; 100 if None.
 ///     restarts: largest number of random starts after `q0`; 50 if None.
@@ -110,8 +110,9 @@ const NAME: &str = "inverse_kinematics";
 ///         that move no body do not count. If fewer are found, the remaining rows are NaN, with the status `INFEASIBLE`.
 ///     threads: number of threads for a batch; None: the environment variable `ARMLET_NUM_THREADS`, otherwise the number of cores.
 ///
-/// Threads share the rows of a batch. Every row has the bits of a separate call, for any number of threads. A row whose start or target
-/// is not finite, or whose numbers overflow, is NaN with the status `DIVERGED`. It does not affect other rows.
+/// Threads share the rows of a batch. Every row has the bits of a separate call, for any number of threads. A row whose start or target is
+/// not finite, or whose numbers overflow, is NaN with the status `DIVERGED`. The same holds for an invalid target, such as a direction of
+/// length zero. It does not affect other rows.
 ///
 /// Returns:
 ///     An `InverseKinematics`, which is true if every task is reached. An unreachable target is not an error: its `status` reports it.

@@ -1,4 +1,4 @@
-//! `loop_program`: the recorded program of a closed loop, as lists of its operations.
+//! `loop_program`: a *program* of a closed loop (the operations that were recorded from it), as lists of its operations.
 
 use crate::arrays::{flag, object, text};
 use crate::errors::entry;
@@ -11,7 +11,7 @@ use armlet_macros::entered;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList, PyTuple};
 
-/// Return one recorded program of a closed loop as a dict. `armlet.loop_program` documents the keywords.
+/// Return one program of a closed loop as a dict. `armlet.loop_program` documents the keywords.
 #[entered]
 #[pyfunction]
 pub fn loop_program<'py>(

@@ -23,9 +23,10 @@ const NAME: &str = "MomentumObserver";
 
 /// An observer of the external torque: its residual `r` follows `r_dot = K (tau_ext - r)`.
 ///
-/// The observer uses positions, velocities and torques, but no accelerations. With the momentum `p = M v` and the Coriolis matrix `C` of
-/// the Christoffel symbols, `r = K [p(t) - p(0) - int (tau - tau_f + C' v - g + r) ds]`. In a step of length `dt` the integrand except `r`
-/// is constant, so `r_k = (I + K dt)^-1 (r_(k-1) + K (p_k - p_(k-1) - (tau - tau_f + C' v - g)_(k-1) dt))`.
+/// This holds if the model is exact. The observer uses positions, velocities and torques, but no accelerations. With the momentum `p = M v`
+/// and the Coriolis matrix `C` of the Christoffel symbols, `r = K [p(t) - p(0) - int (tau - tau_f + C' v - g + r) ds]`. In a step of length
+/// `dt` the integrand except `r` is constant, and `r` is the new value, so
+/// `r_k = (I + K dt)^-1 (r_(k-1) + K (p_k - p_(k-1) - (tau - tau_f + C' v - g)_(k-1) dt))`.
 ///
 /// `q`, `v` and `tau` are `(n,)`, or `(B, n)` for B arms of the same model. For elastic joints, `tau` is the torque of the joints on the
 /// links.
@@ -35,13 +36,14 @@ const NAME: &str = "MomentumObserver";
 ///     gain: `K`, 1/s, positive definite: scalar, `(n,)` or `(n, n)`.
 ///     friction: subtract the model's viscous and Coulomb friction `tau_f`; otherwise `r` includes it (keyword only). It cannot be
 ///         combined with `motor_inertia`.
-///     motor_inertia: inertia `B` of the motors of elastic joints, kg m^2, scalar, `(n,)` or `(n, n)` (keyword only). With it, the observer
-///         observes the motors: `q` and `v` are their positions and velocities, and `tau` is `tau_m - tau_J`. Then `r` converges to minus
-///         the friction of the motors.
+///     motor_inertia: inertia `B` of the motors of elastic joints, kg m^2 or kg, scalar, `(n,)` or `(n, n)` (keyword only). With it, the
+///         observer observes the motors: `q` and `v` are their positions and velocities, and `tau` is the motor torque minus the joint
+///         torque. Then `r` follows minus the friction of the motors.
 ///     threshold: `|r_i|` above the threshold is contact, N m or N, > 0: scalar or `(n,)` (keyword only). `calibrate` computes thresholds.
 ///
 /// Raises:
-///     InputError: a shape is wrong, a number is not finite, or a gain is not positive definite.
+///     InputError: a shape is wrong, a number is not finite, or a gain is not positive definite. A threshold that is not positive, and
+///         `friction` with `motor_inertia`, also raise it.
 ///
 /// Source: De Luca, Albu-Schaeffer, Haddadin and Hirzinger, Collision detection and safe reaction with the DLR-III lightweight
 /// manipulator arm, IROS 2006.
@@ -216,7 +218,8 @@ impl MomentumObserver {
     /// Without an earlier `reset`, the first sample starts the observer with `r = 0`.
     ///
     /// Raises:
-    ///     InputError: a shape is wrong, a number is not finite, or `r` would not be finite. The observer then does not change.
+    ///     InputError: a shape is wrong, a number is not finite, `dt` is not positive, or `r` would not be finite. The observer then does
+    ///         not change.
     fn update<'py>(
         &self,
         py: Python<'py>,
@@ -239,7 +242,7 @@ impl MomentumObserver {
         })
     }
 
-    /// The last residual `r`, `(n,)` or `(B, n)`, N m or N; None before the first sample.
+    /// The last residual `r`, `(n,)` or `(B, n)`, N m or N; None before the first sample or `reset`.
     #[getter]
     fn residual<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyAny>>> {
         entry(py, "MomentumObserver.residual", || {
@@ -312,7 +315,7 @@ impl MomentumObserver {
     /// The index of the joint of the touched link, or -1 without contact: an integer, or an array `(B,)`.
     ///
     /// The joint is the outermost one with `|r_i|` above its threshold, because a force on a link loads no joint further out. If several
-    /// branches have such a joint, the result is the joint whose `|r_i|` exceeds its threshold most.
+    /// branches have such a joint, the result is the one with the largest ratio of `|r_i|` to its threshold.
     fn contact<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         entry(py, "MomentumObserver.contact", || {
             let observed = self.observed(py);

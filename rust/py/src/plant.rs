@@ -33,7 +33,7 @@ stands_on_arm!(Plant);
 #[entered]
 #[pymethods]
 impl Plant {
-    /// The names of the parts of the state. Each part has one number per joint.
+    /// The names of the parts of the state, without the bristles of friction. Each part has one number per joint.
     #[getter]
     fn _parts<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
         PyTuple::new(py, self.spec.kind().parts())
@@ -144,12 +144,15 @@ fn friction_or_flag<'py>(
     Ok((given.flag(name, value)?, None))
 }
 
-/// A rigid arm whose input is the joint torques: `M(q) a + C(q, v) v + g(q) + tau_f = tau + J'F`, with the state `[q, v]`.
+/// A rigid arm whose input is the joint torques: `M(q) a + C(q, v) v + g(q) + tau_f = tau + J'F`.
+///
+/// `tau_f` is the friction torque, and `F` an external force on a frame with the Jacobian `J`. A wall and joint stops add their forces. The
+/// state is `[q, v]`, and then the deflections of the bristles of `LuGre` friction.
 ///
 /// Args:
 ///     arm: the arm of the plant. The arm of a law may differ from it, to simulate an error of the model.
-///     friction: True: `tau_f` is the viscous and Coulomb friction of the arm. A `StickSlip` or a `LuGre`: `tau_f` is this friction. False:
-///         no friction (keyword only).
+///     friction: True: `tau_f` is the viscous and Coulomb friction of the arm, which `planar_pr` does not have. A `StickSlip` or a `LuGre`:
+///         `tau_f` is this friction. False: no friction (keyword only).
 ///     wall: a `Wall` that the arm may touch (keyword only).
 ///     stops: `JointStops` at the limits of the joints (keyword only).
 ///
@@ -213,21 +216,24 @@ impl VelocityArm {
 
 /// An arm with elastic joints, whose input is the motor torques: springs couple the links and the motors.
 ///
-/// `M(q) a + C(q, v) v + g(q) = tau_J + J'F` for the links, `B theta_ddot + tau_J = tau` for the motors, and `tau_J = K (theta - q)`. Motor
-/// positions, inertias and torques are converted to the joint side of the gears. The state is `[q, v, theta, theta_dot]`.
+/// `M(q) a + C(q, v) v + g(q) = tau_J + J'F` for the links with the external force `F`, `B theta_ddot + tau_f + tau_J = tau` for the motors
+/// with the friction `tau_f`, and `tau_J = K (theta - q) + D (theta_dot - v)` with the joint damping `D`. A wall and joint stops add their
+/// forces to the links. Motor positions, inertias and torques are converted to the joint side of the gears. The state is
+/// `[q, v, theta, theta_dot]`, and then the deflections of the bristles of `LuGre` friction.
 ///
 /// Args:
 ///     arm: the arm of the links.
-///     stiffness: `K`, N m/rad, positive definite: scalar, `(n,)` or `(n, n)`.
-///     motor_inertia: `B`, kg m^2, positive definite: scalar, `(n,)` or `(n, n)`.
-///     joint_damping: damping in parallel with the springs, N m s/rad, `(n,)`, >= 0; zero if None (keyword only).
-///     motor_friction: viscous friction of the motors, N m s/rad, `(n,)`, >= 0, or a `StickSlip` or a `LuGre`; none if
-///         None (keyword only).
+///     stiffness: `K`, N m/rad or N/m, positive definite: scalar, `(n,)` or `(n, n)`.
+///     motor_inertia: `B`, kg m^2 or kg, positive definite: scalar, `(n,)` or `(n, n)`.
+///     joint_damping: `D`, damping in parallel with the springs, N m s/rad or N s/m, `(n,)`, >= 0; zero if None (keyword only).
+///     motor_friction: `tau_f`: a `StickSlip`, a `LuGre`, or coefficients of viscous friction, N m s/rad or N s/m, `(n,)`, >= 0; no
+///         friction if None (keyword only).
 ///     wall: a `Wall` that the arm may touch (keyword only).
 ///     stops: `JointStops` at the limits of the links (keyword only).
 ///
 /// Raises:
-///     InputError: a shape is wrong, a number is not finite, or a matrix is not positive definite.
+///     InputError: a shape is wrong, a number is not finite or has the wrong sign, a matrix is not positive definite, or a frame is
+///         unknown.
 ///
 /// Source: Spong, Modeling and control of elastic joint robots, J. Dyn. Sys. Meas. Control 109, 1987.
 ///

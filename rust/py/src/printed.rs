@@ -18,7 +18,7 @@ const NAME: &str = "export_c";
 /// The largest number of functions of an arm in one export.
 const MOST_FUNCTIONS: usize = 10_000;
 
-/// A function of an arm: its name in C, the name of its quantity, and a frame or `None`.
+/// A function of an arm: its name in C without the prefix, the name of its quantity, and a frame or `None`.
 type Named<'py> = (Bound<'py, PyAny>, Bound<'py, PyAny>, Option<Bound<'py, PyAny>>);
 
 fn options(prefix: &Bound<'_, PyAny>, fused: Option<&Bound<'_, PyAny>>) -> Result<COptions, Failure> {
@@ -83,7 +83,8 @@ pub fn _c_of_observer(
     })
 }
 
-/// Return the C files of functions of an arm. Each entry of `functions` is a name in C, the name of a quantity, and a frame or None.
+/// Return the C files of functions of an arm. Each entry of `functions` is a name in C without the prefix, the name of a quantity, and a
+/// frame or None.
 #[entered]
 #[pyfunction]
 pub fn _c_of_arm(

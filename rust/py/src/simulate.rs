@@ -17,7 +17,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 const A_PLANT: &str = "a plant such as RigidArm";
-/// Up to this count of numbers, copying them to a new array is faster than making an array that takes over their memory.
+/// Up to this count, numbers are copied to a new array. More numbers are not copied: the array takes over their memory.
 const FEW: usize = 1024;
 
 fn put<'py>(fields: &Bound<'py, PyDict>, name: &str, values: Vec<f64>, shape: &[usize]) -> Result<(), Failure> {
@@ -31,7 +31,8 @@ fn put<'py>(fields: &Bound<'py, PyDict>, name: &str, values: Vec<f64>, shape: &[
     Ok(fields.set_item(name, adopted(fields.py(), shape, values)?)?)
 }
 
-/// Add the recorded series to the fields, `(lead.., k, n)` each for `k` times. `lead` is empty for one run, and `[B]` for a batch.
+/// Add the recorded series to the fields, `(lead.., k, n)` each for `k` times. The series `estimate`, the state of the law, is
+/// `(lead.., k, p)`. `lead` is empty for one run, and `[B]` for a batch.
 fn put_series(
     fields: &Bound<'_, PyDict>,
     lead: &[usize],

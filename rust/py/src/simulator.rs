@@ -23,9 +23,9 @@ use std::sync::{Mutex, PoisonError};
 
 /// A closed loop with one step per call: `step()` advances by `dt` with the law's input, and `step(tau)` with the caller's input.
 ///
-/// The state is in the arrays `q`, `v` and `tau`, `(n,)`. Elastic arms also have `theta` and `theta_dot`, `LuGre` friction has `bristles`,
-/// and a law with a state has `estimate`. Every step overwrites these arrays, so copy values to keep them. In addition to the arithmetic, a
-/// step takes less than a microsecond.
+/// The state is in the arrays `q` and `v`, `(n,)`, and the input in `tau`, `(n,)`. For a `VelocityArm`, `v` is the input too. Elastic arms
+/// also have `theta` and `theta_dot`, `LuGre` friction has `bristles`, and a law with a state has `estimate`. Every step overwrites these
+/// arrays, so copy values to keep them.
 ///
 /// Args:
 ///     plant: the controlled system, such as `RigidArm(arm)`.
@@ -63,7 +63,7 @@ pub struct Simulator {
     raised: Raised,
     has_law: bool,
     check: LimitCheck,
-    /// The frame of `step(force=)`: `None` without a frame, `Some(None)` for `force_frame`, `Some(rows)` for the law's coordinates.
+    /// The frame of `step(force=)`: `None` without a frame, `Some(None)` for `force_frame`, `Some(Some(rows))` for the law's coordinates.
     pushed: Option<Option<Vec<usize>>>,
     /// The arguments of the constructor: plant, law, q0 and the keywords.
     made_of: Py<PyTuple>,
@@ -150,8 +150,8 @@ impl Simulator {
     ///
     /// Args:
     ///     q, v: positions (rad or m) and velocities (rad/s or m/s) of the links, `(n,)`.
-    ///     theta, theta_dot: positions (rad) and velocities (rad/s) of the motors of elastic arms, `(n,)` (keyword only). None: as at the
-    ///         start of `simulate`, the springs balance gravity, and the motors move with the links.
+    ///     theta, theta_dot: positions (rad or m) and velocities (rad/s or m/s) of the motors of elastic arms, `(n,)` (keyword only). None:
+    ///         as at the start of `simulate`, the springs balance gravity, and the motors move with the links.
     ///     bristles: deflections of the bristles of `LuGre` friction, `(n,)`, rad or m (keyword only). None: zeros.
     ///     estimate: state of the law, such as the integral of a `PID` or the estimate of `Adaptive` (keyword only). A run has the
     ///         same `estimate`. None: no change, but filters and observers start from `q` and `v`.
@@ -232,7 +232,7 @@ impl Simulator {
 }
 
 impl Simulator {
-    /// Make a `Simulator(plant, law, q0, **keywords)`. If `warns`, positions outside of joint limits cause a warning.
+    /// Make a `Simulator(plant, law, q0, **keywords)`. If `warns` is false, `q0` and the law's target are not checked against joint limits.
     fn made<'py>(
         plant: &Bound<'py, PyAny>,
         law: &Bound<'py, PyAny>,
@@ -318,7 +318,7 @@ impl Simulator {
     fn ended(&self, py: Python<'_>, status: Status) -> Result<Failure, Failure> {
         let t = self.t()?;
         let n = self.plant.n();
-        // The message shows the state before the step, because the state after it may be NaN.
+        // The message shows the velocities before the step, because the velocities after it may be NaN.
         let v = if self.plant.kind().has_speeds() { &self.x[n..2 * n] } else { &self.input };
         let message = format!("Simulator.step: the step from t = {t} s on diverges: {}{}", status.advice(), fastest(v));
         Ok(solve_error(py, message, status, t, self.state(py)?.into_any().unbind()).into())

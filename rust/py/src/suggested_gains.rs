@@ -15,7 +15,7 @@ use pyo3::prelude::*;
 /// - `kp`, `kd`: `(n,)`, N m/rad and N m s/rad (N/m, N s/m), for `PDGravity`, `PID`, `JointImpedance` and `Adaptive`.
 /// - `computed_torque`: the numbers `kp` in 1/s^2 and `kd` in 1/s, for `ComputedTorque`.
 /// - `inertia`: `m`, `(n,)`, kg m^2 or kg.
-/// - `lightest`: the smallest eigenvalue of `diag(m)^-1 M(q)` at the samples.
+/// - `lightest`: the smallest eigenvalue of `diag(m)^-1 M(q)` at the configurations at which `suggest_gains` computed the mass matrix `M`.
 /// - `limit`: the bandwidth, rad/s, below which the sampled loop with `kp` and `kd` is stable; None without a sample time.
 /// - `computed_torque_limit`: the same bandwidth for the loop with `ComputedTorque`, rad/s; None without a sample time.
 /// - `bandwidth`, `damping_ratio`, `sample_time`: the arguments of `suggest_gains`.
@@ -124,16 +124,17 @@ fn array<'py>(py: Python<'py>, values: &[f64]) -> PyResult<Bound<'py, PyAny>> {
 
 /// Compute gains of an arm for a bandwidth `w` and a damping ratio `zeta`, from its mass matrix over the workspace.
 ///
-/// `PDGravity`, `PID`, `JointImpedance` and `Adaptive` have *gains that are torques*: `kp = m w^2` and `kd = 2 zeta m w`. For
-/// `ComputedTorque`, `.computed_torque` has `kp = w^2` and `kd = 2 zeta w`.
+/// `PDGravity`, `PID`, `JointImpedance` and `Adaptive` have *gains that are torques* (N m per rad and per rad/s of the error): `kp = m w^2`
+/// and `kd = 2 zeta m w`. For `ComputedTorque`, `.computed_torque` has `kp = w^2` and `kd = 2 zeta w`.
 ///
-/// `m` is the largest `diag M(q)` of 512 configurations within the joint limits, times the smallest factor with `M(q) <= diag(m)` at all of
-/// them. So, with `M` constant at a configuration, every mode has at least the natural frequency `w` and the damping ratio `zeta`. Joints
-/// without limits are sampled from -pi to pi rad, or from -1 to 1 m. Equal calls return equal gains.
+/// `m` is the largest `diag M(q)` of 512 configurations within the joint limits, times a factor. It is the smallest factor for which
+/// `diag(m) - M(q)` is positive semidefinite at all of them. So, with `M` constant at one of these configurations, every mode has at least
+/// the natural frequency `w` and the damping ratio `zeta`. Joints without limits are sampled from -pi to pi rad, or from -1 to 1 m. Equal
+/// calls return equal gains.
 ///
 /// With `sample_time=h` the law's input is constant for `h`. The loop is then stable for bandwidths below `min(4 zeta, l/zeta)/h` rad/s.
-/// For `ComputedTorque`, `l = 1`; for gains that are torques, `l` is the smallest eigenvalue of `diag(m)^-1 M(q)`. This limit assumes that
-/// the law compensates gravity, and that the mass matrix is constant at one of the samples.
+/// For `ComputedTorque`, `l = 1`; for gains that are torques, `l` is the smallest eigenvalue of `diag(m)^-1 M(q)` at these configurations.
+/// This limit assumes that the law compensates gravity, and that the mass matrix is constant at one of these configurations.
 ///
 /// Args:
 ///     arm: the arm; its inertia includes the armature.

@@ -48,7 +48,8 @@ pub fn planar_pr(py: Python<'_>, A: &Bound<'_, PyAny>, B: &Bound<'_, PyAny>, C: 
     })
 }
 
-/// Restore a `planar_pr` arm. The parameters are not checked, because `with_parameters` accepts physically impossible ones.
+/// Restore a `planar_pr` arm from `(A, B, C)`. The parameters are not checked, because `with_parameters` accepts physically impossible
+/// ones.
 #[entered]
 #[pyfunction]
 pub fn _restore_planar_pr(pi: [f64; 3]) -> Arm {
@@ -86,7 +87,8 @@ fn gravity3(function: &str, gravity: Option<&Bound<'_, PyAny>>) -> Result<[f64; 
 ///
 /// Raises:
 ///     ModelError: the model is not well formed, or a number is implausible; `.file` and `.line` are the place.
-///     InputError: an argument is wrong, a package is not found, a path leads out of its package, or xacro reports an error.
+///     InputError: an argument is wrong, a file cannot be read, a package is not found, or xacro reports an error. A path that leads out of
+///         its package also raises it.
 ///     ImportError: the file is xacro, and the package `xacro` is not installed.
 ///
 /// Returns:

@@ -42,8 +42,8 @@ impl Arm {
 impl Arm {
     /// The partial derivatives of inverse dynamics, `d tau / d q`, `d tau / d v` and `d tau / d a = M`.
     ///
-    /// One recursion over composite bodies computes them without differences. `d tau / d v = 2 C(q, v)`, where `C` is the Coriolis matrix
-    /// of `coriolis_matrix`.
+    /// One recursion over composite bodies computes them without difference quotients. Without friction, `d tau / d v = 2 C(q, v)`, where
+    /// `C` is the Coriolis matrix of `coriolis_matrix`.
     ///
     /// Args:
     ///     q, v, a: positions (rad or m), velocities (per s) and accelerations (per s^2), `(..., n)`, broadcast over the leading axes.
@@ -108,7 +108,8 @@ impl Arm {
 
     /// The linear model of the arm about a state: `d/dt [dq; dv] = A [dq; dv] + B dtau`.
     ///
-    /// `A = [[0, 1], [da/dq, da/dv]]` and `B = [[0], [M^-1]]`. The state need not be an equilibrium.
+    /// `A = [[0, 1], [da/dq, da/dv]]` and `B = [[0], [M^-1]]`. `dq`, `dv` and `dtau` are small deviations from the motion through the
+    /// state, which need not be an equilibrium.
     ///
     /// Args:
     ///     q, v, tau: positions (rad or m), velocities (per s) and torques (N m or N), `(..., n)`, broadcast over the leading axes.

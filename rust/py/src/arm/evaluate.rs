@@ -1,6 +1,6 @@
 //! Evaluation of a quantity of an arm, from Python arrays to Python arrays.
 //!
-//! There are three methods: a short path for one configuration, a recorded program for several, and threads for long work.
+//! There are three methods: a short path for one configuration, a *program* (recorded machine code) for several, and threads for long work.
 
 use super::Arm;
 use crate::arrays::{flag_or_false, index_of, name, of_lengths, of_shape, out_of_shape, out_slice, written_array};
@@ -76,7 +76,8 @@ impl Arm {
         broadcast(function, names, values, std::array::from_fn(|k| if names[k] == "wrench" { 6 } else { self.model.n() }))
     }
 
-    /// Evaluate one configuration whose arguments are float64 vectors. `None` for other arguments, and for errors, which `many` reports.
+    /// Evaluate one configuration whose arguments are float64 vectors. `None` for other arguments, for long work, for an `out` that
+    /// overlaps an argument, and for errors, which `many` reports.
     fn single<'py, const K: usize>(
         &self,
         values: [&Bound<'py, PyAny>; K],

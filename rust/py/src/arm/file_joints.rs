@@ -1,4 +1,5 @@
-//! The joints of the model's file, including followers: joints whose position is `multiplier q_leader + offset`.
+//! The moving joints of the model's file, including followers: joints whose position is `multiplier q_leader + offset`. Fixed joints are
+//! not included.
 
 use super::Arm;
 use crate::arrays::{elements, written_array};
@@ -14,7 +15,9 @@ use pyo3::types::PyTuple;
 #[entered]
 #[pymethods]
 impl Arm {
-    /// Names of all joints, including mimic joints, which follow another joint. Without mimic joints they are `joint_names`.
+    /// Names of all moving joints, including mimic joints, which follow another joint. Without mimic joints they are `joint_names`.
+    ///
+    /// Fixed joints of the model's file are not included.
     ///
     /// >>> import armlet as al
     /// >>> finger = {"type": "P", "axis": [1, 0, 0], "parent": None, "phi": [0.1] + 9 * [0]}
@@ -47,7 +50,8 @@ impl Arm {
         PyTuple::new(py, self.model.frame_joints())
     }
 
-    /// The pose of every joint, `(..., len(file_joint_names), 4, 4)`: a homogeneous transform per joint, lengths in m.
+    /// The pose of every joint of `file_joint_names`, `(..., len(file_joint_names), 4, 4)`: a homogeneous transform per joint, lengths in
+    /// m.
     ///
     /// A pose is the pose of the body that the joint moves. Its origin is a point of the joint axis. The property `file_joint_parents` has
     /// the index of each parent, so that lines from parent to joint draw the arm.
@@ -70,7 +74,8 @@ impl Arm {
         self.kinematic("file_joint_poses", q, Quantity::JointPoses, out)
     }
 
-    /// Positions of all joints, `(..., len(file_joint_names))`, rad or m: `multiplier q_leader + offset` for mimic joints.
+    /// Positions of the joints of `file_joint_names`, `(..., len(file_joint_names))`, rad or m: `multiplier q_leader + offset` for mimic
+    /// joints.
     ///
     /// Args:
     ///     q: positions, `(..., n)`, rad or m.

@@ -39,8 +39,9 @@ fn base_object<'py>(arm: &Bound<'py, Arm>, found: &BaseParameters, armature: boo
 impl Arm {
     /// The base parameters: the smallest set of linear combinations of the inertial parameters that determines the motion of the arm.
     ///
-    /// `Y pi = Y_b (P pi)` for every state, where `Y_b` are independent columns of the regressor `Y`. Column after column, from base to
-    /// tip, a rank decision finds `Y_b`. It uses regressors of random states, with a fixed seed and the arm's gravity.
+    /// `Y pi = Y_b (P pi)` for every state, where `pi` are the inertial parameters, `Y_b` independent columns of the regressor `Y`, and `P`
+    /// is `.projection`. The columns are examined in order, from base to tip. A column belongs to `Y_b` if it is independent of the columns
+    /// before it. The regressors are those of random states, with a fixed seed and the arm's gravity.
     ///
     /// Args:
     ///     armature: include columns for the rotors' inertia (keyword only).
@@ -74,8 +75,9 @@ impl Arm {
 
     /// Check whether inertial parameters are physically possible: the 4 x 4 pseudo-inertia of every body is positive definite.
     ///
-    /// The pseudo-inertia is `P = [[S, h], [h', m]]` with `S = tr(I)/2 1 - I`, the first moment `h` and the mass `m`. A body is possible if
-    /// its mass and its principal moments about the centre of mass are positive. Each moment is also below the sum of the other two.
+    /// The pseudo-inertia is `P = [[S, h], [h', m]]` with the mass `m`, the first moment `h`, and `S = tr(I)/2 1 - I`. `I` is the inertia
+    /// about the origin of the body frame, and `1` the identity matrix. `P` is positive definite if and only if two conditions hold. The
+    /// mass and the principal moments about the centre of mass are positive, and each moment is below the sum of the other two.
     ///
     /// Args:
     ///     pi: inertial parameters, `(p,)`, ten per joint, in the order and units of `parameters`; the arm's parameters if None.
@@ -135,18 +137,18 @@ impl Arm {
 
     /// Identify base parameters from recorded motion and torque by least squares.
     ///
-    /// The estimate `beta` solves `W_b beta = tau`, where `W_b` contains the base regressors of all samples. The residual gives the
-    /// standard deviations of `beta`.
+    /// The estimate `beta` of the base parameters is the least-squares solution of `W_b beta = tau`, where `W_b` contains the base
+    /// regressors of all samples. The standard deviations of `beta` are computed from the residual.
     ///
     /// Args:
     ///     q, v, a: positions (rad or m), velocities (per s) and accelerations (per s^2), `(samples, n)` or `(..., n)`: all axes before
     ///         the last count samples.
     ///     tau: torques, N m or N, of the shape of `q`.
     ///     armature: also identify the rotors' inertia (keyword only). Otherwise the arm's armature is used.
-    ///     friction: also identify damping and Coulomb friction (keyword only). Otherwise the torques contain no friction.
+    ///     friction: also identify damping and Coulomb friction (keyword only). Otherwise the torques must contain no friction.
     ///     noise: standard deviation of the torque of each joint, `(n,)`, N m or N, for weights; equal weights if None (keyword only).
-    ///     cutoff: the rank counts singular values of the scaled regressor above this, relative to the largest; 1e-6 if None (keyword
-    ///         only).
+    ///     cutoff: the rank is the number of singular values above this fraction of the largest; 1e-6 if None (keyword only). They are the
+    ///         singular values of `W_b` with columns of length one.
     ///
     /// Returns:
     ///     An `al.Identification`: `.values`, `.deviations`, `.rank`, `.condition`, `.residuals`, `.unidentified`, `.arm`.
@@ -253,8 +255,8 @@ fn projected<'py>(
 /// Return the nearest inertial parameters that are physically possible.
 ///
 /// For the pseudo-inertia `P` of each body and `D = diag(1/l, 1/l, 1/l, 1)`, the distance is the Frobenius norm of the change of `D P D`,
-/// in kg. The projection keeps the eigenvectors of `D P D` and raises eigenvalues below the floor to the floor. Bodies that are already
-/// possible do not change.
+/// in kg. For a body that is not possible, the projection keeps the eigenvectors of `D P D` and raises eigenvalues below the floor to the
+/// floor. Bodies that are already possible do not change, even if an eigenvalue is below the floor.
 ///
 /// Args:
 ///     pi: inertial parameters, `(10 bodies,)`, in the order and units of `Arm.parameters`: kg, kg m, kg m^2.

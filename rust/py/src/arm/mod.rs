@@ -68,7 +68,7 @@ impl Arm {
 #[entered]
 #[pymethods]
 impl Arm {
-    /// Number of joints.
+    /// Number of joints in `q`. A follower (mimic joint) does not count.
     #[getter]
     pub fn n(&self) -> usize {
         self.model.n()

@@ -65,7 +65,7 @@ impl ArmModel {
         }
     }
 
-    /// Names of all joints, including mimic joints.
+    /// Names of all moving joints, including mimic joints. Fixed joints of the file are not included.
     pub fn file_joint_names(&self) -> Vec<String> {
         match self {
             ArmModel::PlanarPr(_) => self.joint_names(),
@@ -81,7 +81,7 @@ impl ArmModel {
         }
     }
 
-    /// For each frame, the index of the joint that moves it; -1 for a frame of the base.
+    /// For each frame, the index in [`ArmModel::file_joint_names`] of the joint that moves it; -1 for a frame of the base.
     pub fn frame_joints(&self) -> Vec<isize> {
         match self {
             ArmModel::PlanarPr(_) => Vec::new(),
@@ -211,7 +211,7 @@ impl ArmModel {
         }
     }
 
-    /// Whether the next [`ArmModel::prepare`] records a program, which takes milliseconds.
+    /// Whether the next [`ArmModel::prepare`] records a *program*, the machine code for a query, which takes milliseconds.
     pub fn is_due(&self, query: &Query, count: usize) -> bool {
         matches!(self, ArmModel::Tree(tree) if tree.is_due(query, count))
     }

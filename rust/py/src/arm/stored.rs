@@ -3,11 +3,11 @@
 //! Bytes can be written and read without the interpreter lock, which matters for arms of many links.
 //!
 //! ```text
-//! integers  numbers of joints, frames and remarks; parent of each joint; body of each frame, and 1 if the frame has the name of a joint;
+//! integers  numbers of joints, frames and remarks; parent of each joint; body of each frame, and 1 if the frame has a fixed joint, else 0;
 //!           index of each mimic joint and of its leader; lengths of all strings
 //! numbers   gravity; placement, axis, limits, drive and ten parameters of each joint; placement of each frame; multiplier and
 //!           offset of each mimic joint
-//! text      name of the arm; name and kind of each joint; name of each frame, and name of its joint; remarks of the report
+//! text      name of the arm; name and kind of each joint; name of each frame, and name of its fixed joint; remarks of the report
 //! ```
 
 use super::Arm;

@@ -8,7 +8,7 @@ use armlet_core::spatial::Vector;
 use armlet_macros::entered;
 use pyo3::prelude::*;
 
-/// The largest number of joints: formulas of more joints are too long to read.
+/// The largest number of joints, including mimic joints: formulas of more joints are too long to read.
 const MOST_JOINTS: usize = 4;
 
 #[entered]
@@ -29,7 +29,7 @@ impl Arm {
     ///     `.function(name)`.
     ///
     /// Raises:
-    ///     InputError: the arm has more than four joints.
+    ///     InputError: the arm has more than four joints, including mimic joints.
     ///     ImportError: sympy is not installed.
     ///
     /// >>> import armlet as al

@@ -1,6 +1,6 @@
 //! Copies of large arrays, piece by piece. Between two pieces other threads can get the interpreter lock, and Ctrl-C is checked.
 //!
-//! The first access to a page of new memory takes a quarter of a microsecond or more. So even a copy can take long.
+//! Even a copy can take long, because the system provides each page of new memory at its first access.
 
 use super::raw::in_place;
 use crate::errors::{Failure, input_error};

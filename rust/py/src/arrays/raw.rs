@@ -121,8 +121,8 @@ pub fn made<'py, T: Bits>(
     let count = elements(shape)?;
     let (api, axes, dims) = (&npyffi::PY_ARRAY_API, shape.len() as c_int, shape.as_ptr().cast_mut().cast());
     let number = T::TYPE as c_int;
-    // Small arrays fit in a cache: zeroing them here is faster than zeroed memory from the system. Arrays of truth values are always
-    // zeroed, because only the bytes 0 and 1 are valid.
+    // Small arrays are zeroed here, because they fit in a cache. The system zeroes larger arrays. Arrays of truth values are always zeroed,
+    // because only the bytes 0 and 1 are valid.
     let zeroed = zeroed || !T::ANY_BITS;
     let by_system = zeroed && count > 1024;
     // SAFETY: `dims` points to `axes` sizes, which numpy copies. Without sufficient memory numpy returns null and sets a MemoryError.
@@ -158,7 +158,7 @@ struct Memory {
     bytes: usize,
 }
 
-/// Above this number of bytes, memory is freed without the interpreter lock. The system frees about 10 GB/s.
+/// Above this number of bytes, memory is freed without the interpreter lock, because freeing it takes long.
 const MANY: usize = 1 << 20;
 
 impl Drop for Memory {

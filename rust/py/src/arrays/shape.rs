@@ -61,7 +61,7 @@ impl std::fmt::Display for Form<'_> {
     }
 }
 
-/// The number of elements of an array of this shape. A number that memory cannot address is a `MemoryError`.
+/// The number of elements of an array of this shape. More float64 numbers than memory can address are a `MemoryError`.
 pub fn elements(shape: &[usize]) -> Result<usize, Failure> {
     if let Some(bytes) = shape.iter().try_fold(8_usize, |bytes, &n| bytes.checked_mul(n))
         && bytes <= isize::MAX as usize

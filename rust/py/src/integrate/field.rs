@@ -42,7 +42,7 @@ impl System<f64> for Field {
     fn is_reversed(&self) -> bool {
         self.slope.direction < 0.0
     }
-    /// The limit is low, because 5000 evaluations in Python take about 0.3 s, a thousand times as long as in the core.
+    /// The budget is a hundredth of the default of 500 000 attempts, because evaluations in Python are slow.
     fn chatter_budget(&self) -> u64 {
         5_000
     }

@@ -1,7 +1,7 @@
 //! The Jacobian `df/dy` of a Python callable: a constant matrix, a callable, or difference quotients of `f`.
 //!
-//! One difference computes one column, or a group of columns that have no row in common. Sparse matrices are converted to dense matrices,
-//! because the methods use dense decompositions.
+//! One difference computes one column, or a group of columns of which no two have a nonzero element in the same row. Sparse matrices are
+//! converted to dense matrices, because the methods use dense decompositions.
 
 use super::slope::{Slope, States, python};
 use crate::arrays::{Axis, Form, numbers, owned, require_finite, shown};

@@ -24,10 +24,11 @@ use settings::Settings;
 use slope::{Slope, States};
 
 const NAME: &str = "integrate";
-/// The largest number of events of a run.
+/// The largest number of entries of the argument `events`. The number of recorded crossings has no such limit.
 const MOST_EVENTS: usize = 4096;
 
-/// Read the times `t_eval`, which must be in the span and in its order. The results are times `s = direction t`, which increase.
+/// Read the times `t_eval`, which must be in the span and in its order. The results are times `s = direction t`, which do not decrease.
+/// `direction` is -1 if the span decreases, otherwise 1.
 fn times(function: &str, t_eval: &Bound<'_, PyAny>, (s0, s1): (f64, f64), direction: f64) -> Result<Vec<f64>, Failure> {
     let mut times = any_vector(function, "t_eval", t_eval)?;
     let mut last = s0;
@@ -91,7 +92,7 @@ impl<'a, 'py> SolutionRecorder<'a, 'py> {
         SolutionRecorder { py, direction, t, y, crossings: vec![Default::default(); events], nodes, ends, stop, full: Ok(()) }
     }
 
-    /// A dict of the records of `n` states. `degree` is the degree of the polynomials of the dense output, if it was requested.
+    /// A dict of the recorded results, for `n` states. `degree` is the degree of the polynomials of the dense output, if it was requested.
     fn answer(self, n: usize, degree: Option<usize>) -> Result<Bound<'py, PyDict>, Failure> {
         let SolutionRecorder { py, t, y, crossings, nodes, ends, full, .. } = self;
         full?;

@@ -13,20 +13,19 @@ use pyo3::types::{PyBool, PyString, PyTuple};
 /// Adaptive tracking (Slotine and Li): `tau = Y a_hat + Kp e + Kd e_dot`, `a_hat_dot = Gamma Y' s`.
 ///
 /// `e = q_d - q`, `Lambda = Kd^-1 Kp`, `v_r = v_d + Lambda e`, `a_r = a_d + Lambda e_dot`, `s = v_r - v`, and `Y(q, v, v_r, a_r)` is the
-/// arm's regressor. Without leakage and dead zone, the error `e` goes to zero from every initial state and every initial estimate. The
-/// estimate `a_hat` converges to the true parameters `a` only under excitation. Without `armature=True` the rotor inertia is known, and
-/// the law adds `armature a_r` to the torque.
+/// arm's regressor. Without leakage and dead zone, the error `e` converges to zero from every initial state and every initial estimate.
+/// This requires a rigid plant with the structure of the model. The estimate `a_hat` converges to the true parameters `a` only under
+/// excitation. Without `armature=True` the rotor inertia is known, and the law adds `armature a_r` to the torque.
 ///
-/// The estimate has all inertial parameters, or the base set of inertial parameters. The requested parameters of joints follow, each with
-/// its column of `Y`. The columns are `a_r` (rotor inertia), `v_r` (damping), `tanh(v_r / v_s)` (Coulomb friction) and
-/// `exp(-(v_r / v_s)^2) tanh(v_r / v_s)` (Stribeck friction). `parameter_names` lists all parameters.
+/// The estimate has all inertial parameters, or the base set of inertial parameters. After them it has the requested parameters of joints
+/// (friction, rotor inertia), each with its column of `Y`. The columns are `a_r` (rotor inertia), `v_r` (damping), `tanh(v_r / v_s)`
+/// (Coulomb friction) and `exp(-(v_r / v_s)^2) tanh(v_r / v_s)` (Stribeck friction). `parameter_names` lists all parameters.
 ///
 /// With leakage, `a_hat_dot = Gamma (Y' s - sigma (a_hat - a_0))`. With `composite=R`, `a_hat_dot = Gamma (Y' s + W' R e_W)` with
 /// `e_W = tau_W - W a_hat`. Here `tau_W = W a` is the equation of motion after the filter `1/(p + lambda)` with the Laplace variable `p`.
-/// It requires no acceleration.
-/// The filter uses the law's output as the torque. So composite adaptation does not allow saturation, or other torques on the arm. The
-/// law's state is the estimate and then the filters `(n b + k + n,)`: columns of b inertial parameters, k entries of joint parameters,
-/// and n torques. `terms` has `W`, `tau_W` and `e_W`.
+/// The filtered equation contains no acceleration. The filter uses the law's output as the torque. So composite adaptation does not allow
+/// saturation, or other torques on the arm. With `composite`, the law's state is the estimate and then the filters `(n b + k + n,)`. They
+/// are the columns of b inertial parameters, k entries of joint parameters, and n torques. `terms` has `W`, `tau_W` and `e_W`.
 ///
 /// Args:
 ///     arm: the arm whose regressor is used. Its inertial parameters are not used.
@@ -38,10 +37,10 @@ use pyo3::types::{PyBool, PyString, PyTuple};
 ///     base: the result of `arm.base_parameters()`: the law estimates only this base set (keyword only).
 ///     natural: adapt in the metric of the bodies' pseudo-inertias (keyword only). A physically possible initial estimate then stays
 ///         physically possible. `gamma` is a scalar, or one number per body, 1/(N m), and then one per joint parameter.
-///     projection: keep the inertial parameters above the parameters of smallest bodies, so that they stay physically possible
-///         (keyword only). The argument is the mass of each smallest body, kg, with a radius of gyration of 0.1 m. It may also be the
-///         parameters of all smallest bodies, in the shape of `arm.parameters`. The true parameters must exceed these parameters. An
-///         initial estimate below them is moved to the nearest estimate above.
+///     projection: keep the estimated bodies physically possible (keyword only). An estimate whose bodies exceed given smallest bodies
+///         stays above half of them: `P_k >= P_k^min / 2` for the pseudo-inertias `P_k`. The argument is the mass of each smallest body,
+///         kg, with a radius of gyration of 0.1 m. It may also be the parameters of all smallest bodies, in the shape of `arm.parameters`.
+///         The true bodies must exceed the smallest bodies. An initial estimate that does not is moved to the nearest one that does.
 ///     friction: estimate friction: True for "viscous" and "coulomb", or some of "viscous", "coulomb", "stribeck" (keyword only).
 ///     armature: estimate the rotors' inertia (keyword only).
 ///     friction_speed: `v_s`, rad/s or m/s, > 0: scalar or `(n,)`; 0.1 if None (keyword only).
@@ -52,8 +51,9 @@ use pyo3::types::{PyBool, PyString, PyTuple};
 ///     composite: positive definite weight `R` of `e_W`, 1/(N m s^3): scalar, `(n,)` or `(n, n)`; None: no composite adaptation
 ///         (keyword only).
 ///     composite_rate: `lambda` of the filter, 1/s, > 0 (keyword only).
-///     concurrent: samples of an earlier record, from `al.select_samples` (keyword only). Concurrent learning adds `sum_j W_j' R e_j`,
-///         `e_j = tau_j - W_j a_hat`, to `Y' s`. The estimate then converges without excitation, if the samples determine the parameters.
+///     concurrent: samples of recorded motion and torque, from `al.select_samples` (keyword only). Concurrent learning adds
+///         `sum_j W_j' R e_j`, `e_j = tau_j - W_j a_hat`, to `Y' s`. The estimate then converges without excitation, if the samples
+///         determine the parameters.
 ///     concurrent_weight: positive definite weight `R` of each sample: scalar, `(n,)` or `(n, n)` (keyword only). Its unit is 1/(N m s)
 ///         for samples with accelerations, and 1/(N m s^3) for windows.
 ///

@@ -65,27 +65,28 @@ fn cartesian<'py>(
 /// Cartesian impedance of an arm with elastic joints: a spring and a damper at a frame, and a reduction of the motors' inertia.
 ///
 /// `tau = (I - B B0^-1) K_J (theta - q) + B B0^-1 (u - D0 theta_dot)` with `u = J'(K (x_d - x) - D J v) + g(q)`. Motors of inertia `B` then
-/// behave like motors of the smaller inertia `B0`. With an external force `F`, the equilibrium is `x_E = x_d + K^-1 F` if that pose is
-/// reachable, regular and stable (see `equilibrium`). The joint torque is then `tau_E = g(q_E) - J'F`. The law uses no inverse of `J`.
-/// For diagnosis, `terms()` returns the mass and Coriolis matrices `M_x`, `S_x` in the coordinates of the target, NaN where `J` loses rank.
+/// behave like motors of the smaller inertia `B0`. With an external force `F` and without options, the equilibrium is `x_E = x_d + K^-1 F`
+/// if that pose is reachable, regular and stable (see `equilibrium`). The joint torque is then `tau_E = g(q_E) - J'F`. Without options the
+/// law uses no inverse of `J`. For diagnosis, `terms()` returns the mass and Coriolis matrices `M_x`, `S_x` in the coordinates of the
+/// target, NaN where `J` loses rank.
 ///
 /// Args:
 ///     arm: the model of the links, for kinematics and gravity.
 ///     target: `x_d`, `(m,)`, m or rad; a pose `(4, 4)`; or a motion of the m coordinates.
 ///     stiffness, damping: `K` and `D`, positive definite, N/m and N s/m (N m/rad, N m s/rad): scalar, `(m,)` or `(m, m)`.
-///     joint_stiffness: `K_J`, N m/rad, positive definite: scalar, `(n,)` or `(n, n)`.
-///     motor_inertia, reduced_inertia: `B` and `B0`, kg m^2, positive definite: scalar, `(n,)` or `(n, n)`.
+///     joint_stiffness: `K_J`, N m/rad or N/m, positive definite: scalar, `(n,)` or `(n, n)`.
+///     motor_inertia, reduced_inertia: `B` and `B0`, kg m^2 or kg, positive definite: scalar, `(n,)` or `(n, n)`.
 ///     frame: name of the controlled frame (keyword only).
 ///     axes: the m controlled coordinates in world axes, such as "xy" or "xyz rx ry rz"; "xyz" if None (keyword only).
-///     motor_damping: `D0`, N m s/rad, positive definite: scalar, `(n,)` or `(n, n)`; computed from `damping_ratio` if None
+///     motor_damping: `D0`, N m s/rad or N s/m, positive definite: scalar, `(n,)` or `(n, n)`; computed from `damping_ratio` if None
 ///         (keyword only).
 ///     damping_ratio: `zeta` > 0 of `D0 = 2 zeta B0^1/2 (B0^-1/2 K_J B0^-1/2)^1/2 B0^1/2`; 1 if None (keyword only).
-///     relative_damping: `D0` acts on `theta_dot - v` (keyword only). The difference to the behaviour with rigid joints is then 10 to 20
-///         times smaller.
+///     relative_damping: `D0` acts on `theta_dot - v` (keyword only). The motion is then nearer to the motion of a rigid arm with the same
+///         outer loop.
 ///     nullspace, feedforward, compensate_coupling, eps, integral_gain, wrench_max: options of the outer loop, as for
 ///         `CartesianImpedance` (keyword only).
-///     tau_max: the largest commanded motor torque, N m, scalar or `(n,)`; no limit if None (keyword only). While a motor torque exceeds
-///         its limit, the integral does not change in directions that increase the excess.
+///     tau_max: the largest commanded motor torque, N m or N, scalar or `(n,)`; no limit if None (keyword only). While a motor torque
+///         exceeds its limit, the integral wrench does not change in directions that increase the excess.
 ///
 /// Raises:
 ///     InputError: a shape is wrong, a number is not finite, a matrix is not positive definite, a name is unknown, or a limit is
@@ -219,7 +220,7 @@ impl ElasticTracking {
 /// Args:
 ///     arm: the model whose gravity is compensated.
 ///     target: `q_d`, `(n,)`, rad or m.
-///     stiffness, damping: `K` and `D`, N m/rad and N m s/rad, positive definite: scalar, `(n,)` or `(n, n)`.
+///     stiffness, damping: `K` and `D`, N m/rad and N m s/rad (N/m, N s/m), positive definite: scalar, `(n,)` or `(n, n)`.
 ///     joint_stiffness, motor_inertia, reduced_inertia, motor_damping, damping_ratio, relative_damping: as for `ElasticImpedance`.
 ///
 /// Raises:
@@ -275,14 +276,14 @@ impl JointImpedance {
 
 /// PD control of the motors of elastic joints with gravity compensation: `tau = Kp (theta_d - theta) - Kd theta_dot + g`.
 ///
-/// `theta_d = q_d + K_J^-1 g(q_d)`. The compensation is constant, `g = g(q_d)`, or online, `g = g(theta - K_J^-1 g(q_d))`. Both have the
-/// equilibrium `q_d`. The constant one requires gains above the derivative of gravity. The online one also suits large motions.
+/// `theta_d = q_d + K_J^-1 g(q_d)`. The compensation is constant, `g = g(q_d)`, or online, `g = g(theta - K_J^-1 g(q_d))`. `q_d` is an
+/// equilibrium with both. If the gains are too small for the derivative of gravity, there may be further equilibria (see `equilibrium`).
 ///
 /// Args:
 ///     arm: the model whose gravity is compensated.
 ///     target: `q_d` of the links, `(n,)`, rad or m.
-///     kp, kd: positive definite gains of the motors, N m/rad and N m s/rad: scalar, `(n,)` or `(n, n)`.
-///     joint_stiffness: `K_J`, N m/rad, positive definite: scalar, `(n,)` or `(n, n)`.
+///     kp, kd: positive definite gains of the motors, N m/rad and N m s/rad (N/m, N s/m): scalar, `(n,)` or `(n, n)`.
+///     joint_stiffness: `K_J`, N m/rad or N/m, positive definite: scalar, `(n,)` or `(n, n)`.
 ///     online: compute the gravity compensation from the motor positions at every instant (keyword only).
 ///
 /// Raises:
@@ -338,10 +339,10 @@ impl MotorPD {
 /// Args:
 ///     arm: the model whose gravity is compensated.
 ///     target: `q_d` of the links, `(n,)`, rad or m.
-///     kp, kd: positive definite gains of the motors, N m/rad and N m s/rad: scalar, `(n,)` or `(n, n)`.
+///     kp, kd: positive definite gains of the motors, N m/rad and N m s/rad (N/m, N s/m): scalar, `(n,)` or `(n, n)`.
 ///     kt: positive definite gain of the joint torque, without unit: scalar, `(n,)` or `(n, n)`.
 ///     ks: positive definite gain of the derivative of the joint torque, s: scalar, `(n,)` or `(n, n)`.
-///     joint_stiffness: `K_J`, N m/rad, positive definite: scalar, `(n,)` or `(n, n)`.
+///     joint_stiffness: `K_J`, N m/rad or N/m, positive definite: scalar, `(n,)` or `(n, n)`.
 ///
 /// Raises:
 ///     InputError: a shape is wrong, a number is not finite, or a gain is not positive definite.

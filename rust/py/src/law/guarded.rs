@@ -19,9 +19,10 @@ const DURATION: f64 = 0.5;
 
 /// A law with a momentum observer, which detects contact and reacts to it.
 ///
-/// The observer's residual follows the external torque, `r_dot = K (tau_ext - r)`, and uses measured states and commanded torques. In a
-/// sampled loop it is the residual of `MomentumObserver`. Contact is the first sample at which some `|r_i|` is above its threshold. From
-/// that sample on, `tau = g(q) + K_c (q_c - q) + D_c (q_c_dot - v)` replaces the law, and the law's state is constant:
+/// The residual `r` of the observer with the gain `K` follows the external torque `tau_ext`: `r_dot = K (tau_ext - r)`. It is computed from
+/// measured states and commanded torques. In a sampled loop it is the residual of `MomentumObserver`. With thresholds, contact is the first
+/// sample at which some `|r_i|` is above its threshold. From that sample on, a reaction `tau = g(q) + K_c (q_c - q) + D_c (q_c_dot - v)`
+/// replaces the law, and the law's state is constant:
 ///
 /// - "stop": `q_c` is the position at contact;
 /// - "float": gravity is compensated, `K_c = 0`, and `D_c = damping` or zero;
@@ -34,11 +35,11 @@ const DURATION: f64 = 0.5;
 ///     law: the law before contact, of a rigid or elastic arm. A law whose input is a velocity and a Python function are refused.
 ///     observer: a `MomentumObserver` of links, for its model, gain, friction and thresholds. The law keeps a copy.
 ///     reaction: "stop", "float" or "retract"; None: only the observer. A reaction requires thresholds, and a run with a `sample_time`.
-///     stiffness: `K_c` of "stop" and "retract", N m/rad, positive definite: scalar, `(n,)` or `(n, n)` (keyword only).
-///     damping: `D_c`, N m s/rad, positive definite: scalar, `(n,)` or `(n, n)`; may be None for "float" (keyword only).
+///     stiffness: `K_c` of "stop" and "retract", N m/rad or N/m, positive definite: scalar, `(n,)` or `(n, n)` (keyword only).
+///     damping: `D_c`, N m s/rad or N s/m, positive definite: scalar, `(n,)` or `(n, n)`; may be None for "float" (keyword only).
 ///     speed: speed of the fastest joint during "retract", rad/s or m/s, > 0; 0.3 if None (keyword only).
 ///     duration: time for which `q_c` moves, s, > 0; 0.5 if None (keyword only).
-///     joint_stiffness: `K_J`, N m/rad, scalar, `(n,)` or `(n, n)`, for laws of elastic arms without this argument (keyword only).
+///     joint_stiffness: `K_J`, N m/rad or N/m, scalar, `(n,)` or `(n, n)`, for laws of elastic arms without this argument (keyword only).
 ///
 /// `run.estimate` records the law's state. It is the state of `law`, then `w` with `r = K (M v - w)`, and the integral of `r`, `(n,)` each.
 /// A reaction adds `2 + 2 n` numbers `c`, `s`, `y_c c` and `r_c c`, which are zero before the contact. `c` is the duration of

@@ -14,7 +14,7 @@ use pyo3::prelude::*;
 type Keyword<'a, 'py> = (&'static str, Option<&'a Bound<'py, PyAny>>);
 
 impl<'py> Arguments<'py> {
-    /// Read the levels of the tasks, the options of the priority map, and the limits of the caller.
+    /// Read the levels of the tasks, the options of the priority method, and the limits of the caller.
     fn levels(
         &mut self,
         function: &str,
@@ -57,21 +57,22 @@ impl<'py> Arguments<'py> {
 
 /// Closed-loop inverse kinematics of tasks with priorities, for an arm whose input `u` is the joint velocities.
 ///
-/// `u` solves `J_i u = x_d,i' + K_i e_i` for each task `i`, in the order of priority. The error `e_i` decays with the gain `K_i` if tasks
-/// of higher priority do not use its directions. `terms` has `e`, `J`, `command` and `residuals` as lists with one entry per level,
-/// `ranks`, and `v`. The monitors are `error_i` and `residual_i`.
+/// `u` solves `J_i u = x_d,i' + K_i e_i` for each task `i`, in the order of priority. `J_i` is the Jacobian of the task, and `x_d,i'` the
+/// velocity of its target. Away from singularities, the error `e_i` decays with the gain `K_i` if tasks of higher priority do not use its
+/// directions. `terms` has `e`, `J`, `command` and `residuals` as lists with one entry per level, `ranks`, and `v`. The monitors are
+/// `error_i` and `residual_i`.
 ///
 /// Args:
 ///     arm: the model; not `planar_pr`, which has no links.
 ///     tasks: `Task` and other tasks, each with a target and a gain in 1/s, the highest priority first.
-///     method: the priority map: "clamp" (default), "exact", "damped", "chiaverini" or "sns", as for `solve_priority`.
+///     method: "clamp" (default), "exact", "damped", "chiaverini" or "sns", as for `solve_priority`.
 ///     eps: threshold on singular values, one number or one per level; None: 0.02 times each level's largest row norm.
 ///     v_min, v_max: velocity bounds for "sns", a number or `(n,)`, rad/s or m/s (keyword only). A missing bound is minus the other bound.
 ///         None for both: the arm's bounds.
 ///     q_min, q_max: position limits for "sns", a number or `(n,)`, rad or m; None: the arm's limits (keyword only). At every evaluation
 ///         the velocity is at most `(q_max - q) / horizon` and at least `(q_min - q) / horizon`.
 ///     a_max: deceleration before a position limit for "sns", a number or `(n,)`, rad/s^2 or m/s^2 (keyword only). The velocity is at most
-///         `sqrt(2 a_max (q_max - q))`; None: without this bound.
+///         `sqrt(2 a_max (q_max - q))`, and the lower bound has the same form. None: without this bound.
 ///     horizon: the shortest time in which a joint may reach its position limit, s; 0.1 if None (keyword only). It must be at least the
 ///         step or the sample time.
 ///
@@ -128,11 +129,12 @@ impl PriorityVelocity {
 /// Args:
 ///     arm, eps: as for `PriorityVelocity`.
 ///     tasks: `Task` and other tasks, each with a target, a gain `K_i` in 1/s^2 and a damping `D_i` in 1/s, the highest priority first.
-///     method: the priority map: "clamp" (default), "exact", "damped", "chiaverini" or "sns", as for `solve_priority`.
+///     method: "clamp" (default), "exact", "damped", "chiaverini" or "sns", as for `solve_priority`.
 ///     joint_damping: `c`, 1/s, >= 0; 5 if None (keyword only).
 ///     a_max: bound of the joint accelerations for "sns", a number or `(n,)`, rad/s^2 or m/s^2; None: without bound (keyword only).
 ///     v_min, v_max, q_min, q_max: limits for "sns" as for `PriorityVelocity` (keyword only). At every evaluation the acceleration is at
-///         most `(v' - v) / horizon` with `v' = min(v_max, (q_max - q) / (4 horizon), sqrt(a_max (q_max - q)))`.
+///         most `(v_u - v) / horizon` with `v_u = min(v_max, (q_max - q) / (4 horizon), sqrt(a_max (q_max - q)))`. The lower bound has the
+///         same form.
 ///     horizon: a time as for `PriorityVelocity`, s; 0.1 if None (keyword only). It must be at least the step or the sample time.
 ///
 /// Raises:

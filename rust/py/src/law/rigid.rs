@@ -7,7 +7,9 @@ use armlet_core::law::{ComputedTorqueSpec, PdGravitySpec, PidOptions, PidSpec};
 use armlet_macros::entered;
 use pyo3::prelude::*;
 
-/// Computed torque: `tau = M (a_d + Kd e_dot + Kp e) + C v + g` with `e = q_d - q`, so that `e_ddot + Kd e_dot + Kp e = 0`.
+/// Computed torque: `tau = M (a_d + Kd e_dot + Kp e) + C v + g` with `e = q_d - q`.
+///
+/// If the plant is the rigid arm of the model, without friction and external forces, the error obeys `e_ddot + Kd e_dot + Kp e = 0`.
 ///
 /// Args:
 ///     arm: the model of the plant.
@@ -50,7 +52,7 @@ impl ComputedTorque {
 
 /// PD control with gravity compensation: `tau = Kp (q_d - q) - Kd v + g(q)`.
 ///
-/// The arm converges to the target from every state, because `Kp` and `Kd` are positive definite.
+/// A rigid arm converges to the target from every state if the model's gravity is exact, and no other forces act.
 ///
 /// Args:
 ///     arm: the model whose gravity is compensated.
@@ -93,15 +95,15 @@ impl PDGravity {
 
 /// PID control with gravity compensation: `u = g(q) + Kp (q_d - q) + Kd (v_d - v) + w` with `w' = Ki (q_d - q)`.
 ///
-/// The torque `tau` is `u`, clipped to `tau_max`. The integral torque `w` `(n,)`, N m or N, is the law's state. It starts at zero, and
-/// `run.estimate[:, :n]` records it. The integral removes the error that a constant unknown load would cause. While `u_i` exceeds the limit
-/// of joint `i`, `w_i` does not grow in that direction. For a moving target the law adds `M(q) a_d` to `u`.
+/// The torque `tau` is `u`, clipped to `tau_max`. The integral torque `w` `(n,)`, N m or N, is the first part of the law's state. It starts
+/// at zero, and `run.estimate[:, :n]` records it. The integral removes the error that a constant unknown load would cause. While `u_i`
+/// exceeds the limit of joint `i`, `w_i` does not grow in that direction. For a moving target the law adds `M(q) a_d` to `u`.
 ///
 /// Args:
 ///     arm: the model whose gravity is compensated.
 ///     target: `q_d`, `(n,)`, rad or m, or a motion of the joints.
-///     kp, ki, kd: positive definite gains, N m/rad, N m/(rad s) and N m s/rad (N/m, N/(m s), N s/m): scalar, `(n,)` or `(n, n)`. The
-///         loop of a joint of inertia `m` is stable if `ki < kp kd / m`. `ki=None`: no integral.
+///     kp, ki, kd: positive definite gains, N m/rad, N m/(rad s) and N m s/rad (N/m, N/(m s), N s/m): scalar, `(n,)` or `(n, n)`. The loop
+///         of a single joint of inertia `m` without filter and observer is stable if `ki < kp kd / m`. `ki=None`: no integral.
 ///     tau_max: the largest commanded torque, N m or N, scalar or `(n,)`; no limit if None.
 ///     derivative_filter: `N`, 1/s, scalar or `(n,)` (keyword only). The law replaces `v` by the filtered derivative of `q`,
 ///         `v_f = N (q - y)` with `y' = v_f`. None: the law uses the measured `v`.
@@ -112,7 +114,8 @@ impl PDGravity {
 ///         `u`, and adds `m a_d` instead of `M a_d`.
 ///     nominal_inertia: `m`, kg m^2 or kg, > 0, scalar or `(n,)`; the diagonal of `M` at the first desired position if None (keyword only).
 ///
-/// In `run.estimate`, the state `y` of the filter and then the state `s` of the observer, with `d = h (m v - s)`, follow `w`.
+/// In `run.estimate`, the state `y` of the filter and then the state `s` of the observer follow `w`. Here `d = h (m v - s)`, with `v_f` for
+/// `v` if there is a filter.
 ///
 /// Raises:
 ///     InputError: a shape is wrong, a number is not finite, a gain is not positive definite, or an option is not positive. It is also

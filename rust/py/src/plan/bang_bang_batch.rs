@@ -1,4 +1,4 @@
-//! `armlet.bang_bang_time` for arrays of problems: threads share them, and each register solves several together.
+//! `armlet.bang_bang_time` for arrays of problems. Threads share the problems, and each SIMD register has numbers of several problems.
 
 use super::bang_bang_report::BangBangReport;
 use crate::arrays::{adopted, index_of, items, new_array, shown, signed, written_arrays};

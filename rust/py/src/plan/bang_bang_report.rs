@@ -37,7 +37,8 @@ link_report!(BangBangReport);
 #[entered]
 #[pymethods]
 impl BangBangReport {
-    /// The smallest `inertia * A` that the limits allow, N m; `A` is the magnitude of the acceleration.
+    /// The smallest `inertia * A` that the limits allow, N m; `A` is the magnitude of the acceleration. If no duration is feasible, `a_max`
+    /// is below `a_min`, or not positive.
     #[getter]
     fn a_min(&self) -> f64 {
         self.core.a_min

@@ -145,9 +145,9 @@ fn path_of(
 
 /// The fastest timing of a path of an arm under limits of torque, speed and acceleration.
 ///
-/// The motion is `q(s(t))`, so `v = dq/ds ds/dt`, `a = dq/ds u + d2q/ds2 (ds/dt)^2` with `u = d2s/dt2`, and `tau = M a + C v + g`.
-/// Reachability analysis on a grid of `s` computes the timing. A check on a grid ten times finer corrects it until no limit is exceeded by
-/// more than a relative 1e-9.
+/// The motion is `q(s(t))`, so `v = dq/ds ds/dt`, `a = dq/ds u + d2q/ds2 (ds/dt)^2` with `u = d2s/dt2`, and `tau = M a + C v + g`, plus the
+/// friction torque with `friction`. Reachability analysis on a grid of `s` computes the timing. A check on a grid ten times finer corrects
+/// it until no limit is exceeded by more than a relative 1e-9.
 ///
 /// Args:
 ///     arm: the arm; `planar_pr` is allowed.

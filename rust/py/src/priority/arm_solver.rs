@@ -91,7 +91,7 @@ impl ArmPrioritySolver {
         if list.len() != self.rows.len() || self.rows.len() > MOST {
             return None;
         }
-        // An array on the stack: a `Vec` would take half of the time of the checks of the arguments.
+        // An array on the stack, because this path uses no heap buffer.
         let held: [Option<Bound<'py, PyAny>>; MOST] = std::array::from_fn(|i| if i < list.len() { list.get_item(i).ok() } else { None });
         let mut given: [&[f64]; MOST] = [&[]; MOST];
         for ((slot, velocity), &m) in given.iter_mut().zip(&held).zip(&self.rows) {
@@ -317,7 +317,7 @@ impl ArmPrioritySolver {
         PyTuple::new(py, &self.rows)
     }
 
-    /// Name of the priority map.
+    /// Name of the method that computes the velocities: "clamp", "exact", "damped", "chiaverini" or "sns", as for `solve_priority`.
     #[getter]
     fn method(&self) -> &'static str {
         self.state().solver().method().name()

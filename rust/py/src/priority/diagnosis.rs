@@ -65,9 +65,10 @@ pub fn fields<'py>(py: Python<'py>, d: &Diagnosis) -> Result<Bound<'py, PyDict>,
     Ok(fields)
 }
 
-/// Convert joint limits to velocity bounds for one sample: `v_max' = min((q_max - q)/dt, v_max, sqrt(2 a_max (q_max - q)))`.
+/// Convert joint limits to velocity bounds for one sample.
 ///
-/// The lower bound is computed from `q_min` in the same form.
+/// The upper bound is `min((q_max - q)/dt, v_max, sqrt(2 a_max (q_max - q)))`. The lower bound is computed from `q_min` and `-v_max` in the
+/// same form.
 ///
 /// Args:
 ///     q: joint positions, `(n,)`, rad or m.
@@ -80,7 +81,7 @@ pub fn fields<'py>(py: Python<'py>, d: &Diagnosis) -> Result<Bound<'py, PyDict>,
 ///     `(v_min, v_max)`, `(n,)` each, rad/s or m/s, for the method "sns". For a joint outside of a limit, both bounds lead back inside.
 ///
 /// Raises:
-///     InputError: limits are out of order, a shape is wrong, or a number is not finite.
+///     InputError: limits are out of order, `dt` is not positive, `v_max` or `a_max` is negative, a shape is wrong, or `q` is not finite.
 ///
 /// Source: Flacco, De Luca and Khatib, Control of redundant robots under hard joint constraints, T-RO 31(3), 2015.
 ///

@@ -237,7 +237,7 @@ impl PrioritySolver {
         PyTuple::new(py, &self.counts)
     }
 
-    /// Name of the priority map.
+    /// Name of the method that computes the velocities: "clamp", "exact", "damped", "chiaverini" or "sns", as for `solve_priority`.
     #[getter]
     fn method(&self) -> &'static str {
         self.state().core.method().name()

@@ -1,8 +1,7 @@
 //! Batches of stacks for `armlet.solve_priority`.
 //!
-//! For small problems (microseconds per row) a copy of the arrays would take longer than the solve. So they are solved from the caller's
-//! arrays, piece by piece, while the interpreter lock is held. Between two pieces other threads can get the lock and change an array, so
-//! each piece looks up the arrays again.
+//! Small problems (microseconds per row) are solved from the caller's arrays without a copy, piece by piece, while the interpreter lock is
+//! held. Between two pieces other threads can get the lock and change an array, so each piece looks up the arrays again.
 
 use super::solution::PrioritySolution;
 use super::stack::Stack;

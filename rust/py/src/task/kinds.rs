@@ -205,8 +205,9 @@ impl RelativeTask {
 
 /// A task that keeps joints away from their limits.
 ///
-/// The error of a joint is the distance to the inner part of its range, rad or m. It is zero inside this part. As the last level of a
-/// stack, the task moves joints that are too near a limit, and commands zero velocity to the other joints.
+/// The error of a joint is the displacement from its position to the nearest point of the inner part of its range, rad or m. It is zero
+/// inside this part. As the last level of a stack, the task moves joints that are too near a limit, and commands zero velocity to the other
+/// joints.
 ///
 /// Args:
 ///     gain: as for `Task`, with one row per joint.
@@ -216,7 +217,8 @@ impl RelativeTask {
 ///     damping: as for `Task` (keyword only).
 ///
 /// Raises:
-///     InputError: a name is unknown, `margin` is out of range, or a gain is negative.
+///     InputError: `margin` is out of range, or a gain is negative. The law or solver of the task raises it for an unknown joint, and for a
+///         joint without two finite limits.
 ///
 /// Source: [SicilianoEtAl2009], section 3.5; docs/priority.md.
 ///
