@@ -21,7 +21,7 @@ from ..pickling import sealed
 __all__ = ["Event", "Events", "JointStops", "State"]
 
 Array: TypeAlias = NDArray[np.float64]
-# Largest number of events of a run.
+# The largest number of entries of the argument `events`.
 MOST_EVENTS = 4096
 
 
@@ -129,6 +129,9 @@ class Event:
 
         Returns:
             The event.
+
+        Raises:
+            InputError: `value` is not numeric, or a keyword has an invalid value. `simulate` also raises it for an unknown joint.
         """
         return cls("joint", (joint, value), **keywords)
 
@@ -145,6 +148,10 @@ class Event:
 
         Returns:
             The event.
+
+        Raises:
+            InputError: `value` is not numeric, or a keyword has an invalid value. `simulate` also raises it for an unknown joint, and for a
+                plant whose state has no velocities.
         """
         return cls("speed", (joint, value), **keywords)
 
@@ -162,6 +169,10 @@ class Event:
 
         Returns:
             The event.
+
+        Raises:
+            InputError: `point` or `normal` is not numeric, or a keyword has an invalid value. `simulate` also raises it for an unknown
+                frame or a wrong shape.
         """
         return cls("plane", (frame, _plain("Event.plane", "point", point), _plain("Event.plane", "normal", normal)), **keywords)
 
@@ -176,6 +187,9 @@ class Event:
 
         Returns:
             The event.
+
+        Raises:
+            InputError: a keyword has an invalid value. `simulate` also raises it for a plant without a wall.
         """
         return cls("contact", (), **keywords)
 
@@ -194,7 +208,8 @@ class Event:
             The event.
 
         Raises:
-            InputError: `side` has another value.
+            InputError: `side` has another value, or a keyword has an invalid value. `simulate` also raises it for an unknown joint, and for
+                a stop that the plant does not have.
         """
         return cls("joint_stop", (joint, choice("Event.joint_stop", "side", side, ("lower", "upper"))), **keywords)
 
@@ -211,7 +226,7 @@ class Event:
             The event.
 
         Raises:
-            InputError: `g` is not callable.
+            InputError: `g` is not callable, or a keyword has an invalid value.
         """
         if not callable(g):
             raise InputError(f"Event.function: g is not callable: expected a function, got {type(g).__name__}")
