@@ -1,9 +1,9 @@
 //! The base parameters of an arm: the smallest set of combinations of inertial parameters that determines its motion
 //! (`gautier1991numerical`).
 //!
-//! The torque is `Y pi`, with the regressor `Y` and the parameters `pi`. Over all states, the columns of `Y` span a space of dimension `b
-//! <= p`. Let `Y_b` be the independent columns. Every other column is a combination of them: `Y = Y_b P`, so that `Y pi = Y_b (P pi)` at
-//! every state.
+//! The torque is `Y pi`, with the regressor `Y` and the `p` parameters `pi`. Over all states, `b <= p` columns of `Y` are linearly
+//! independent. Let `Y_b` be these columns. Every other column is a combination of them: `Y = Y_b P`, so that `Y pi = Y_b (P pi)` at every
+//! state.
 //!
 //! The columns of `Y(q, v, v_r, a_r)` are stacked over pseudo-random states. They are examined in the order of the parameters, from base to
 //! tip. A column is dependent if its distance from the span of the earlier columns, relative to its length, is a rounding error. So a
@@ -17,8 +17,8 @@ use crate::linalg::{axpy, dot};
 use crate::memory;
 use crate::spatial::{PARAMETERS, parameter};
 
-/// Distance from the span of earlier columns, relative to the column, below which a column is dependent. For well spread states, rounding
-/// errors are 1e-13. The least independent parameter of real arms has a distance above 1e-4.
+/// Distance from the span of earlier columns, relative to the length of the column, below which a column is dependent. For well spread
+/// states, rounding errors are 1e-13. The smallest distance of an independent column is above 1e-4 for models of real arms.
 const DEPENDENT: f64 = 1e-8;
 /// A column whose norm is below this fraction of the largest norm counts as zero.
 const ZERO_COLUMN: f64 = 1e-12;
@@ -117,8 +117,8 @@ fn fill(state: &mut u64, scale: f64, x: &mut [f64]) {
     x.iter_mut().for_each(|x| *x = scale * (2.0 * uniform(state) - 1.0));
 }
 
-/// Compute the base parameters of `arm` under the gravity of the model. `armature` and `friction` add the parameters of joints.
-/// Errors: `Memory`, and `Input` for `armature` or `friction` of a planar PR arm.
+/// Compute the base parameters of `arm` under the gravity of the model. `armature` and `friction` add the parameters of joints. Errors:
+/// `Memory` if the memory does not suffice, and `Input` for `armature` or `friction` of a planar PR arm.
 pub fn base_parameters(arm: &Model, armature: bool, friction: bool) -> Result<BaseParameters> {
     let n = arm.n();
     let query = Query { armature, friction, ..Quantity::Regressor.into() };
@@ -181,7 +181,7 @@ impl BaseParameters {
             .collect()
     }
 
-    /// Names of the parameters without effect on any motion.
+    /// Names of the parameters that do not affect the torque at any state.
     pub fn unseen(&self) -> Vec<&str> {
         let p = self.names.len();
         let seen = |j: usize| (0..self.count()).any(|k| self.independent.projection[k * p + j] != 0.0);

@@ -2,8 +2,8 @@
 //! inconsistent parameters, the nearest consistent parameters are computed.
 //!
 //! The distance is the Frobenius norm of `D P D`, with `D = diag(1/l, 1/l, 1/l, 1)`. The length `l` makes second moment, first moment and
-//! mass comparable, in kg. The nearest matrix above a floor has the same eigenvectors. Its eigenvalues are raised to the floor
-//! (`higham1988nearest`).
+//! mass comparable, in kg. The nearest matrix whose eigenvalues are at least a floor has the eigenvectors of `D P D`. Smaller eigenvalues
+//! are raised to the floor (`higham1988nearest`).
 
 use crate::error::{Error, Result, finite, positive};
 use crate::linalg::symmetric_eigen;

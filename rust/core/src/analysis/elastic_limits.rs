@@ -1,4 +1,5 @@
-//! Limits of the control of elastic joints.
+//! Limits of the control of elastic joints. Units are those of revolute joints; for a prismatic joint, replace rad by m, N m by N and kg
+//! m^2 by kg.
 //!
 //! - Sampled motor loop: the largest sample time for a reduced inertia `B0`, and the smallest `B0` for a sample time. They depend on the
 //!   damping ratio and on a torque sensor.
@@ -76,7 +77,8 @@ pub fn smallest_reduced_inertia(inertia: f64, stiffness: f64, sample_time: f64, 
 pub fn stiffness_scale(plant: &PlantSpec, law: &LawSpec, wrench: &[f64; 6], force_frame: Option<usize>, q0: &[f64]) -> Result<f64> {
     const GROWTH: f64 = 1.05;
     const CAP: f64 = 1e6;
-    // Without a force, the equilibrium is the target for every stiffness. With a force, the equilibrium depends on `kappa`.
+    // Without a force, and with exact gravity compensation, the equilibrium is the target for every stiffness. Otherwise, the equilibrium
+    // depends on `kappa`.
     let mut q = q0.to_vec();
     let mut stable = |kappa: f64| -> Result<bool> {
         let Some(scaled) = law.with_stiffness(kappa) else {
@@ -106,7 +108,7 @@ pub fn stiffness_scale(plant: &PlantSpec, law: &LawSpec, wrench: &[f64; 6], forc
 /// The limits of an elastic plant with a law, at an equilibrium.
 #[derive(Clone, Debug)]
 pub struct ElasticLimits {
-    /// The sample time at which the motor loops become unstable, s.
+    /// The sample time at which the motor loops with locked links become unstable, s.
     pub sample_time_max: f64,
     /// For each joint: the smallest `B0`, kg m^2, at the requested sample time; empty without a sample time.
     pub reduced_inertia_min: Vec<f64>,

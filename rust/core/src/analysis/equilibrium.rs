@@ -2,12 +2,13 @@
 //!
 //! `r(q) = u(q) + J'F - g(q) = 0`, `tau_E = g(q_E) - J'F`, `theta_E = q_E + K^-1 tau_E`, with the joint stiffness `K`.
 //!
-//! For a Cartesian impedance law with the plant's gravity this is `J'(K_m (x_d - x) + F) = 0`. Its solution is `x_E = x_d + K_m^-1 F` if
-//! that pose is reachable and `det J != 0`. Another solution is spurious: `J' p = 0` with `p = K_m (x_d - x) + F != 0`.
-//! [`Equilibrium::spurious`] marks it.
+//! Here `u` is the output of the law, `F` the external force, `g` the gravity torque and `'` the transpose. For a Cartesian impedance law
+//! with the stiffness `K_m`, the target `x_d` and the plant's gravity, this is `J'(K_m (x_d - x) + F) = 0`. A pose with
+//! `x = x_E = x_d + K_m^-1 F` is a solution, if such a pose is reachable. Another solution is spurious: `J' p = 0` with
+//! `p = K_m (x_d - x) + F != 0`, where `J` loses rank. [`Equilibrium::spurious`] marks it.
 //!
 //! A null space adds `N' tau_0`. An integral adds its wrench `w`, with `K_i e = 0`. Limits of the law may hold the arm away from `x_E`. A
-//! wall and joint stops add their forces. A law of motors has its equilibrium where `tau(q, theta) = K (theta - q) = tau_E`.
+//! wall and joint stops add their forces. A law that regulates motors has its equilibrium where `tau(q, theta) = K (theta - q) = tau_E`.
 
 use super::loop_slope::{Modes, loop_modes};
 use super::rest::Rest;
@@ -25,7 +26,7 @@ use crate::plant::PlantSpec;
 pub struct Equilibrium {
     /// Joint positions `(n,)`, rad or m.
     pub q: Vec<f64>,
-    /// Motor positions, `(n,)`, rad; empty for a rigid plant.
+    /// Motor positions, `(n,)`, rad or m; empty for a rigid plant.
     pub theta: Vec<f64>,
     /// The plant's input at the equilibrium, `(n,)`, N m or N.
     pub tau: Vec<f64>,
@@ -34,10 +35,11 @@ pub struct Equilibrium {
     /// The law's integral wrench `w`, `(m,)`, N and N m; empty without an integral.
     pub integral: Vec<f64>,
     /// Whether the pose `x_d + K_m^-1 F`, or `x_d` with an integral, can be reached. A wall, a stop or a limit of the law may prevent this.
+    /// For a law of joints: whether neither the wall nor a stop is in contact.
     pub reachable: bool,
     /// Whether the virtual spring of the law is not balanced by the external force and the contacts. Their total wrench `p` is then not
-    /// zero, although no torque limit is active. For a law of motors: whether the arm is away from its target without a force and a
-    /// contact.
+    /// zero, although no torque limit is active. For a law that regulates motors with the plant's model: whether the arm is away from its
+    /// target without a force and a contact.
     pub spurious: bool,
     /// Force of the wall on its frame, `(3,)`, N, world axes.
     pub wall_force: [f64; 3],
@@ -55,7 +57,7 @@ struct Balance {
     /// limits.
     p: Vec<f64>,
     x: Vec<f64>,
-    /// Whether the arm is away from the pose `x_E` of a balanced spring, because a limit of the law or a contact holds it.
+    /// Whether the total wrench would not be zero without the limits of the law, or the integral gain times the error is not zero.
     short: bool,
     /// The largest absolute value of an entry of the total wrench `p` that counts as a rounding error.
     rounding: f64,
@@ -115,8 +117,8 @@ impl<'a> TargetError<'a> {
     }
 }
 
-/// For each joint: the diagonals of `M`, of `J' K_m J` and of `J' D_m J` at `q`. For `PdGravity`, the last two are the diagonals of its
-/// gains. For other laws they are zero.
+/// For each joint: the diagonals of the mass matrix `M`, of `J' K_m J` and of `J' D_m J` at `q`. `K_m` and `D_m` are the stiffness and the
+/// damping of a Cartesian impedance. For `PdGravity`, the last two diagonals are those of its gains. For other laws they are zero.
 pub(super) fn joint_view(plant: &PlantSpec, law: &LawSpec, q: &[f64]) -> (Vec<f64>, Vec<f64>, Vec<f64>) {
     let n = q.len();
     let mut m = vec![0.0; n * n];
@@ -151,8 +153,8 @@ fn unfelt(law: &CartesianImpedanceSpec, q: &[f64], p: &[f64]) -> Result<Vec<f64>
     Ok(part)
 }
 
-/// Whether some pose has `e + K_m^-1 F = 0`. The search is a damped Gauss-Newton method from `q0` and from spread starts. It may miss a
-/// reachable pose.
+/// Whether some pose has `e + K_m^-1 F = 0`, with the error `e = x_d - x` and the force `F`, which is `push`. The search is a damped
+/// Gauss-Newton method from `q0` and from spread starts. It may miss a reachable pose.
 fn reaches(law: &CartesianImpedanceSpec, push: &[f64], q0: &[f64]) -> bool {
     const STARTS: u32 = 24;
     const STEPS: usize = 200;
@@ -194,7 +196,7 @@ fn reaches(law: &CartesianImpedanceSpec, push: &[f64], q0: &[f64]) -> bool {
 /// acts at `force_frame`; with `None` no wrench acts.
 ///
 /// Errors: `Input` for a law that is not an impedance or PD law, has a moving target or is made for another plant. Also `Input` for a `q0`
-/// that is not finite, and after an overflow. `Solve` if the search does not converge, `Memory`.
+/// that is not finite, and after an overflow. `Solve` if the search does not converge, `Memory` if the memory does not suffice.
 pub fn equilibrium(plant: &PlantSpec, law: &LawSpec, wrench: &[f64; 6], force_frame: Option<usize>, q0: &[f64]) -> Result<Equilibrium> {
     finite("q0", q0)?;
     // Number of `(n, n)` matrices that the memory check assumes: stiffness, mass, slopes and eigenvectors of the loop.

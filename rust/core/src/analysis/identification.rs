@@ -1,5 +1,5 @@
-//! Identification by least squares on recorded motion (`gautier1992exciting`): `W_b beta = tau`. Each row is divided by the noise of its
-//! joint.
+//! Identification by least squares on recorded motion (`gautier1992exciting`): `W_b beta = tau`. `beta` are the `b` base parameters, `W_b`
+//! is their stacked regressor, and `tau` has the measured torques. Each row is divided by the noise of its joint.
 //!
 //! ```text
 //! [W_b tau] = Q [R z; 0 rho],  R = U S V',  beta = V S^-1 U' z,  sigma^2 = rho^2 / (rows - rank),  cov = sigma^2 V S^-2 V'
@@ -7,9 +7,9 @@
 //!
 //! If the rank is below `b`, `rho^2` also has the squares of the entries of `U' z` beyond the rank.
 //!
-//! Rotors that are not identified are known: their torque `armature a` is subtracted from the measured torque. The triangle is updated
-//! block by block, so that the memory does not grow with the length of the record. Columns are scaled to length one before the rank
-//! decision, so that units have no effect.
+//! Rotors that are not identified are known: their torque `armature a` is subtracted from the measured torque. The triangle `[R z; 0 rho]`
+//! is updated block by block, so that its memory does not grow with the length of the record. Columns are scaled to length one before the
+//! rank decision, so that units have no effect.
 
 use super::base_parameters::{BaseParameters, base_parameters};
 use crate::dynamics::{Model, Quantity, Query};
@@ -60,7 +60,7 @@ pub struct IdentificationOptions<'a> {
     pub cutoff: f64,
 }
 
-/// The upper triangle `[R z]` of the least-squares problem, `(b + 1, b + 1)`, and the rows of the next block.
+/// The upper triangle `[R z; 0 rho]` of the least-squares problem, `(b + 1, b + 1)`, and the rows of the next block.
 struct Triangle {
     width: usize,
     /// One array per column, with `width + BLOCK n` rows.
@@ -89,11 +89,11 @@ impl Triangle {
     }
 }
 
-/// Identify the parameters of `arm` from recorded positions, velocities, accelerations and torques, each `(samples, n)`. They are in rad or
-/// m, per s, per s^2, and N m or N.
+/// Identify the parameters of `arm` from recorded positions, velocities, accelerations and torques, each `(samples, n)`. Units: rad, rad/s,
+/// rad/s^2 and N m for a revolute joint; m, m/s, m/s^2 and N for a prismatic joint.
 ///
-/// Errors: `WrongShape` for wrong lengths, `Input` for numbers that are not finite, noise that is not positive, or too few samples,
-/// `Memory`.
+/// Errors: `WrongShape` for wrong lengths. `Input` for numbers that are not finite, noise that is not positive, or too few samples.
+/// `Memory` if the memory does not suffice.
 pub fn identify(arm: &Model, [q, v, a, tau]: [&[f64]; 4], options: &IdentificationOptions) -> Result<Identification> {
     let n = arm.n();
     if n == 0 {

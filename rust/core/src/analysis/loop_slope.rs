@@ -56,10 +56,10 @@ pub struct Modes {
 
 /// Compute the modes of [`loop_slope`] at time zero.
 ///
-/// A free motion without damping is a Jordan block, `d q' = d v`, `d v' = 0`. The rounding error of `A` splits the two zero eigenvalues of
-/// this block by the root of this error, to both sides of zero. So the free motions `N`, with `A N = 0`, are removed first. The other
-/// eigenvalues are the eigenvalues of `Q' A Q`, with `[N Q]` orthogonal. A singular value counts as zero if it is at most `FREE` times the
-/// largest. Times are in units of the fastest mode.
+/// A free motion without damping is a Jordan block, `d q_dot = d v`, `d v_dot = 0`. The rounding error of `A` splits the two zero
+/// eigenvalues of this block by the square root of this error, to both sides of zero. So the free motions `N`, with `A N = 0`, are removed
+/// first. The other eigenvalues are the eigenvalues of `Q' A Q`, with `[N Q]` orthogonal. A singular value counts as zero if it is at most
+/// `FREE` times the largest. Times are in units of the fastest mode.
 pub fn loop_modes(plant: &PlantSpec, law: &LawSpec, x: &[f64], z: &[f64], wrench: &[f64; 6], force_frame: Option<usize>) -> Result<Modes> {
     const FREE: f64 = 1e-10;
     /// The largest real part, in units of the fastest mode, that is a rounding error.
@@ -95,7 +95,7 @@ pub fn loop_modes(plant: &PlantSpec, law: &LawSpec, x: &[f64], z: &[f64], wrench
 /// `A` in other units: times in units of `1 / fastest`, and the law's states in units that make their rows and columns equally large.
 fn in_units(slope: &[f64], states: usize, n: usize, fastest: f64) -> Vec<f64> {
     let s = slope.len().isqrt();
-    // The states are positions and speeds of the links, then of the motors.
+    // The states are positions and speeds of the links, then of the motors, then deflections of friction bristles.
     let mut unit: Vec<f64> = (0..s).map(|i| if i < states && (i / n) % 2 == 1 { fastest } else { 1.0 }).collect();
     for k in states..s {
         let most = |entry: &dyn Fn(usize) -> f64| (0..states).fold(0.0f64, |most, i| most.max(entry(i).abs()));

@@ -1,15 +1,16 @@
 //! The torques on an arm at rest, and the search for an equilibrium.
 //!
-//! The load of the joints is `L(q) = g(q) - J'F - contacts`. At rest, a law of the links has the output `u(q)`, and a law of motors has the
-//! output `tau(q, theta)`. The residual `r` of the unknowns `y` is
+//! The load of the joints is `L(q) = g(q) - J'F - contacts`, with the gravity torque `g`, the external wrench `F` and the transpose `J'`.
+//! At rest, a law of the links has the output `u(q)`, and a law of motors has the output `tau(q, theta)`. The residual `r` of the unknowns
+//! `y` is
 //!
 //! `r(q) = u(q) - L(q)`, or `r(q, theta) = [K (theta - q) - L(q), (I + Kt)^-1 (tau(q, theta) - K (theta - q))]`.
 //!
 //! `K` is the joint stiffness, and `Kt` the torque gain of the law. For a law with a potential, `r` is minus its gradient. Then Newton's
-//! method, with the absolute values of the eigenvalues of `-dr/dy`, follows `r` downhill from a start.
+//! method, with the absolute values of the eigenvalues of `-dr/dy`, descends to a minimum of the potential.
 //!
 //! A law with a null space, an integral or limits has no potential. Its unknowns `y = [q, w]` include its integral `w`. They follow the
-//! loop without velocities, `M q' = r`, `w' = K_i e`, by implicit steps `d` whose size `h` grows: `(diag(M, 1)/h - dr/dy) d = r`
+//! differential equation `M q_dot = r`, `w_dot = K_i e`, by implicit steps `d` whose size `h` grows: `(diag(M, 1)/h - dr/dy) d = r`
 //! (pseudo-transient continuation).
 
 use crate::dynamics::ArmAt;
@@ -50,7 +51,7 @@ impl Rest<'_> {
         (forces.load, wall.array())
     }
 
-    /// Move `q` to the equilibrium of a law without a potential, along the loop without velocities. The law's integral is appended to `q`.
+    /// Move `q` to the equilibrium of a law without a potential, by pseudo-transient continuation. The law's integral is appended to `q`.
     /// Errors: `Solve` if no equilibrium is found, `Input` after an overflow.
     pub fn settle(&self, q: &mut Vec<f64>) -> Result<()> {
         const STEPS: usize = 1000;

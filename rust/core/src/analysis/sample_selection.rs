@@ -1,8 +1,8 @@
-//! Selection of samples for concurrent learning (ChowdharyJohnson2010). A local search increases the smallest singular value `sigma` of
-//! their stacked `W`:
+//! Selection of samples for concurrent learning (ChowdharyJohnson2010). Sample `j` has the regressor `W_j`. A local search increases the
+//! smallest singular value `sigma` of the stacked regressors of the selected samples:
 //!
 //! ```text
-//! sigma^2 = min over |u| = 1 of  sum over the stored j of |W_j u|^2
+//! sigma^2 = min over |u| = 1 of  sum over the selected j of |W_j u|^2
 //! ```
 //!
 //! `u` is in the space of directions that all candidates together determine. First, samples are added one after another. Each has the
@@ -15,9 +15,9 @@ use crate::memory;
 
 /// A direction whose scaled singular value is below this fraction of the largest is not determined by the candidates.
 const CUTOFF: f64 = 1e-6;
-/// Number of candidates that one attempt to exchange adds.
+/// Number of candidates that are tried as additions in one exchange.
 const ENTERING: usize = 4;
-/// Number of chosen samples that one attempt to exchange removes.
+/// Number of chosen samples that are tried as removals in one exchange.
 const LEAVING: usize = 8;
 
 /// The selected samples.
@@ -72,7 +72,8 @@ impl Candidates {
 /// Choose `count` of `K` samples, so that their stacked regressors have a large smallest singular value.
 ///
 /// `rows`, `(K, n, p)`, has the regressor `W` of each sample. Errors: `WrongShape` for a length that is not a positive multiple of `n p`.
-/// `Input` for a `count` out of range, numbers that are not finite or too large, or regressors of zeros; `Memory`.
+/// `Input` for a `count` out of range, numbers that are not finite or too large, or regressors of zeros. `Memory` if the memory does not
+/// suffice.
 pub fn select(rows: &[f64], n: usize, p: usize, count: usize) -> Result<Selection> {
     let samples = match n.checked_mul(p) {
         Some(size) if size > 0 && rows.len().is_multiple_of(size) => rows.len() / size,
@@ -169,7 +170,7 @@ fn exchange(candidates: &Candidates, chosen: &mut [usize]) -> Result<()> {
         free[j] = false;
         candidates.add(j, 1.0, &mut gram);
     }
-    // Each exchange increases sigma^2 by at least a thousandth. Most searches end after a few exchanges.
+    // Each exchange increases sigma^2 by at least a thousandth. The number of exchanges is limited.
     for _ in 0..20 * chosen.len() {
         look();
         let (sigma, u) = candidates.smallest(&gram)?;

@@ -1,6 +1,7 @@
-//! Suggested gains for a bandwidth `w` and a damping ratio `z`, from the mass matrix within the joint limits.
+//! Suggested gains for a bandwidth `w` and a damping ratio `z`, from the mass matrix at sampled configurations within the joint limits.
 //!
-//! Computed torque decouples the joints: `e'' + kd e' + kp e = 0` with `kp = w^2`, `kd = 2 z w`. For laws with gains in N m/rad,
+//! The prime is the time derivative, and `e` the tracking error. Computed torque decouples the joints: `e'' + kd e' + kp e = 0` with
+//! `kp = w^2`, `kd = 2 z w`. For laws with gains in N m/rad,
 //!
 //! `kp = m w^2`, `kd = 2 z m w`, `m = s max_q diag M(q)`, where `s` is the smallest number with `M(q) <= diag(m)` at all samples.
 //!

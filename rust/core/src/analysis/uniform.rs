@@ -12,7 +12,8 @@ pub(super) fn uniform(state: &mut u64) -> f64 {
     (z >> 11) as f64 / (1u64 << 53) as f64
 }
 
-/// Uniform positions within the limits. A joint without limits has a range of one revolution, or of one metre on both sides of `q0`.
+/// Uniform positions within the limits. A revolute joint without limits has a range of one revolution. A prismatic joint without limits has
+/// a range of one metre on both sides of `q0`.
 pub(super) fn within(bounds: &[(f64, f64)], angles: &[bool], q0: &[f64], state: &mut u64, q: &mut [f64]) {
     for (i, (to, &bounds)) in q.iter_mut().zip(bounds).enumerate() {
         let (low, high) = range(bounds, angles[i], q0[i]);

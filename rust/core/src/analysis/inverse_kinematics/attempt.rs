@@ -11,7 +11,7 @@ pub(super) struct StartResult {
     pub q: Vec<f64>,
     /// Largest error of each task, m or rad; zero where the task is reached.
     pub misses: Vec<f64>,
-    /// Whether the steps ended without progress.
+    /// Whether the steps ended for another reason than their largest number: at the goal or without progress.
     pub resting: bool,
 }
 

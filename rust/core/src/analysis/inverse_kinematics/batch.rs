@@ -11,15 +11,13 @@ use crate::memory;
 use crate::parallel;
 use crate::status::Status;
 
-/// Number of targets that a thread processes in one piece of work. A piece takes a hundred microseconds for near targets, and a second for
-/// unreachable targets.
+/// Number of targets that a thread processes in one piece of work.
 const CHUNK: usize = 32;
 
 /// The results for `count` targets, with `k` solutions each.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct IkRows {
-    /// Joint positions, `(count, k, n)`, the best first; NaN if a target or start is not finite, if the search overflows, or for missing
-    /// solutions.
+    /// Joint positions, `(count, k, n)`, the best first; NaN for missing solutions and for rows with the status `Diverged`.
     pub q: Vec<f64>,
     /// Errors of each task, `(count, k, rows)` each, m or rad.
     pub errors: Vec<Vec<f64>>,
@@ -29,8 +27,8 @@ pub struct IkRows {
     pub iterations: Vec<i64>,
     /// Number of random starts, `(count,)`.
     pub restarts: Vec<i64>,
-    /// Codes of the status in [`super::IkSolution`], `(count, k)`. `Diverged` if a row is not finite or overflows, `Infeasible` for missing
-    /// solutions.
+    /// Codes of the status in [`super::IkSolution`], `(count, k)`. `Diverged` if a target or start is not finite, if a target is invalid,
+    /// or if the search overflows. `Infeasible` for missing solutions.
     pub status: Vec<i32>,
 }
 
@@ -61,9 +59,9 @@ pub struct IkBatch<'a> {
 /// Run [`super::inverse_kinematics`] for each row of `batch`.
 ///
 /// `solutions` is the number of different postures per target, the best first. `poll` is called every 20 ms. If it returns true, the call
-/// unwinds to the enclosing `interruptible`. Errors: `Input` for an invalid option or wrong sizes, `Memory`.
+/// unwinds to the enclosing `interruptible`. Errors: `Input` for an invalid option or wrong sizes, `Memory` if the memory does not suffice.
 ///
-/// A row that is not finite ends as `Diverged`, and does not change any other row.
+/// A row whose target or start is invalid ends as `Diverged`, and does not change any other row.
 ///
 /// ```
 /// use armlet_core::analysis::inverse_kinematics::{IkBatch, IkOptions, inverse_kinematics_batch};
@@ -135,7 +133,7 @@ pub fn inverse_kinematics_batch(
     Ok(rows)
 }
 
-/// Solve the rows of one thread. `widths` has the size of each task's target.
+/// Solve the rows of one piece of work. `widths` has the size of each task's target.
 fn solve_part(solver: &mut IkSolver, batch: &IkBatch, widths: &[usize], part: ThreadRows, solutions: usize) {
     let slots = part.status.len();
     let (n, levels, total) = (part.q.len() / slots, widths.len(), part.errors.len() / slots);

@@ -16,7 +16,8 @@ use crate::linalg::dot;
 
 /// The damping divided by the squared error. Half of this value requires more random starts. Three times this value requires more steps.
 const DAMPING: f64 = 0.3;
-/// The smallest damping, divided by the largest diagonal entry. It prevents a singular matrix for linearly dependent rows.
+/// The smallest damping, divided by the largest diagonal entry of `J J'` or `J' J`. It prevents a singular matrix for linearly dependent
+/// rows.
 const FLOOR: f64 = 1e-12;
 /// If the square of the error decreases by less than this fraction in `PROGRESS_STEPS` steps, a start ends.
 const PROGRESS: f64 = 0.02;
@@ -209,7 +210,7 @@ fn solve_damped(a: &mut [f64], y: &mut [f64], size: f64) {
             let row = &above[c * k..(c + 1) * k];
             own[c] = (own[c] - dot(&own[..c], &row[..c])) / row[c];
         }
-        // Rounding errors are far below the damping. A start with NaN ends without progress.
+        // The damping is far above rounding errors. `max` replaces NaN, so that a start with NaN ends without progress.
         own[r] = (own[r] + damping - dot(&own[..r], &own[..r])).max(f64::MIN_POSITIVE).sqrt();
         y[r] = (y[r] - dot(&own[..r], &y[..r])) / own[r];
     }
@@ -243,8 +244,7 @@ mod tests {
         }
     }
 
-    /// The matrix of rows and the matrix of joints give the same step. The test has two and four rows for three joints, and then three
-    /// and six rows.
+    /// The matrices `J J'` and `J' J` give the same step. The test has two and four rows for three joints, and then three and six rows.
     #[test]
     fn both_matrices_have_the_same_step() {
         let arm = Arm::planar(&[0.5, 0.4, 0.3], None, None, None, [0.0, -9.81]).unwrap();

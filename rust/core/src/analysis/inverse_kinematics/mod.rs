@@ -2,11 +2,12 @@
 //! `nakamura1986inverse`, `siciliano1991priority`).
 //!
 //! A step is `q <- clip(q + s dq)`, where `s <= 1` limits the motion of every joint. First, `dq` is a damped least-squares step for all
-//! tasks together. If such steps do not reach all of several tasks, `dq` solves `J_i dq = e_i` in priority, by a map
-//! that is bounded at singularities. If there is one task and no start reaches it, the last steps also use this map. The option `method` or
-//! `eps` selects these steps from the start. A joint at a limit is held if the step would cross the limit. Its column becomes zero, and the
-//! step is computed again. While errors are large, the remaining freedom moves joints towards the middle of their range. After a start
-//! without success, the search continues from pseudo-random starts. Several solutions of one target come from more starts.
+//! tasks together. If such steps do not reach all of several tasks, `dq` solves `J_i dq = e_i` in order of priority, by a method of
+//! `priority`. The default method bounds the steps at singularities. If there is one task and no start reaches it, the last steps also use
+//! this method. If the option `method` or `eps` is set, all steps use it. A joint at a limit is held if the step would cross the limit. Its
+//! column becomes zero, and the step is computed again. While errors are large, the remaining freedom moves joints towards the middle of
+//! their range. After a start without success, the search continues from pseudo-random starts. Several solutions of one target come from
+//! more starts.
 //!
 //! `damped` has the steps for all tasks together, `newton` the steps in priority, and `batch` the search for many targets.
 
@@ -40,8 +41,8 @@ pub struct IkOptions {
     pub step_max: f64,
     /// Whether the search keeps the joints within the limits of the arm.
     pub limits: bool,
-    /// The priority map of a step. Without `eps`, `None` means damped steps for all tasks together. If there are several tasks and
-    /// these steps do not reach all of them, steps by the map `Clamp` follow. With `eps`, `None` means the map `Clamp`.
+    /// The priority method of the steps. Without `eps`, `None` means damped steps for all tasks together. If there are several tasks and
+    /// these steps do not reach all of them, steps with the method `Clamp` follow. With `eps`, `None` means the method `Clamp`.
     pub method: Option<PriorityMethod>,
     /// Thresholds of singular values, one per task or one for all tasks.
     pub eps: Option<Vec<f64>>,

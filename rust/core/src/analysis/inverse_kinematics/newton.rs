@@ -44,7 +44,7 @@ pub(super) struct NewtonSearch {
     q: Vec<f64>,
     misses: Vec<f64>,
     mark: Vec<f64>,
-    /// Steps for all tasks together, if the options have neither a map nor thresholds.
+    /// Steps for all tasks together, if the options have neither a method nor thresholds.
     damped: Option<Damped>,
     /// The result of the last start.
     pub found: StartResult,
@@ -99,8 +99,8 @@ impl NewtonSearch {
     /// Take steps from `start` until all tasks are reached, until progress ends, or up to the largest number of steps. The best result is
     /// written to `found`.
     ///
-    /// If the options have neither a map nor thresholds, the steps are for all tasks together. If there are several
-    /// tasks and these steps do not reach all of them, steps in priority follow.
+    /// If the options have neither a method nor thresholds, the steps are for all tasks together. If there are several tasks and these
+    /// steps do not reach all of them, steps in priority follow.
     pub fn descend(&mut self, start: &[f64], iterations: &mut usize) -> Result<()> {
         // `q` is moved out of `self` during the search.
         let mut q = std::mem::take(&mut self.q);
@@ -216,8 +216,8 @@ impl NewtonSearch {
         }
     }
 
-    /// Set `eps = |e| / step_max`, at most the threshold of the options or the default threshold. It bounds a step by `step_max` for every
-    /// singular value. Near the goal a step is a Newton step, even with small singular values.
+    /// Set `eps = |e| / step_max`, at most the threshold of the options or the default threshold. With `eps = |e| / step_max`, a step is at
+    /// most `step_max` for every singular value. Near the goal a step is a Newton step, even with small singular values.
     fn set_thresholds(&mut self) -> Result<()> {
         let (n, levels) = (self.held.len(), self.solver.rows().len());
         let mut at = 0;
@@ -265,8 +265,8 @@ impl NewtonSearch {
         Ok(advance(q, self.solver.solver().v(), &self.bounds, self.search.step_max))
     }
 
-    /// Draw a random start, uniform within the limits. A joint without limits has a range of one revolution, or of one metre on both sides
-    /// of `q0`.
+    /// Draw a random start, uniform within the limits. A revolute joint without limits has a range of one revolution. A prismatic joint
+    /// without limits has a range of one metre on both sides of `q0`.
     pub fn random_start(&self, q0: &[f64], state: &mut u64, start: &mut [f64]) {
         within(&self.bounds, &self.angles, q0, state, start);
     }

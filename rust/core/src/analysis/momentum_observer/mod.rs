@@ -1,17 +1,18 @@
 //! Momentum observer (`DeLuca2006`): it estimates the external torque from positions, velocities and motor torques, without accelerations.
 //!
 //! ```text
-//! p = M v,   p' = tau + tau_ext - tau_f + C' v - g          (dM/dt = C + C', C the Christoffel factorisation)
-//! r = K [ p(t) - p(0) - int (tau - tau_f + C' v - g + r) ds ]        =>        r' = K (tau_ext - r)
+//! p = M v,   p_dot = tau + tau_ext - tau_f + C' v - g       (dM/dt = C + C', C the Christoffel factorisation)
+//! r = K [ p(t) - p(0) - int (tau - tau_f + C' v - g + r) ds ]        =>        r_dot = K (tau_ext - r)
 //! sampled: r_k = (I + K dt)^-1 (r_(k-1) + K (p_k - p_(k-1) - (tau - tau_f + C' v - g)_(k-1) dt))
 //! ```
 //!
-//! With `M = B`, `C = g = 0` and the torque `tau_m - tau_J`, the observer applies to the motors of elastic joints. `r` then converges to
-//! minus their friction.
+//! Here `p` is the momentum, `r` the residual, `tau_f` the known friction, `tau_ext` the external torque, and `'` the transpose. The
+//! observer also applies to the motors of elastic joints. Then the motor inertia `B` replaces `M`, the motor torque minus the joint torque
+//! replaces `tau`, and `C = g = 0`. `r` then follows minus their friction.
 //!
-//! At a frame `r = J' F`. The wrench `F` is a least-squares solution, with singular values of `J'` below `eps` clamped (`linalg::clamp`).
-//! The rest is `r - J' F`. The touched link is the outermost link whose joint has `|r_i|` above its threshold. A force on a link
-//! does not load the joints beyond that link.
+//! A wrench `F` at a frame with the Jacobian `J` has the residual `r = J' F`. From `r`, `F` is computed as a least-squares solution, with
+//! singular values of `J'` below `eps` clamped (`linalg::clamp`). The rest is `r - J' F`. The touched link is the outermost link whose
+//! joint has `|r_i|` above its threshold. A force on a link does not load the joints beyond that link.
 
 mod contact;
 mod momentum;
@@ -55,7 +56,7 @@ pub struct MomentumObserver {
     /// Gain `K` as passed by the caller.
     given: Gain,
     gain: AnyGain<f64>,
-    /// Known viscous and Coulomb friction, `(n,)` each; zero if unknown.
+    /// Known viscous friction, N m s/rad or N s/m, and Coulomb friction, N m or N, `(n,)` each; zero if unknown.
     friction: [Vec<f64>; 2],
     takes_friction: bool,
     motors: Option<Gain>,
@@ -103,8 +104,8 @@ impl MomentumObserver {
         })
     }
 
-    /// Observe motors of the inertia `B`, of size `n`, kg m^2. Samples are then motor positions, velocities and torques `tau_m - tau_J`.
-    /// Errors: `Input` for an observer with known friction, `WrongShape` for another size.
+    /// Observe motors of the inertia `B`, of size `n`, kg m^2 or kg. Samples are then motor positions, motor velocities, and motor torques
+    /// minus joint torques. Errors: `Input` for an observer with known friction, `WrongShape` for another size.
     pub fn of_motors(mut self, inertia: Gain) -> Result<Self> {
         if self.takes_friction {
             let problem = "goes with no motor_inertia: expected False, since the model's friction is that of its joints, got True";
@@ -191,7 +192,8 @@ impl MomentumObserver {
         accepted
     }
 
-    /// Correct the residual `r` of the row that starts at `first`, by the change of momentum that the known torques do not explain.
+    /// Correct the residual `r` of the row that starts at `first`. The correction is the change of momentum that the known torques do not
+    /// explain.
     fn correct(&mut self, residual: &mut [f64], momentum: &[f64], tau: &[f64], first: usize) {
         let before = first..first + residual.len();
         residual.copy_from_slice(&self.state.residual[before.clone()]);

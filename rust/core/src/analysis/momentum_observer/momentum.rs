@@ -1,7 +1,7 @@
 //! One sample of a momentum observer, on any number type:
 //!
 //! ```text
-//! p = M v of the links, or p = B v of the motors;   drift = C' v - g - tau_f, so that p' = tau + tau_ext + drift
+//! p = M v of the links, or p = B v of the motors;   drift = C' v - g - tau_f, so that p_dot = tau + tau_ext + drift
 //! r <- (I + K dt)^-1 (r + K (p - p_last - (tau + drift_last) dt))                  the residual, an estimate of the external torque
 //! ```
 
@@ -16,7 +16,7 @@ pub struct Momentum<S: Real> {
     pub arm: ArmAt<S>,
     /// Motor inertia `B` if the motors are observed; `None` for the links.
     motors: Option<AnyGain<S>>,
-    /// Known viscous and Coulomb friction, `(n,)` each.
+    /// Known viscous friction, N m s/rad or N s/m, and Coulomb friction, N m or N, `(n,)` each.
     friction: [Vec<S>; 2],
     mass: Vec<S>,
     coriolis: Vec<S>,
