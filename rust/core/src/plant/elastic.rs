@@ -1,6 +1,11 @@
 //! An arm with elastic joints (Spong 1987). Springs couple links and motors:
 //!
-//! `M(q) a + C(q, v) v + g(q) = tau_J + J' W`, `B theta_ddot + F theta_dot + tau_J = tau`, `tau_J = K (theta - q) + D (theta_dot - v)`.
+//! `M(q) a + C(q, v) v + g(q) = tau_J + J' W`, `B theta_ddot + F theta_dot + tau_f + tau_J = tau`,
+//! `tau_J = K (theta - q) + D (theta_dot - v)`.
+//!
+//! `theta` are the motor positions, and `tau_f` is the dry friction of the motors. `W` is an external wrench, and `J'` the transposed
+//! Jacobian of its frame. A wall and stops add their forces to the links. Units are those of revolute joints; for a prismatic joint,
+//! replace rad by m, N m by N and kg m^2 by kg.
 //!
 //! The state is `x = [q, v, theta, theta_dot]`, then the bristles of LuGre friction of the motors. The load `L` of dry friction is the
 //! joint torque `tau_J`.

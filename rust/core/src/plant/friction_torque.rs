@@ -14,9 +14,9 @@ pub struct Rubbed<'a> {
     pub q: &'a [f64],
     /// Velocities of the links, rad/s or m/s.
     pub v: &'a [f64],
-    /// Positions of the motors, rad.
+    /// Positions of the motors, rad or m.
     pub theta: &'a [f64],
-    /// Velocities of the motors, rad/s.
+    /// Velocities of the motors, rad/s or m/s.
     pub theta_dot: &'a [f64],
     /// Deflections of the bristles, rad or m.
     pub bristles: &'a [f64],

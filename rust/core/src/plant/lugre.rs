@@ -1,4 +1,5 @@
-//! The LuGre model of friction (Canudas de Wit, Olsson, Astrom and Lischinsky 1995): bristles with the deflection `z` slip,
+//! The LuGre model of friction (Canudas de Wit, Olsson, Astrom and Lischinsky 1995). Bristles between the sliding surfaces have the
+//! deflection `z`:
 //!
 //! `z' = v - sigma_0 |v| z / h(v, L)`, `tau_f = sigma_0 z + sigma_1 z' + sigma_2 v`,
 //!

@@ -1,8 +1,8 @@
 //! Plants: they compute the motion that results from a law's output.
 //!
 //! The state `x` of a rigid plant is `[q, v]`, of an elastic plant `[q, v, theta, theta_dot]`, and of a velocity-controlled plant `[q]`.
-//! Deflections `z` of friction bristles come last. An external wrench `W = [f; m]` (world axes) acts at one frame with the joint torque
-//! `J' W`. A wall pushes a frame that enters it.
+//! Deflections `z` of friction bristles come last. An external wrench `W = [f; m]` (world axes) acts at one frame. Its joint torque is
+//! `J' W`, with the transposed Jacobian `J'` of the frame. A wall pushes a frame that enters it.
 
 mod contact;
 mod definition;
@@ -50,7 +50,7 @@ pub trait Plant<S: Real> {
     /// Compute the rates `dx` of the plant's state `x` under the input `tau`, `(n,)`, and the wrench, `(6,)`. Return the power into the
     /// plant.
     ///
-    /// `trig` has (sin, cos) of each joint. The wrench acts at the frame with which the plant was built.
+    /// `trig` has (sin, cos) of each joint position. The wrench acts at the frame with which the plant was built.
     fn rates(&mut self, trig: &[(S, S)], x: &[S], tau: &[S], wrench: &[S], dx: &mut [S]) -> Power<S>;
 
     /// Hold every contact in a mode, independent of the state: first the wall, then the stops. Without modes, the state decides again.

@@ -1,6 +1,8 @@
 //! A rigid arm driven by joint torques: `M(q) a + C(q, v) v + g(q) + friction = tau + J' W`.
 //!
-//! The state is `x = [q, v]`, then the bristles `z` of LuGre friction. The load `L` of this friction is `tau - sigma_0 z`.
+//! `W` is an external wrench, and `J'` the transposed Jacobian of its frame. A wall and stops add their forces. The state is `x = [q, v]`,
+//! then the bristles `z` of LuGre friction. The load `L` of this friction is `tau - sigma_0 z`, with the stiffness `sigma_0` of the
+//! bristles.
 
 use super::contact::LaneWall;
 use super::definition::fields;

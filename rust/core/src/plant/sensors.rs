@@ -2,10 +2,11 @@
 //!
 //! `tau_f' = w_c (tau_J - tau_f)`, `reading = round((tau_f + bias + noise) / step) step`,
 //!
-//! with the filtered torque `tau_f`, the bandwidth `w_c` and the resolution `step`.
+//! with the filtered torque `tau_f`, its time derivative `tau_f'`, the bandwidth `w_c` and the resolution `step`. Units are those of
+//! revolute joints; for a prismatic joint, replace N m by N.
 //!
-//! Light-weight arms have torque sensors and motor encoders. Their controllers compute the link positions from both, `q = theta - K^-1
-//! reading`. So in the controller, `K (theta - q)` is the reading.
+//! Light-weight arms have torque sensors and motor encoders. Their controllers compute the link positions from both,
+//! `q = theta - K^-1 reading`. So in the controller, `K (theta - q)` is the reading.
 
 use crate::error::{Error, Result, finite};
 

@@ -6,9 +6,9 @@
 //!
 //! `A a = b - tau_f`, `a_i = 0` for `i` stuck, `tau_f,i = s_i h(v_i, L_i) + sigma_2 v_i` for `i` sliding to the side `s_i`.
 //!
-//! For a joint at rest, `|tau_f,i| <= F_i` with the static friction `F_i = F_s + mu |L_i|`; `a_i > 0` requires `tau_f,i = F_i`, and `a_i <
-//! 0` requires `tau_f,i = -F_i`. This linear complementarity problem has exactly one solution, because `A^-1` is positive definite. Murty's
-//! least-index pivots find it.
+//! For a joint at rest, `|tau_f,i| <= F_i` with the static friction `F_i = F_s + mu |L_i|`. `a_i > 0` requires `tau_f,i = F_i`, and
+//! `a_i < 0` requires `tau_f,i = -F_i`. This linear complementarity problem has exactly one solution, because `A^-1` is positive definite.
+//! Murty's least-index pivots find it.
 
 use super::friction_curve::{FrictionCurve, LaneCurve};
 use crate::linalg::cholesky;

@@ -1,5 +1,6 @@
-//! The energy stored in a plant: `E = v' M v / 2 + U(q)`. Elastic joints and motors add `(theta - q)' K (theta - q) / 2 + theta_dot' B
-//! theta_dot / 2`. The springs of wall and stops and the bristles of friction add their energies.
+//! The energy stored in a plant: `E = v' M v / 2 + U(q)`, with the mass matrix `M` and the potential energy `U` of gravity. Elastic joints
+//! and motors add `(theta - q)' K (theta - q) / 2 + theta_dot' B theta_dot / 2`. Here `theta` are the motor positions, `K` is the joint
+//! stiffness and `B` the motor inertia. The springs of wall and stops and the bristles of friction add their energies.
 
 use super::PlantSpec;
 use super::contact::LaneWall;
