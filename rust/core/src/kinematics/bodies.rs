@@ -1,7 +1,9 @@
-//! The bodies of an arm at one state, or at one state per lane. Tasks read the bodies.
+//! The bodies of an arm at one state, or at one state per lane (one entry of a SIMD register). Bodies are *placed* when their poses are
+//! computed. Task functions read poses and velocities of placed bodies.
 //!
 //! The Jacobian column of a revolute joint is `[z x (p - o); z]`. Its rate is `[z' x (p - o) + z x (p' - o'); z']` with `z' = w x z`. Here
-//! `z` is the joint axis, `o` the origin of the joint, `p` that of the frame, and `w` the angular velocity of the body.
+//! `z` is the joint axis, `o` the origin of the joint, and `p` the origin of the frame. `w` is the angular velocity of the body, and the
+//! prime is the time derivative.
 
 use super::jacobian::of_frame;
 use super::{Pose, from_parent, place_body};

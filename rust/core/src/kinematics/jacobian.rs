@@ -1,8 +1,9 @@
 //! Poses of frames, geometric Jacobians in world axes at the frame origin `p`, and the centre of mass.
 //!
-//! The column of a revolute joint is `[z x (p - o); z]`, and the column of a slide is `[z; 0]`. Their time derivatives use `z' = w x z`,
-//! and the velocities `o'` and `p'` of the joint origin and of the frame origin. Matrices are `(6, n)` or `(3, n)`, row-major. If a joint
-//! follows another joint, its leader, then its column times the multiplier is added to the leader's column.
+//! The column of a revolute joint is `[z x (p - o); z]`, and the column of a slide is `[z; 0]`. Here `z` is the joint axis and `o` the
+//! origin of the joint. Time derivatives of the columns use `z' = w x z`, where `w` is the angular velocity of the body. They also use the
+//! velocities `o'` and `p'` of the joint origin and of the frame origin. Matrices are `(6, n)` or `(3, n)`, row-major. If a joint follows
+//! another joint, its leader, then its column times the multiplier is added to the leader's column.
 
 use super::{Pose, from_parent, place_body};
 use crate::arm::{BASE, Tree};
@@ -129,7 +130,8 @@ pub fn com<S: Real>(tree: &Tree<S>, poses: &mut [Pose<S>], trig: &[(S, S)], q: &
     (mass, moment.scale(mass.recip()))
 }
 
-/// Compute the Jacobian of the centre of mass, `(3, n)`. `subtree` is memory for `(mass, first moment about the joint)`.
+/// Compute the Jacobian of the centre of mass, `(3, n)`. `subtree` is memory for the mass of each subtree and its first moment about the
+/// origin of its joint.
 pub fn com_jacobian<S: Real>(
     tree: &Tree<S>,
     poses: &mut [Pose<S>],

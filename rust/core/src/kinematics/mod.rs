@@ -42,8 +42,8 @@ impl<S: Real> Pose<S> {
     }
 }
 
-/// Compute the pose of a body from the pose of its parent. Except for quarter turns, the joint's rotation is applied first, so that only
-/// one product waits for the parent.
+/// Compute the pose of a body from the pose of its parent. Unless the placement is a quarter turn, the joint's rotation is first applied to
+/// the placement, so that only one product waits for the parent.
 pub(crate) fn place_body<S: Real>(body: &Body<S>, parent: &Pose<S>, trig: (S, S), q: S) -> Pose<S> {
     if body.parent == BASE {
         // The base has no rotation.

@@ -1,4 +1,5 @@
-//! A stack of tasks at one state, or at one state per lane. The bodies are placed once, then every task writes its rows.
+//! A stack of tasks at one state, or at one state per lane (one entry of a SIMD register). The bodies are placed once, then every task
+//! writes its rows.
 
 use super::Bodies;
 use super::task::{TaskFunction, TaskKind};
@@ -62,8 +63,8 @@ impl<S: Real> TaskStack<S> {
         self.bodies.set_moving(v);
     }
 
-    /// Compute the error `e` and the feed-forward velocity `w` of task `k`, `(rows,)` each, for its target `[x_d, x_d', x_d'']`. If `a` is
-    /// `Some`, compute the feed-forward acceleration too.
+    /// Compute the error `e` and the feed-forward velocity `w` of task `k`, `(rows,)` each, for its target `x_d` with time derivatives,
+    /// `[x_d, x_d', x_d'']`. If `a` is `Some`, compute the feed-forward acceleration too.
     pub fn error(&mut self, k: usize, desired: &[S], e: &mut [S], w: &mut [S], a: Option<&mut [S]>) {
         let function = &self.functions[k];
         let (target, rest) = desired.split_at(function.target_size());

@@ -1,5 +1,7 @@
-//! A task in which a direction `a` of a frame points along a direction `a_d` of the world. The error is the rotation vector from `a` to
-//! `a_d`, in the two directions of the frame that are perpendicular to `a`. The Jacobian has the same rows of `R' J_w`.
+//! A task in which a direction `a` of a frame points along a direction `a_d` of the world. The error has two components of the rotation
+//! vector from `a` to `a_d`. They are along the directions `b_1` and `b_2` of the frame, which are perpendicular to `a`. The Jacobian has
+//! the rows `b_k' R' J_w` with transposes `'`. `R` is the rotation matrix of the frame, and `J_w` has the angular rows of its geometric
+//! Jacobian.
 
 use super::{TaskFunction, TaskKind};
 use crate::arm::{Arm, Tree};
@@ -54,7 +56,7 @@ impl TaskKind for Axis {
         e.iter_mut().zip(world).for_each(|(e, b)| *e = b.dot(turn));
     }
 
-    /// The desired direction `d` rotates with the angular velocity `d x d' / |d|^2`.
+    /// The desired direction `d` rotates with the angular velocity `d x d_dot / |d|^2`.
     fn feedforward<S: Real>(&self, at: &Bodies<S>, desired: [&[S]; 3], w: &mut [S], a: Option<&mut [S]>) {
         let r = at.frame(self.frame, false).r;
         let world = self.across.map(|b| r.apply(b.lift()));

@@ -1,4 +1,5 @@
-//! A task on rows of the pose of a frame. Error: `x_d - p`, `log(R_d R')`. Jacobian: rows of the geometric Jacobian.
+//! A task on rows of the pose of a frame. Error: `x_d - p` in rows of position, and `log(R_d R')` in rows of orientation, with the position
+//! `p` and the rotation matrix `R` of the frame. Jacobian: rows of the geometric Jacobian.
 
 use super::{TaskFunction, TaskKind};
 use crate::arm::{Arm, Tree};

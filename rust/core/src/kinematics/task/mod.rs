@@ -1,19 +1,20 @@
-//! Task functions of an arm: the error `e(q)`, the feed-forward velocity `w`, the Jacobian `J(q)` and its rate `dJ/dt`. With the command `J
-//! v = w + K e` the error decays (closed-loop inverse kinematics, `siciliano1990kinematic`).
+//! Task functions of an arm: the error `e(q)`, the feed-forward velocity `w`, the Jacobian `J(q)` and its rate `dJ/dt`. With joint
+//! velocities `v` that satisfy `J v = w + K e`, `K > 0`, the error decays (closed-loop inverse kinematics, `siciliano1990kinematic`).
 //!
-//! A kind of task is declared in its own file and in the table `tasks!`.
+//! A kind of task is declared in a file and in the macro `tasks!`. The two errors of a frame are those of rows of position and of rows of
+//! orientation:
 //!
 //! | task | error | Jacobian |
 //! |---|---|---|
 //! | frame | `x_d - p`, `log(R_d R')` | rows of the geometric Jacobian |
 //! | posture | `q_d - q` of chosen joints | rows of the identity |
 //! | centre of mass | `c_d - c` | `sum m_b J_b / m_total` over the bodies `b` |
-//! | axis | rotation vector from `a` to `a_d`, in the frame's two directions perpendicular to `a` | the same rows of `R' J_w` |
+//! | axis | rotation vector from `a` to `a_d`, along two directions `b` of the frame perpendicular to `a` | rows `b' R' J_w` |
 //! | relative | `x_d - R_r'(p - p_r)`, `log(R_d (R_r' R)')` | `R_r'(J_v - J_v,r + [p - p_r]x J_w,r)`, `R_r'(J_w - J_w,r)` |
 //! | joint limits | back into the narrowed limits, zero inside | rows of the identity |
 //!
-//! `J_v` and `J_w` are the linear and angular rows of the geometric Jacobian. The index `r` means the reference frame. `[p]x` is the
-//! cross-product matrix.
+//! `p` and `R` are the position and the rotation matrix of the frame, and `'` is the transpose. `J_v` and `J_w` are the linear and angular
+//! rows of the geometric Jacobian. The index `r` means the reference frame. `[p]x` is the cross-product matrix.
 
 mod axis;
 mod centre_of_mass;
@@ -56,8 +57,8 @@ pub trait TaskKind {
     /// The error `e` `(rows,)` to a target.
     fn error<S: Real>(&self, at: &mut Bodies<S>, target: &[S], e: &mut [S]);
 
-    /// Compute the feed-forward velocity `w` for a target `[x_d, x_d', x_d'']`. If `a` is `Some`, compute the feed-forward acceleration
-    /// too.
+    /// Compute the feed-forward velocity `w` for a target with its velocity and its acceleration. If `a` is `Some`, compute the
+    /// feed-forward acceleration too.
     fn feedforward<S: Real>(&self, _at: &Bodies<S>, [_, rate, acceleration]: [&[S]; 3], w: &mut [S], a: Option<&mut [S]>) {
         w.copy_from_slice(rate);
         if let Some(a) = a {

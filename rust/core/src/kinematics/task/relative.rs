@@ -1,6 +1,7 @@
-//! A task on the pose of a frame relative to a reference frame `r`. Error: `x_d - R_r'(p - p_r)`, `log(R_d (R_r' R)')`.
-//! Jacobian: `R_r'(J_v - J_v,r + [p - p_r]x J_w,r)`, `R_r'(J_w - J_w,r)`. `J_v` and `J_w` are the linear and angular rows of the geometric
-//! Jacobian, and `[p]x` is the cross-product matrix.
+//! A task on the pose of a frame relative to a reference frame `r`. Rows of position have the error `x_d - R_r'(p - p_r)` and the Jacobian
+//! `R_r'(J_v - J_v,r + [p - p_r]x J_w,r)`. Rows of orientation have the error `log(R_d (R_r' R)')` and the Jacobian `R_r'(J_w - J_w,r)`.
+//! `p` and `R` are the position and the rotation matrix of the frame. `J_v` and `J_w` are the linear and angular rows of the geometric
+//! Jacobian, and `[p]x` is the cross-product matrix. The prime is the transpose.
 
 use super::frame::pose_error;
 use super::{TaskFunction, TaskKind, frame_of};
@@ -52,7 +53,7 @@ impl TaskKind for Relative {
         let (n, f, r) = (at.n(), at.frame(self.frame, rate), at.frame(self.reference, rate));
         let (d, d_dot) = (f.p - r.p, f.u - r.u);
         let mut add = |c: &Column<S>, linear: Vector3<S>, angular: Vector3<S>, linear_dot: Vector3<S>, angular_dot: Vector3<S>| {
-            // The rate of R_r' y is R_r'(y' - w_r x y).
+            // The rate of R_r' y is R_r'(y_dot - w_r x y).
             let (linear, angular) =
                 if rate { (linear_dot - r.w.cross(linear), angular_dot - r.w.cross(angular)) } else { (linear, angular) };
             let (linear, angular) = (r.r.apply_transposed(linear), r.r.apply_transposed(angular));
