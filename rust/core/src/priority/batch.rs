@@ -1,6 +1,7 @@
-//! Batches of stacks with equal sizes. A program of the algorithm `regular` solves one stack per lane. The program reports the stacks for
-//! which its result is not valid. Another algorithm solves each of these stacks alone. So every row has the bits, ranks and status of a
-//! single solve, and does not depend on other rows.
+//! Batches of stacks with equal sizes. A program (the recorded and compiled algorithm `regular`) solves one stack per lane. It reports the
+//! stacks for which its result is not valid. Another algorithm solves each of these stacks alone. Small batches, and large stacks, have no
+//! program, and each stack is solved alone. So every row has the bits, ranks and status of a single solve, and does not depend on other
+//! rows.
 
 use super::method::PriorityMethod;
 use super::regular::regular_ranks;
@@ -12,11 +13,10 @@ use crate::status::Status;
 use crate::trace::Sym;
 use crate::trace::function::{Evaluation, record};
 
-/// The largest size of a program, as a rough number of operations. The code of a larger program exceeds the caches, and its stacks are
-/// solved one by one instead.
+/// The largest size of a program, as a rough number of operations. Larger stacks are solved one by one instead.
 const MOST: usize = 12_000;
 
-/// If no program exists yet, batches of fewer rows are solved one by one, with the same bits.
+/// Batches of fewer rows are solved one by one, with the same bits.
 pub const FEW: usize = 32;
 
 impl PrioritySolver {
@@ -48,8 +48,9 @@ impl PrioritySolver {
 }
 
 impl PrioritySolver {
-    /// Record the closed form as a program for single stacks. The arguments are Jacobians and command. The results are a flag of validity,
-    /// `v`, residuals, ranks and, for each level, whether a direction is lost. `None` if the program would be too long.
+    /// Record the closed-form algorithm (`pairs.rs`) as a program for single stacks. The arguments are Jacobians and command. The results
+    /// are a flag of validity, `v`, residuals, ranks and, for each level, whether a direction is lost. `None` if the program would be too
+    /// long.
     pub(super) fn of_pairs(&self) -> Option<Evaluation> {
         let (n, total, levels) = (self.n(), self.rows().iter().sum::<usize>(), self.rows().len());
         if n * total * (total + levels) > MOST {
@@ -143,7 +144,7 @@ impl StackBatch {
         &self.single
     }
 
-    /// Whether most rows take at most microseconds: there is a program, and the method does not search over bounds.
+    /// Whether there is a program, and the method does not search over bounds. Most rows then take a short time.
     pub fn is_quick(&self) -> bool {
         self.program.is_some() && self.single.method() != PriorityMethod::Sns
     }

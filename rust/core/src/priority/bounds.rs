@@ -1,6 +1,6 @@
 //! Joint limits as velocity bounds for one sample period `dt`, s (Flacco, De Luca, Khatib 2015, `flacco2015saturation`):
 //!
-//! `v_max' = min( (q_max - q)/dt, v_max, sqrt(2 a_max (q_max - q)) )`. The lower bound `v_min'` is the mirror image of this formula.
+//! `upper = min( (q_max - q)/dt, v_max, sqrt(2 a_max (q_max - q)) )`. The lower bound is the mirror image of this formula, with `q_min`.
 //!
 //! The last term is the speed from which the joint can still brake before the limit. Beyond a limit, the bound points back, at most with
 //! `v_max`.

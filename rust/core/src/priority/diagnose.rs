@@ -1,9 +1,10 @@
 //! Diagnosis of a stack of tasks: the directions of each level that can be commanded, and the reason for each lost direction.
 //!
-//! `overlap = sum rank J_i - rank J_E`. The singularity is **algorithmic** if `rank J_E < min(sum rank J_i, n)`. It is **kinematic** if a
-//! `rank J_i` is below its number of rows. Projected ranks follow the rank rule of the file `levels.rs`. The rank of the stack `J_E` is the
-//! sum of the projected ranks. `rank J_i` is the number of singular values `s > rounding s_max`, with the largest singular value `s_max` of
-//! `J_i`. Each level has its own `s_max`, because tasks have different units.
+//! `J_E` is the stack of the Jacobians `J_i` of all levels, and `overlap = sum rank J_i - rank J_E`. The singularity is **algorithmic** if
+//! `rank J_E < min(sum rank J_i, n)`. It is **kinematic** if a `rank J_i` is below its number of rows. Projected ranks follow the rank rule
+//! of the file `levels.rs`. The rank of the stack `J_E` is the sum of the projected ranks. `rank J_i` is the number of singular values
+//! `s > rounding s_max`, with the largest singular value `s_max` of `J_i`. Each level has its own `s_max`, because tasks have different
+//! units.
 
 use std::fmt;
 

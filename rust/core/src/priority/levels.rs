@@ -3,11 +3,13 @@
 //!
 //! `A_i = J_i X diag(scale) = U diag(s) V'`,  `v += X V g(s) U' (v_i - J_i v)`,  `X diag(scale) <- X diag(scale) V_k diag(d)`.
 //!
-//! Here `g` is the inverse of the method, and `d` is the fraction of a direction that the level leaves free. For `exact`, `d` is 0 or 1 by
-//! the rank rule. For `clamp` and `damped`, `d = 1 - min(1, (s/eps)^2)`. `V_k` has the columns of `V` with `d > 0`.
+//! Here `g(s)` replaces the reciprocal of the singular value `s`, depending on the method. `d` is the fraction of a direction that the
+//! level leaves free. The prime is the transpose. For `exact`, `d` is 0 or 1 by the rank rule. For `clamp` and `damped`,
+//! `d = 1 - min(1, (s/eps)^2)`. `V_k` has the columns of `V` with `d > 0`.
 //!
-//! An SVD brings the product on the right back to the form `X diag(scale)`. So the projector `X diag(scale) X'` is symmetric and
-//! continuous. Its range is orthogonal to every direction with `s >= eps` of the levels above.
+//! An SVD brings the product on the right back to the form `X diag(scale)`. So the projector `X diag(scale) X'` is symmetric. For `clamp`
+//! and `damped` it is also a continuous function of the Jacobians. Its range is then orthogonal to every direction with `s >= eps` of the
+//! levels above.
 //!
 //! Rank rule: a singular value `s` counts if `s > rounding |J_i| c`. Here `c` is the product of `|J_l| / (smallest counted s of level l)`
 //! over all levels `l` above. `rounding c` estimates the relative error of their null basis. For level 2, `c = cond(J1)`.

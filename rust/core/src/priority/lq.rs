@@ -152,7 +152,7 @@ fn add<S: Real>(s: S, w: &[S], y: &mut [S]) {
     }
 }
 
-/// Return the scalar product. Two independent sums shorten the chain of operations.
+/// Return the scalar product. Two independent sums shorten the chain of operations that depend on each other.
 pub(super) fn product<S: Real>(a: &[S], b: &[S]) -> S {
     let (mut even, mut odd) = (S::zero(), S::zero());
     for (i, (&a, &b)) in a.iter().zip(b).enumerate() {

@@ -8,7 +8,7 @@ use nalgebra::{DMatrix, DVector};
 /// `(rows_i,)`.
 ///
 /// Errors: `WrongShape` for shapes that do not fit. `Input` for an invalid option, no joint, or numbers that are not finite. `Solve` if the
-/// result overflows. `Memory`.
+/// result overflows. `Memory` if the memory does not suffice.
 ///
 /// ```
 /// use armlet_core::priority::{PriorityMethod, PriorityOptions, solve_levels};

@@ -25,8 +25,9 @@ pub enum PriorityMethod {
     /// Damped least squares `s -> s / (s^2 + lambda^2)` with `lambda = eps (1 - w)`. Here `w = prod min(1, s/eps)` is the manipulability
     /// relative to its value at the threshold (Nakamura and Hanafusa 1986, `nakamura1986inverse`).
     Damped,
-    /// `v = sum P_{i-1} J_i# v_i` (Chiaverini 1997, `chiaverini1997singularity`). Algorithmic singularities do not occur, because no
-    /// projected matrix is inverted. In return, lower levels have an error if tasks are not orthogonal.
+    /// `v = sum P_{i-1} J_i# v_i`, where `P_{i-1}` projects on the null space of the levels above (Chiaverini 1997,
+    /// `chiaverini1997singularity`). Algorithmic singularities do not occur, because no projected matrix is inverted. In return, lower
+    /// levels have an error if tasks are not orthogonal.
     Chiaverini,
     /// Saturation in the null space (Flacco, De Luca, Khatib 2015, `flacco2015saturation`). Joints at their bounds are fixed, and the task
     /// is scaled without a change of its direction.
@@ -80,8 +81,8 @@ pub struct PriorityOptions {
     pub eps: Option<Vec<f64>>,
     /// The relative error of the entries of the Jacobians. `None` means `DEFAULT_ROUNDING`.
     pub rounding: Option<f64>,
-    /// The joint metric `W`, shape `(n, n)`, row-major, symmetric and positive definite: the methods minimise `v' W v`. `None` means the
-    /// identity.
+    /// The joint metric `W`, shape `(n, n)`, row-major, symmetric and positive definite. Of all `v` with the same task velocities, the
+    /// methods prefer the smallest `v' W v`. `None` means the identity.
     pub weight: Option<Vec<f64>>,
     /// The lower joint velocity bounds for `sns`, shape `(n,)`, rad/s or m/s. Infinite entries are allowed. `None` means `-v_max`.
     pub v_min: Option<Vec<f64>>,

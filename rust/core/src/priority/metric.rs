@@ -1,7 +1,7 @@
 //! The joint metric `v' W v` by a change of coordinates: with `W = L L'` and `y = L' v`, `v' W v = y' y` and `J v = (J L^-T) y`.
 //!
-//! The methods use `J L^-T` instead of `J`, and `v = L^-T y` at the end. Singular values have the unit of `J` divided by the root of the
-//! unit of `W`.
+//! The methods use `J L^-T` instead of `J`, and `v = L^-T y` at the end. Singular values have the unit of `J` divided by the square root of
+//! the unit of `W`. The prime is the transpose.
 
 use super::lq::product;
 use crate::error::{Error, Result, finite};

@@ -2,16 +2,15 @@
 //!
 //! `v = J1# v1 + (J2 P1)# (v2 - J2 J1# v1) + ..`, `P1 = I - J1# J1`                                        (5)
 //!
-//! Here `#` marks the pseudo-inverse. The number and the sizes of the levels are arbitrary. A *level* is a task with a priority, and a
-//! *stack* is the list of all levels. Five methods compute `v` (`PriorityMethod`). `diagnose` reports the directions of each level that can
-//! be commanded, and why the other directions cannot be commanded. The page `docs/priority.md` has the derivation, the limits and a table
-//! of the methods.
+//! Here `J1` and `J2` are the Jacobians of the first two levels, `v1` and `v2` their task velocities, and `#` marks the pseudo-inverse. The
+//! number and the sizes of the levels are arbitrary. A *level* is a task with a priority, and a *stack* is the list of all levels. Five
+//! methods compute `v` (`PriorityMethod`). `diagnose` reports the directions of each level that can be commanded, and why the other
+//! directions cannot be commanded. The page `docs/priority.md` has the derivation, the limits and a table of the methods.
 //!
-//! A *route* is one algorithm that computes the solution. The route `regular` uses LQ factorisations. It requires a proof that every
-//! singular value is large and that no bound is met. For `clamp` and `damped`, `pairs` solves levels of at most two rows in closed form,
-//! also at singularities.
-//! `levels` is the general recursion with singular values, and `sns` adds bounds. `batch` solves many stacks with a program that is
-//! recorded from `regular`. `solver` owns the memory and selects the route.
+//! A *route* is one algorithm that computes the solution. The route `regular` uses LQ factorisations. Its result is valid only if it is
+//! proven that every singular value is large and that no bound is met. For `clamp` and `damped`, `pairs` solves levels of at most two rows
+//! in closed form, also at singularities. `levels` is the general recursion with singular values, and `sns` adds bounds. `batch` solves
+//! many stacks with a program: the recorded and compiled algorithm `regular`. `solver` owns the memory and selects the route.
 
 #[doc(hidden)]
 mod batch;

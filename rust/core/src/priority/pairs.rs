@@ -8,7 +8,7 @@
 //! following level. So only the last two levels may use a direction partially. Otherwise the algorithm reports that its result is not
 //! valid. The result is also not valid if a threshold is so small that one rotation is not accurate enough.
 //!
-//! The code does not branch on numbers, so that a recorded program and a direct solve have the same bits.
+//! The code does not branch on numbers, so that a program (the recorded and compiled code) and a direct solve have the same bits.
 
 use super::lq::product;
 use super::method::{PriorityMethod, TAME};

@@ -1,6 +1,7 @@
 //! The solution of a stack (equation (5) in `mod.rs`) away from singularities. The stack is factored as `J_E = [J1; J2; ..] = L Q` (LQ
-//! factorisation by Householder reflections). The prioritised solution is `v = Q' y`, where forward substitution solves `L y = [v1; v2;
-//! ..]`. The reason: the diagonal block `T_i` of `L` is `J_i N_{i-1}` in an orthonormal basis of the null space of the levels above.
+//! factorisation by Householder reflections). The prioritised solution is `v = Q' y` with the transpose `Q'`, where forward substitution
+//! solves `L y = [v1; v2; ..]`. The reason: the diagonal block `T_i` of `L` is `J_i N_{i-1}` in an orthonormal basis of the null space of
+//! the levels above.
 //!
 //! The result is valid only if it provably equals the result of the recursion in `levels`. The number `1/|T_i^-1|_F` is a lower bound of
 //! the smallest singular value of `J_i N_{i-1}`. For `clamp` and `damped`, it must reach `eps_i`. For the other methods, it must reach
@@ -10,8 +11,8 @@
 //! equals the solution of `exact`. For `chiaverini`, it is the sum of `P_{i-1} J_i# v_i` with the ranks of `exact`. `P_{i-1}` removes the
 //! coordinates of the levels above, and `1/|J_i#|_F` must reach `eps_i`.
 //!
-//! Direct solves and recordings use the same code, which never branches on numbers. So a program and a direct solve with the same
-//! instruction set have the same bits.
+//! Direct solves and recordings use the same code, which never branches on numbers. So a program (the recorded and compiled code) and a
+//! direct solve with the same instruction set have the same bits.
 
 use super::lq::{Factor, product, tall};
 use super::method::{DEFAULT_EPS, PriorityMethod, TAME};
@@ -105,7 +106,7 @@ impl<S: Real> Regular<S> {
     }
 
     /// Solve the stack `jacobian`, shape `(sum rows, n)`, and write the results to `v` and `residual`. Return one if the result is valid.
-    /// Return zero if a level is not provably regular, or if a number is extreme.
+    /// Return zero if a level is not provably regular, if a bound of `sns` may be met, or if a number is extreme.
     pub fn solve(&mut self, rounding: S, jacobian: &[S], command: &[S]) -> S {
         self.load(jacobian);
         self.factor.y.fill(S::zero());

@@ -12,7 +12,8 @@ use crate::error::Result;
 use crate::linalg::householder::{reflect, reflector};
 use crate::linalg::{axpy, dot};
 
-/// A joint can be fixed if its row in the remaining null space is longer than this limit. A shorter row would amplify rounding 1e10 times.
+/// A joint can be fixed if its row in the remaining null space is longer than this limit. A shorter row would amplify rounding errors more
+/// than 1e10 times.
 const LEAST_MOBILITY: f64 = 1e-10;
 
 /// The relative rounding error of `v(s) = s a + b`. The product of this number and `max |a| + max |b|` is the rounding error of `v(s)`. A

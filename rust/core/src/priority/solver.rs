@@ -26,7 +26,7 @@ use crate::status::Status;
 /// let (first, second) = ([1.0, 0.0], [0.0, 2.0]);
 /// assert_eq!(solver.solve(&[&first, &second], &[&[0.5], &[1.0]])?, Status::Success);
 /// assert!((solver.v()[0] - 0.5).abs() < 1e-15 && (solver.v()[1] - 0.5).abs() < 1e-15);
-/// // Two tasks that want the same joint.
+/// // Both tasks use the same joint.
 /// assert_eq!(diagnose(2, &[1, 1], &[&first, &first], None, None)?.kind, SingularityKind::Algorithmic);
 /// # Ok::<(), armlet_core::error::Error>(())
 /// ```
@@ -46,7 +46,8 @@ impl PrioritySolver {
     /// more rows than joints.
     ///
     /// Errors: `WrongShape` for a wrong number of thresholds, weights or bounds. `Input` for `n = 0`, `eps <= 0`, or a `rounding` outside
-    /// of `[0, 1)`. Also `Input` for a weight that is not positive definite, invalid bounds, or `sns` without bounds. `Memory`.
+    /// of `[0, 1)`. Also `Input` for a weight that is not positive definite, invalid bounds, or `sns` without bounds. `Memory` if the
+    /// memory does not suffice.
     pub fn new(n: usize, rows: &[usize], options: &PriorityOptions) -> Result<Self> {
         if n == 0 {
             return Err(Error::input("n", "is not positive: expected at least one joint, got 0"));
@@ -207,8 +208,8 @@ impl PrioritySolver {
         self.run()
     }
 
-    /// Count a repeated call. After some calls, a program for stacks away from singularities is made, which takes about 0.2 ms. Later
-    /// solves are faster, with the same bits.
+    /// Count a repeated call. After some calls, the algorithms `regular` and `pairs` are recorded and compiled as programs. Later solves
+    /// use these programs, with the same bits.
     #[inline]
     pub fn used(&mut self) {
         self.uses += 1;
