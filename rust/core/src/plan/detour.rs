@@ -1,4 +1,5 @@
-//! Lower bounds of the time of a swing without friction, and upper bounds of the time that it saves over the monotone motion.
+//! Lower bounds of the time of a swing without friction, and upper bounds of the time that it saves over the monotone motion. The swing
+//! starts at `x0`, and turns at the distance `e` behind `x0`.
 
 use super::monotone::{Energies, Monotone};
 use super::sine::{gravity_range, sine};
@@ -23,9 +24,9 @@ impl Push {
         let mean = if push.push >= push.g.abs() {
             push.push - gravity_range(push.g, &sine(push.x), &sine(push.x + length)).1
         } else {
-            // Before the maximum of gravity, the net torque rises, falls, or first rises and then falls. After the maximum, the kinetic
-            // energy does not fall below its value there. So the net torque at the start, or the lowest energy over the length, is a lower
-            // bound of the mean.
+            // Gravity makes the kinetic energy smallest at a maximum of gravity. Before it, the net torque rises, falls, or first rises and
+            // then falls. After it, the kinetic energy does not fall below its value there. So the net torque at the start, or the lowest
+            // energy over the length, is a lower bound of the mean.
             push.net().min(energies.peak.min(energies.push_hump) / length)
         };
         Push { length, mean }

@@ -6,14 +6,15 @@
 //! dT/de = (z/v)_2 + (z/v)_3      spread z (`curve.rs`) over speed v at the two switches, 2 before and 3 after the turn
 //! ```
 //!
-//! The change of the switching times does not contribute to the derivative, because both phases have equal speeds at a switch. An overshoot
-//! is a back-swing of the mirrored motion, run backwards in time with negative friction coefficients. Coulomb friction alone only shifts
-//! the torque bounds of each part of the motion. A test uses this as an independent check.
+//! `x0` is the start, `x1` the goal and `xt` the turn. `u+` is the absolute value of the upper torque bound. The change of the switching
+//! times does not contribute to the derivative, because both phases have equal speeds at a switch. An overshoot is a back-swing of the
+//! mirrored motion, run backwards in time with negative friction coefficients. Coulomb friction alone only shifts the torque bounds of each
+//! part of the motion. A test uses this as an independent check.
 //!
-//! Let `phi` be `exp(-d t / 2I)` times the adjoint variable, whose zeros are the switches. Then `phi_ddot = (d^2/4I^2 - G cos theta/I)
-//! phi`, and Sturm's comparison theorem applies to `phi`. So an overdamped link, with `d^2 >= 4 I |G|`, switches at most once. This is true
-//! with Coulomb friction too. Where the motion reverses, Coulomb friction reduces the acceleration, and with it `phi_dot/phi - d/2I`. After
-//! a zero, `|phi|` only grows.
+//! Let `phi` be `exp(-d t / 2I)` times the adjoint variable, whose zeros are the switches. Then
+//! `phi_ddot = (d^2/4I^2 - G cos theta/I) phi`, and Sturm's comparison theorem applies to `phi`. So an overdamped link, with
+//! `d^2 >= 4 I |G|`, switches at most once. This is true with Coulomb friction too. Where the motion reverses, Coulomb friction reduces the
+//! acceleration, and with it `phi_dot/phi - d/2I`. After a zero, `|phi|` only grows.
 //!
 //! With one switch the motion is monotone. From rest, an overdamped link never moves beyond the equilibrium of gravity and torque, because
 //! `v < 2 N(x)/d` remains true. Here `N(x)` is the torque minus the torques of gravity and Coulomb friction, and is zero at the
@@ -134,8 +135,8 @@ impl BackSwings for FrictionSearch {
         self.straight.then(|| (1e-3 * (self.x1 - self.x0).min(1.0)).max(1e-6))
     }
 
-    /// The largest `e` of a swing that can be faster than `limit`, s. It follows from a lower bound of the duration: `T > k sqrt(2 I e / p)
-    /// + T_brake(D)`.
+    /// The largest `e` of a swing that can be faster than `limit`, s. It follows from a lower bound of the duration:
+    /// `T > k sqrt(2 I e / p) + T_brake(D)`.
     ///
     /// The first term is the time of `k` parts of length `e`. Each part starts at rest, and its net torque is at most `p`, the largest
     /// torque plus the gravity moment. The second term is the time of the last brake over the distance `D` from `x0` to `x1`. With `k = 2`,
@@ -152,8 +153,8 @@ impl BackSwings for FrictionSearch {
     }
 }
 
-/// Compute the fastest motion of [`torque_optimal_time`](super::torque_optimal_time) with friction torques `viscous * v` and `coulomb *
-/// sign(v)`.
+/// Compute the fastest motion of [`torque_optimal_time`](super::torque_optimal_time) with friction torques `viscous * v` and
+/// `coulomb * sign(v)`.
 ///
 /// `theta0` and `thetaf` are in rad, `inertia` in kg m^2, `viscous` in N m s/rad; all other arguments are in N m. The last argument is
 /// `[viscous, coulomb]`. Errors: `Input` for an invalid argument.

@@ -2,14 +2,15 @@
 //!
 //! ```text
 //! minimise T(e),   e > 0 the distance of the turn behind the start, in the intervals where the swing is feasible
-//! dT/de = r(l2) + r(l3),   r(l) = (1 + dy/dx)/v after the distance l from the turn, at the speed v
+//! dT/de = r(l2) + r(l3),   r(l) = (1 + dy/dx)/v at the distance y = l from the turn at x, at the speed v
 //! dT/de -> -infinity   at the lower edge of an interval, where a push barely passes a maximum of gravity or reaches x1
 //! dT/de -> +infinity   at the upper edge, where the link turns on a maximum of gravity, or where a brake ends
 //! dT/de -> +infinity   as e -> 0, which is an edge only if the monotone motion is feasible
 //! ```
 //!
-//! `r` decreases along a phase, from +infinity at the turn to -infinity at the next rest. The reason is that its numerator and the speed
-//! solve the same linear equation.
+//! `l2` and `l3` are the distances from the turn to the two switches, `dy/dx` is the derivative at fixed time, and `x1` is the goal. A
+//! *maximum of gravity* is an angle at which gravity makes the kinetic energy smallest. `r` decreases along a phase, from +infinity at the
+//! turn to -infinity at the next rest. The reason is that its numerator and the speed solve the same linear equation.
 //!
 //! So T has a minimum in every interval that does not begin with `e = 0`. Half a million intervals of random links had no second minimum.
 //! In an interval that begins with `e = 0`, T rises at first. Where a swing is faster, T then falls to a minimum and rises again. Such

@@ -9,8 +9,9 @@
 //! collocation:  y_ddot = sum a_k (t/h)^k with the equation of motion at Chebyshev's points of (0, h], by Newton's method
 //! ```
 //!
-//! `y_k` are the Taylor coefficients of `y`, and `S_k`, `C_k` those of `sin(x + y)` and `cos(x + y)`. The series have order 24 and follow
-//! Jorba and Zou. A step ends where its last terms are 1e-17 of the motion. Such a step is at most some time constants `I/d` of the
+//! `y` is the distance from rest, `p` the torque minus Coulomb friction, `G` the gravity moment, `d` the viscous friction and `I` the
+//! inertia. `y_k` are the Taylor coefficients of `y`, and `S_k`, `C_k` those of `sin(x + y)` and `cos(x + y)`. The series have order 24 and
+//! follow Jorba and Zou. A step ends where its last terms are 1e-17 of the motion. Such a step is at most some time constants `I/d` of the
 //! friction long. After 40 time constants, collocation integrates the slower motion. Collocation is stiffly accurate, and its steps are as
 //! long as the slow motion allows.
 

@@ -8,9 +8,10 @@
 //! x0 = x1: T = 0, feasible and certified iff u_min <= G sin x0 <= u_max
 //! ```
 //!
-//! `u_min` and `u_max` are the torque bounds in the coordinate `x`. The certificate is Sturm's comparison theorem. The adjoint variable
-//! `psi` obeys `psi_ddot = -(G cos theta/I) psi`, and its zeros are the torque switches. So two switches are more than `pi sqrt(I/|G|)`
-//! apart. Without the certificate, the optimum may first swing back, or overshoot (`swing.rs`).
+//! `x0` is the start, `x1` the goal and `xs` the switch. `u_min` and `u_max` are the torque bounds in the coordinate `x`. The certificate
+//! is Sturm's comparison theorem. The adjoint variable `psi` obeys `psi_ddot = -(G cos theta/I) psi`, and its zeros are the torque
+//! switches. So two switches are more than `pi sqrt(I/|G|)` apart. Without the certificate, the optimum may first swing back, or overshoot
+//! (`swing.rs`).
 
 use super::link::{Link, check_ends};
 use super::monotone::MonotoneMotion;
@@ -106,7 +107,7 @@ pub struct TorqueOptimum {
 /// // Without gravity both are bang-bang: T = 2 sqrt(I D / tau).
 /// let (optimum, profile) = (torque_optimal_time(0.0, 1.0, 1.0, 0.0, -4.0, 4.0)?, bang_bang_time(0.0, 1.0, 1.0, 0.0, -4.0, 4.0)?);
 /// assert!((optimum.t - 1.0).abs() < 1e-9 && (profile.t_min - 1.0).abs() < 1e-9);
-/// // Half of the torque that holds the link level does not lift it at once: it swings back first.
+/// // Half of the torque that holds the link horizontally cannot lift it by a monotone motion.
 /// let swing = torque_optimal_time(0.0, PI, 1.0, 2.0, -1.0, 1.0)?;
 /// assert!(!swing.feasible && swing.best.kind != Family::Monotone);
 /// let profile = optimum.profile().expect("feasible");

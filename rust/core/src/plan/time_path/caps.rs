@@ -6,8 +6,9 @@
 //! b = 2 (C_i - 2 C_m + C_(i+1)) / h^2   gives x = C at both ends and at the midpoint, where C = C_m
 //! ```
 //!
-//! `'` is `d/ds`. With this slope `b`, the squared speed `x` differs from the cap between grid points only by a term of order `h^3`. With a
-//! constant `u`, `x` would equal the cap only at grid points, and `u` would jump at each of them.
+//! `'` is `d/ds`, `u` is the path acceleration, and `C_i` is the cap at grid point `i`. With this slope `b`, the squared speed `x` differs
+//! from the cap between grid points only by a term of order `h^3`. With a constant `u`, `x` would equal the cap only at grid points, and
+//! `u` would jump at each of them.
 
 use super::magnitudes::FASTEST;
 use super::reach::Profile;

@@ -1,4 +1,5 @@
-//! The check of a profile, `x` at all grid points, against its limits between grid points.
+//! The check of a profile (the squared path speed `x` at all grid points) against its limits between grid points. A *row* is one limited
+//! quantity, for example the torque of one joint.
 //!
 //! Every segment is sampled at ten equal steps. Between samples `k` and `k + 1`, the value `f` of a row is at most
 //!
@@ -75,7 +76,7 @@ pub(super) struct Course<'a> {
     pub n: usize,
     /// `(N,)`: the index of the piece of each segment.
     pub pieces: &'a [usize],
-    /// The runs of segments of equal length within a piece, as first index and end index.
+    /// The groups of consecutive segments of equal length within a piece, as first index and end index.
     pub spans: &'a [(usize, usize)],
     /// Whether there are rows of torques, and rows of accelerations.
     pub kinds: [bool; 2],

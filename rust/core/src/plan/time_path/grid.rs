@@ -5,7 +5,7 @@ use crate::motion::Path;
 /// The smallest number of segments of a piece, unless the path has too many pieces.
 pub(super) const PIECE: usize = 5;
 
-/// Find the runs of segments with equal length within each piece, as first index and end index.
+/// Find the groups of consecutive segments with equal length within each piece, as first index and end index.
 pub(super) fn spans(s: &[f64], pieces: &[usize], spans: &mut Vec<(usize, usize)>) {
     spans.clear();
     let step = |i: usize| s[i + 1] - s[i];

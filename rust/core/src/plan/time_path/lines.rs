@@ -231,8 +231,8 @@ impl Lines {
         }
     }
 
-    /// Store the limit `radius` of the frame's acceleration at the three points of segment `i`. Its components are the rows from `k` to `k
-    /// + 2`.
+    /// Store the limit `radius` of the frame's acceleration at the three points of segment `i`. Its components are the rows `k` to
+    /// `k + 2`.
     fn build_balls(&mut self, rows: &LimitRows, i: usize, place: usize, k: usize, radius: f64) {
         let w = rows.width;
         let h = rows.s[i + 1] - rows.s[i];

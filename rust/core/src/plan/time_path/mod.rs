@@ -17,8 +17,8 @@
 //!    step 2 until no limit is exceeded. If this does not succeed, halve segments.
 //! 4. With friction, step 3 may end without a feasible speed. Then slow down the best timing (`slow`).
 //! 5. With limits of the torque rate, average the timing over time and slow it down (`rate`).
-//! 6. Further limits: speed and acceleration of a frame's origin (`tip`), limits that vary along the path (`along`), positions
-//!    (`positions`).
+//! 6. Further limits are part of these steps: speed and acceleration of a frame's origin (`tip`), and limits that vary along the path
+//!    (`along`). Position limits are checked separately (`positions`).
 //! 7. Without a feasible timing, report the joint, the path position, the limit, and the missing amount (`reason`).
 
 mod along;

@@ -6,8 +6,8 @@
 //! u_i = largest u that obeys all rows at x_i,   x_(i+1) = x_i + 2 h u_i                                (forward)
 //! ```
 //!
-//! Each segment has rows at both ends and in the middle (`lines`). A second pass repeats only the segments whose rows or bounds have
-//! changed. So the cost of a correction is proportional to the number of changed segments.
+//! Each segment has rows (limited quantities) at both ends and in the middle (`lines`). A second pass repeats only the segments whose rows
+//! or bounds have changed. So the cost of a correction is proportional to the number of changed segments.
 //!
 //! If a limit changes along a segment, a constant `u` loses time in proportion to `h`. So when the active limits of a profile are known,
 //! `u` gets their slope `b`: `u_i + b (s - s_i - h/2)`. This only adds constants to the rows. The loss is then of order `h^2`.

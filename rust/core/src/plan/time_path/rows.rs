@@ -62,7 +62,7 @@ impl Points<'_> {
         };
         let query = Query::from(quantity);
         if let (Mover::Tree(functions), true) = (mover, needed) {
-            // The result is ignored: if no program can be recorded, the functions are evaluated directly.
+            // The result is ignored: if the functions cannot be recorded and compiled as a program, they are evaluated directly.
             let _ = functions.prepare(&query, count);
         }
         let length = if quantity == Quantity::PathDynamics { 3 * n } else { n };

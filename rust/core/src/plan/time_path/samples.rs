@@ -25,7 +25,7 @@ pub(super) struct Samples {
     pub segments: Vec<Segment>,
     /// The largest relative excess of each segment before any limit was reduced.
     pub first: Vec<f64>,
-    /// The index in `spans` of the run of segments that contains each segment.
+    /// The index in `spans` of the group that contains each segment.
     pub span: Vec<usize>,
     /// Whether each segment is sampled by the dynamics, without interpolation.
     pub exact: Vec<bool>,

@@ -31,7 +31,7 @@ pub(super) struct PathProblem<'a> {
     pub kinds: [bool; 2],
     /// The interpolations at the middle of a segment and at its samples.
     pub stencils: (Stencil<4>, Stencil<WINDOW>),
-    /// The runs of segments of equal length within a piece, as first index and end index.
+    /// The groups of consecutive segments of equal length within a piece, as first index and end index.
     pub spans: Vec<(usize, usize)>,
     /// The numbers per grid point in `slopes`, padded to a multiple of `BLOCK`.
     pub stride: usize,
