@@ -9,6 +9,14 @@ use crate::spatial::{Inertia, Placement, Vector, Vector3};
 use std::collections::HashSet;
 
 /// The type of a joint in a list.
+///
+/// ```
+/// use armlet_core::arm::{JointKind, JointType};
+///
+/// assert_eq!(JointType::parse("R"), Some(JointType::Moving(JointKind::Revolute)));
+/// assert_eq!(JointType::parse("fixed"), Some(JointType::Fixed));
+/// assert_eq!(JointType::parse("ball"), None);
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum JointType {
     /// A joint with one degree of freedom.
@@ -34,6 +42,22 @@ impl JointType {
 ///
 /// At `q = 0`, the joint frame has the placement `(rpy, xyz)` in the frame of the parent body. The joint rotates about `axis` or slides
 /// along it. The body frame is the moved joint frame.
+///
+/// ```
+/// use armlet_core::arm::{Arm, ChainJoint, JointKind, JointType, Limits, STANDARD_GRAVITY};
+///
+/// # let body = [2.0, 0.0, 0.0, 0.0, 0.1, 0.0, 0.1, 0.0, 0.0, 0.1];
+/// let lift = ChainJoint {
+///     name: Some("lift".into()),
+///     limits: Limits { lower: 0.0, upper: 0.5, ..Limits::default() },
+///     ..ChainJoint::new(JointType::Moving(JointKind::Prismatic), [0.0, 0.0, 2.0], [0.0; 3], [0.0; 3], body)
+/// };
+/// let flange = ChainJoint::new(JointType::Fixed, [0.0, 0.0, 1.0], [0.0; 3], [0.0, 0.0, 0.3], [0.0; 10]);
+/// let arm = Arm::from_chain(&[lift, flange], STANDARD_GRAVITY)?;
+/// assert_eq!((arm.n(), arm.joints[0].axis), (1, [0.0, 0.0, 1.0]));
+/// assert_eq!(arm.frames[arm.frame_index("link2")?].placement.translation.z, 0.3);
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct ChainJoint {
     /// Name of the joint. `None` selects `"joint1"`, `"joint2"`, ..

@@ -11,6 +11,21 @@ use crate::memory;
 use crate::spatial::{Inertia, Matrix3, Placement, RotationMatrix, Vector3};
 
 /// The convention of Denavit-Hartenberg rows.
+///
+/// ```
+/// use armlet_core::arm::{Arm, Convention, DhRow, JointKind};
+/// use armlet_core::dynamics::Evaluator;
+/// use nalgebra::dvector;
+/// use std::f64::consts::FRAC_PI_2;
+///
+/// let row = DhRow { kind: JointKind::Revolute, a: 1.0, alpha: 0.0, d: 0.0, theta: 0.0, phi: [0.0; 10] };
+/// let frame = |convention| Evaluator::new(&Arm::from_dh(&[row.clone()], convention, [0.0; 3])?).pose(&dvector![FRAC_PI_2], 0);
+/// // The joint axis is before the link of length `a`, or behind it.
+/// assert!((frame(Convention::Standard)?.translation.y - 1.0).abs() < 1e-15);
+/// assert!((frame(Convention::Modified)?.translation.x - 1.0).abs() < 1e-15);
+/// assert_eq!(Convention::parse("modified")?, Convention::Modified);
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Convention {
     /// The joint axis is `z` of the previous frame.
@@ -31,6 +46,21 @@ impl Convention {
 }
 
 /// One Denavit-Hartenberg row: a joint and its body.
+///
+/// ```
+/// use armlet_core::arm::{Arm, Convention, DhRow, JointKind, STANDARD_GRAVITY};
+/// # use armlet_core::dynamics::Evaluator;
+/// # use nalgebra::{dvector, vector};
+/// use std::f64::consts::FRAC_PI_2;
+///
+/// // A column that turns, and an arm that slides out of it.
+/// let row = |kind, alpha, d| DhRow { kind, a: 0.0, alpha, d, theta: 0.0, phi: [0.0; 10] };
+/// let rows = [row(JointKind::Revolute, FRAC_PI_2, 0.8), row(JointKind::Prismatic, 0.0, 0.3)];
+/// let arm = Arm::from_dh(&rows, Convention::Standard, STANDARD_GRAVITY)?;
+/// let hand = Evaluator::new(&arm).pose(&dvector![0.0, 0.1], arm.frame_index("link2")?)?;
+/// assert!((hand.translation.vector - vector![0.0, -0.4, 0.8]).norm() < 1e-15);
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct DhRow {
     /// Type of the joint.

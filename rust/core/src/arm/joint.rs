@@ -3,6 +3,16 @@
 use crate::spatial::Placement;
 
 /// The kind of motion of a joint.
+///
+/// ```
+/// use armlet_core::arm::{Arm, JointKind, STANDARD_GRAVITY, example_urdf};
+///
+/// let arm = Arm::from_urdf(example_urdf("planar_pr")?, "planar_pr", STANDARD_GRAVITY, None, None)?;
+/// let kinds: Vec<_> = arm.joints.iter().map(|joint| joint.kind).collect();
+/// assert_eq!(kinds, [JointKind::Prismatic, JointKind::Revolute]);
+/// assert_eq!((kinds[0].name(), kinds[0].is_angle(), kinds[1].is_angle()), ("prismatic", false, true));
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum JointKind {
     /// Rotation about the axis, within limits.
@@ -29,6 +39,16 @@ impl JointKind {
 }
 
 /// The limits of a joint. A limit that the model does not state is infinite.
+///
+/// ```
+/// use armlet_core::arm::{Arm, Limits, STANDARD_GRAVITY, example_urdf};
+///
+/// let arm = Arm::from_urdf(example_urdf("six_axis")?, "six_axis", STANDARD_GRAVITY, None, None)?;
+/// let elbow = arm.joints[2].limits;
+/// assert_eq!(elbow, Limits { lower: -3.1, upper: 3.1, velocity: 3.1, effort: 100.0 });
+/// assert_eq!(Limits::default().effort, f64::INFINITY);
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Limits {
     /// Smallest position, rad or m.
@@ -48,6 +68,18 @@ impl Default for Limits {
 }
 
 /// A moving joint with its body. The body frame is the moved joint frame.
+///
+/// ```
+/// use armlet_core::arm::Arm;
+///
+/// let arm = Arm::planar(&[0.5, 0.4], None, None, None, [0.0, -9.81])?.with_drives(Some(&[0.02, 0.01]), None, None)?;
+/// let elbow = &arm.joints[1];
+/// assert_eq!((elbow.name.as_str(), elbow.parent, elbow.armature), ("joint2", Some(0), 0.01));
+/// assert_eq!(elbow.placement.translation.x, 0.5);
+/// // A uniform rod with 1 kg/m: its mass, and its first moment about the joint.
+/// assert!((elbow.parameters[0] - 0.4).abs() < 1e-15 && (elbow.parameters[1] - 0.08).abs() < 1e-15);
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Joint {
     /// Name of the joint, unique in the arm.
@@ -82,6 +114,16 @@ impl Joint {
 }
 
 /// A named frame that is fixed to a body or to the base.
+///
+/// ```
+/// use armlet_core::arm::Arm;
+///
+/// let arm = Arm::planar(&[0.5, 0.4], None, None, None, [0.0, -9.81])?;
+/// let arm = arm.with_frame("tool", "link2", [0.0; 3], [0.1, 0.0, 0.0])?;
+/// let tool = &arm.frames[arm.frame_index("tool")?];
+/// assert_eq!((tool.body, tool.placement.translation.x), (Some(1), 0.5));
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Frame {
     /// Name of the frame.

@@ -11,6 +11,18 @@ use crate::error::{Error, Result, finite, listed};
 use crate::interrupt::look;
 
 /// A mimic joint.
+///
+/// ```
+/// use armlet_core::arm::{Arm, Mimic};
+///
+/// // The second joint turns back twice as far as the first joint.
+/// let arm = Arm::planar(&[0.5, 0.4], None, None, None, [0.0; 2])?.following(&[None, Some((0, -2.0, 0.0))])?;
+/// assert_eq!((arm.n(), arm.mimics[0]), (1, Mimic { joint: 1, leader: 0, multiplier: -2.0, offset: 0.0 }));
+/// let mut joints = [0.0; 2];
+/// arm.joint_positions(&[0.3], &mut joints);
+/// assert_eq!(joints, [0.3, -0.6]);
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Mimic {
     /// Index of the follower.
@@ -24,6 +36,17 @@ pub struct Mimic {
 }
 
 /// The map `q_joints = G q + c` from coordinates to joints, in an arm with mimic joints.
+///
+/// ```
+/// use armlet_core::arm::Arm;
+///
+/// let arm = Arm::planar(&[0.5, 0.4], None, None, None, [0.0; 2])?;
+/// assert_eq!(arm.joining(), None);
+/// let joining = arm.following(&[None, Some((0, -2.0, 0.1))])?.joining().expect("a mimic joint");
+/// assert_eq!(joining.rows, [(0, 1.0, 0.0), (0, -2.0, 0.1)]);
+/// assert_eq!(joining.leaders, [0]);
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Joining {
     /// For each joint, the index of the coordinate that moves it, the multiplier and the offset.

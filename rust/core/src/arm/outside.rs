@@ -8,6 +8,17 @@ use std::f64::consts::TAU;
 const SLACK: f64 = 1e-9;
 
 /// The first position that is outside of its joint's limits, and the counts of such positions.
+///
+/// ```
+/// use armlet_core::arm::{Arm, Outside, STANDARD_GRAVITY, example_urdf};
+///
+/// let arm = Arm::from_urdf(example_urdf("planar_2r")?, "planar_2r", STANDARD_GRAVITY, None, None)?;
+/// assert_eq!(Outside::first([(&arm, &[9.0, 2.8][..])]), None);
+/// let outside = Outside::first([(&arm, &[0.0, -57.0][..])]).expect("beyond -2.8 rad");
+/// assert_eq!((outside.joint, outside.limits), (1, [-2.8, 2.8]));
+/// assert_eq!(outside.problem(), "= -57 rad is outside [-2.8, 2.8]: degrees?");
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Outside {
     /// The row of this position.

@@ -20,6 +20,16 @@ const SECOND_MOMENT: [&str; 6] = ["Sxx", "Sxy", "Syy", "Sxz", "Syz", "Szz"];
 pub const BASE: usize = usize::MAX;
 
 /// A body with its joint. Its *compiled frame* has the origin on the joint, and z along the joint axis.
+///
+/// ```
+/// use armlet_core::arm::{Arm, BASE, Tree};
+///
+/// let tree = Tree::<f64>::new(&Arm::planar(&[0.5, 0.4], None, None, None, [0.0, -9.81])?);
+/// let (upper, lower) = (&tree.bodies[0], &tree.bodies[1]);
+/// assert_eq!((upper.parent, upper.end, lower.parent), (BASE, 2, 0));
+/// assert!(lower.revolute && lower.translation.x == 0.5 && lower.inertia.mass == 0.4);
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct Body<S: Real> {
     /// The index of the parent body, or [`BASE`]. Parents precede children.
@@ -50,12 +60,36 @@ pub struct Body<S: Real> {
 }
 
 /// A frame that is fixed to a body, in the body's compiled axes. If `body` is [`BASE`], it is fixed to the base.
+///
+/// ```
+/// use armlet_core::arm::{Arm, Tree};
+///
+/// let arm = Arm::planar(&[0.5, 0.4], None, None, None, [0.0, -9.81])?;
+/// let tip = &Tree::<f64>::new(&arm).frames[arm.frame_index("link2")?];
+/// assert_eq!((tip.body, tip.placement.translation.x), (1, 0.4));
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct TreeFrame {
     pub body: usize,
     pub placement: Placement,
 }
 
+/// An arm in the form on which the algorithms run, over any number type.
+///
+/// ```
+/// use armlet_core::arm::{Arm, Tree};
+/// use armlet_core::dynamics::Dynamics;
+/// use armlet_core::scalar::{Dual, Real};
+///
+/// // A pendulum with the gravity torque `5 sin q`, and the derivative of this torque.
+/// let tree = Tree::<Dual>::new(&Arm::pendulum(1.0, 5.0)?);
+/// let (q, mut g) = ([Dual::seed(0.3, 0)], [Dual::zero()]);
+/// tree.gravity(&mut tree.workspace(), &[q[0].sin_cos()], &q, &mut g);
+/// assert!((g[0].value - 5.0 * 0.3f64.sin()).abs() < 1e-15);
+/// assert!((g[0].rate - 5.0 * 0.3f64.cos()).abs() < 1e-15);
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct Tree<S: Real> {
     pub bodies: Vec<Body<S>>,

@@ -9,6 +9,17 @@ use crate::error::{Error, Result};
 use std::collections::HashMap;
 
 /// The treatment of mimic joints.
+///
+/// ```
+/// use armlet_core::arm::{Arm, MimicMode, UrdfOptions};
+///
+/// let gripper = r#"<robot name="gripper"><link name="palm"/><link name="left"/><link name="right"/>
+///     <joint name="l" type="continuous"><parent link="palm"/><child link="left"/></joint>
+///     <joint name="r" type="continuous"><parent link="palm"/><child link="right"/><mimic joint="l" multiplier="-1"/></joint></robot>"#;
+/// let joints = |mimic| Arm::read_urdf(gripper, "gripper.urdf", &UrdfOptions { mimic, ..UrdfOptions::default() }).map(|arm| arm.n());
+/// assert_eq!((joints(MimicMode::Joined)?, joints(MimicMode::Independent)?), (1, 2));
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum MimicMode {
     /// A mimic joint has one degree of freedom together with its leader.

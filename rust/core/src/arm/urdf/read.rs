@@ -47,6 +47,16 @@ impl<'a> Source<'a> {
 
 /// Options of the URDF reader. `root` and `tip` are link names. The link `root` becomes the fixed base, and `gravity` is in its axes.
 /// With `tip`, only the joints between `root` and `tip` remain.
+///
+/// ```
+/// use armlet_core::arm::{Arm, UrdfOptions, example_urdf};
+///
+/// let options = UrdfOptions { root: Some("column"), tip: Some("left_hand"), ..UrdfOptions::default() };
+/// let arm = Arm::read_urdf(example_urdf("two_arms")?, "two_arms", &options)?;
+/// assert_eq!(arm.joint_names().collect::<Vec<_>>(), ["left_shoulder_pitch", "left_elbow", "left_roll"]);
+/// assert_eq!(arm.gravity, [0.0, 0.0, -9.81]);
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct UrdfOptions<'a> {
     /// Gravity in the axes of the fixed base, m/s^2.

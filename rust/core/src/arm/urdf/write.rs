@@ -10,6 +10,16 @@ use std::collections::HashSet;
 use std::fmt::Write;
 
 /// The URDF text of an arm, and a report of the properties that URDF cannot represent.
+///
+/// ```
+/// use armlet_core::arm::{Arm, STANDARD_GRAVITY, Written, example_urdf};
+///
+/// let arm = Arm::from_urdf(example_urdf("six_axis")?, "six_axis", STANDARD_GRAVITY, None, None)?;
+/// let Written { text, report } = arm.with_gravity([0.0; 3])?.to_urdf();
+/// assert_eq!(report, ["dropped: gravity [0.0, 0.0, 0.0] (URDF has none)"]);
+/// assert_eq!(Arm::from_urdf(&text, "copy.urdf", STANDARD_GRAVITY, None, None)?, arm);
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Written {
     /// The URDF text.
