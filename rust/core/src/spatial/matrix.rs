@@ -5,6 +5,18 @@ use crate::scalar::Real;
 use nalgebra::Matrix3;
 
 /// Conversions between rotation matrices and other representations.
+///
+/// ```
+/// use armlet_core::spatial::{Matrix3, RotationMatrix, Vector3};
+/// use std::f64::consts::FRAC_PI_2;
+///
+/// // Right angles are exact.
+/// let r = Matrix3::from_rpy([0.0, 0.0, FRAC_PI_2]);
+/// assert_eq!(r * Vector3::x(), Vector3::y());
+/// assert_eq!(r.to_rpy(), [0.0, 0.0, FRAC_PI_2]);
+/// assert!((Matrix3::from_axis_angle(Vector3::z(), FRAC_PI_2) - r).norm() < 1e-15);
+/// assert_eq!(Matrix3::taking_z_to(Vector3::x()) * Vector3::z(), Vector3::x());
+/// ```
 pub trait RotationMatrix: Sized {
     const IDENTITY: Self;
     /// Return `Rz(yaw) Ry(pitch) Rx(roll)`, angles in rad. If an angle is a multiple of a right angle up to decimal rounding, its sine and
@@ -90,6 +102,16 @@ fn exact_sin_cos(angle: f64) -> (f64, f64) {
 }
 
 /// Products of [`Matrix3`](nalgebra::Matrix3) over any [`Real`]. Sums of products use [`Real::mul_add`].
+///
+/// ```
+/// use armlet_core::spatial::{Matrix, Matrix3, RotationMatrix, Vector3};
+///
+/// let r = Matrix3::<f64>::from_rpy([0.1, 0.2, 0.3]);
+/// let turned = r.rotate_z(0.4f64.sin_cos());
+/// assert!((turned.axis(0) - r.apply(Vector3::new(0.4f64.cos(), 0.4f64.sin(), 0.0))).norm() < 1e-15);
+/// assert_eq!(turned.axis(2), r.axis(2));
+/// assert!((r.apply_transposed(r.axis(1)) - Vector3::y()).norm() < 1e-15);
+/// ```
 pub trait Matrix<S: Real>: Copy {
     fn zero() -> Self;
     /// Return the three columns.
@@ -151,6 +173,17 @@ impl<S: Real> Matrix<S> for Matrix3<S> {
 }
 
 /// A symmetric matrix, stored as `xx, xy, yy, xz, yz, zz`.
+///
+/// ```
+/// use armlet_core::spatial::{Matrix3, RotationMatrix, Sym3, Vector3};
+///
+/// let inertia = Sym3([2.0, 0.0, 3.0, 0.0, 0.0, 4.0]);
+/// assert_eq!(inertia.apply(Vector3::new(1.0, 1.0, 1.0)), Vector3::new(2.0, 3.0, 4.0));
+/// // A rotation changes the entries, and not the principal moments.
+/// let turned = inertia.rotated(Matrix3::from_rpy([0.3, -0.7, 1.1]));
+/// assert!((turned.0[0] - 2.0).abs() > 0.1);
+/// assert!(turned.principal().iter().zip([2.0, 3.0, 4.0]).all(|(a, b)| (a - b).abs() < 1e-14));
+/// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Sym3<S>(pub [S; 6]);
 

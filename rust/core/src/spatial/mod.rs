@@ -32,6 +32,16 @@ pub const LINEAR: usize = 0;
 pub const ANGULAR: usize = 3;
 
 /// The placement of frame B in frame A: `x_A = rotation x_B + translation`.
+///
+/// ```
+/// use armlet_core::spatial::{Placement, Vector3};
+/// use std::f64::consts::FRAC_PI_2;
+///
+/// let (elbow, tip) = (Placement::from_rpy([0.0, 0.0, FRAC_PI_2], [0.5, 0.0, 0.0]), Placement::from_rpy([0.0; 3], [0.4, 0.0, 0.0]));
+/// let tip_in_base = elbow.then(&tip);
+/// assert_eq!(tip_in_base.translation, Vector3::new(0.5, 0.4, 0.0));
+/// assert_eq!(elbow.inverse().then(&tip_in_base), tip);
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Placement {
     /// The rotation `R_AB`.
@@ -62,6 +72,14 @@ impl Placement {
 }
 
 /// A spatial motion or force at a point: `[linear; angular]`.
+///
+/// ```
+/// use armlet_core::spatial::{Spatial, Vector, Vector3};
+///
+/// // The velocity of a point at `r` on a body that turns about z with 2 rad/s.
+/// let (twist, r) = (Spatial { angular: Vector3::new(0.0, 0.0, 2.0), ..Spatial::<f64>::zero() }, Vector3::new(0.5, 0.0, 0.0));
+/// assert_eq!(twist.angular.cross_add(r, twist.linear), Vector3::new(0.0, 1.0, 0.0));
+/// ```
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Spatial<S: Real> {
     /// The linear part: velocity, m/s, or force, N.

@@ -7,6 +7,17 @@
 use super::{Matrix, Matrix3, RotationMatrix, Sym3, Vector, Vector3};
 use crate::scalar::Real;
 
+/// The identity, or a rotation about x or y by a multiple of a right angle. Its products permute components.
+///
+/// ```
+/// use armlet_core::spatial::{Matrix3, QuarterTurn, RotationMatrix, Vector3};
+/// use std::f64::consts::FRAC_PI_2;
+///
+/// let turn = QuarterTurn::of(&Matrix3::from_rpy([FRAC_PI_2, 0.0, 0.0])).expect("a right angle about x");
+/// assert_eq!(turn, QuarterTurn::X90);
+/// assert_eq!(turn.apply([Vector3::new(1.0, 2.0, 3.0)]), [Vector3::new(1.0, -3.0, 2.0)]);
+/// assert_eq!(QuarterTurn::of(&Matrix3::from_rpy([0.1, 0.0, 0.0])), None);
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum QuarterTurn {
     None,

@@ -7,6 +7,18 @@ use crate::scalar::Real;
 use nalgebra::Vector3;
 
 /// Products of [`Vector3`] over any [`Real`].
+///
+/// ```
+/// use armlet_core::scalar::Dual;
+/// use armlet_core::spatial::{Vector, Vector3};
+///
+/// // `|p|^2` and its derivative along x.
+/// let p = Vector3::new(Dual::seed(3.0, 0), Dual::new(4.0, 0.0), Dual::new(0.0, 0.0));
+/// let square: Dual = p.dot(p);
+/// assert_eq!((square.value, square.rate), (25.0, 6.0));
+/// let (x, y) = (Vector3::<f64>::x(), Vector3::y());
+/// assert_eq!(x.cross(y).scale(2.0).array(), [0.0, 0.0, 2.0]);
+/// ```
 pub trait Vector<S: Real>: Copy {
     fn zero() -> Self;
     /// Return the three components.
@@ -60,6 +72,15 @@ impl<S: Real> Vector<S> for Vector3<S> {
 }
 
 /// Conversion of vectors and matrices of `f64` to another number type.
+///
+/// ```
+/// use armlet_core::scalar::{Array8, Real};
+/// use armlet_core::spatial::{Lift, Vector, Vector3};
+///
+/// // One point for eight lanes.
+/// let p = Vector3::new(1.0, 2.0, 3.0).lift::<Array8>();
+/// assert_eq!((p.x.lane(0), p.dot(p).lane(7)), (1.0, 14.0));
+/// ```
 pub trait Lift {
     type Of<S: Real>;
     /// Return the numbers as constants of the type `S`.
