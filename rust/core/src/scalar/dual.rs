@@ -7,6 +7,18 @@ use super::{Array8, Kernel, Real};
 use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
 
 /// A value, and one derivative for the direction of each lane of `V`.
+///
+/// ```
+/// use armlet_core::scalar::{Dual, Dual8, Real};
+///
+/// // `f(x, y) = x sin y` and its derivatives along x and y.
+/// let (x, y) = (Dual8::seed(2.0, 0), Dual8::seed(0.5, 1));
+/// let f = x * y.sin_cos().0;
+/// assert!((f.value - 2.0 * 0.5f64.sin()).abs() < 1e-15);
+/// assert!((f.rate.lane(0) - 0.5f64.sin()).abs() < 1e-15 && (f.rate.lane(1) - 2.0 * 0.5f64.cos()).abs() < 1e-15);
+/// // One direction takes one number.
+/// assert_eq!(Dual::<f64>::seed(4.0, 0).sqrt(), Dual::new(2.0, 0.25));
+/// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Dual<V: Real = f64> {
     /// The value.

@@ -29,6 +29,18 @@ use std::fmt::Debug;
 use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
 
 /// A real number, or one real number per lane.
+///
+/// ```
+/// use armlet_core::scalar::{Array8, Dual, Real};
+///
+/// /// `sqrt(1 + x^2)`, for any number type.
+/// fn length<S: Real>(x: S) -> S {
+///     x.mul_add(x, S::splat(1.0)).sqrt()
+/// }
+/// assert_eq!(length(0.75), 1.25);
+/// assert!((length(Dual::<f64>::seed(0.75, 0)).rate - 0.6).abs() < 1e-15);
+/// assert_eq!(length(Array8::from_lanes(|lane| 0.75 * lane as f64)).lane(1), 1.25);
+/// ```
 pub trait Real:
     Copy
     + PartialEq
@@ -150,6 +162,20 @@ pub trait Real:
 }
 
 /// Code that is compiled for the instruction set of a known [`Real`]. `run` must be `#[inline(always)]`.
+///
+/// ```
+/// use armlet_core::scalar::{Kernel, Real};
+///
+/// struct Sum<'a>(&'a [f64]);
+/// impl Kernel for Sum<'_> {
+///     type Output = f64;
+///     #[inline(always)]
+///     fn run(self) -> f64 {
+///         self.0.iter().sum()
+///     }
+/// }
+/// assert_eq!(f64::enter(Sum(&[1.0, 2.0, 4.0])), 7.0);
+/// ```
 pub trait Kernel {
     /// The type of the result.
     type Output;
@@ -165,6 +191,26 @@ pub fn sign<S: Real>(x: S) -> S {
 }
 
 /// Code that is generic over [`Real`], before the instruction set is selected. `run` must be `#[inline(always)]`.
+///
+/// ```
+/// use armlet_core::scalar::{GenericKernel, Real, run_lanes};
+///
+/// /// Write the squares, as many numbers at once as the number type has lanes.
+/// struct Squares<'a>(&'a mut [f64; 64]);
+/// impl GenericKernel for Squares<'_> {
+///     type Output = ();
+///     #[inline(always)]
+///     fn run<S: Real>(self) {
+///         for part in self.0.chunks_exact_mut(S::LANES) {
+///             let x = S::load(part);
+///             (x * x).store(part);
+///         }
+///     }
+/// }
+/// let mut x = std::array::from_fn(|k| k as f64);
+/// run_lanes(Squares(&mut x));
+/// assert_eq!(x[63], 3969.0);
+/// ```
 pub trait GenericKernel {
     /// The type of the result.
     type Output;

@@ -6,6 +6,16 @@ use super::{Kernel, Real, trig};
 use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
 
 /// The number type of direct evaluation: an `f64`. Like programs, it fuses multiply-add operations if [`fuses`] is true.
+///
+/// ```
+/// use armlet_core::scalar::{Float, Real, fuses};
+///
+/// // The product has a rounding error of 2^-60, which a fused operation does not make.
+/// let (x, minus) = (1.0 + 2f64.powi(-30), -(1.0 + 2f64.powi(-29)));
+/// let sum = Float(x).mul_add(Float(x), Float(minus));
+/// assert_eq!(sum, Float(if fuses() { 2f64.powi(-60) } else { 0.0 }));
+/// assert_eq!(Float::of(&[1.0, 2.0]), [Float(1.0), Float(2.0)]);
+/// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq, PartialOrd)]
 #[repr(transparent)]
 pub struct Float(pub f64);

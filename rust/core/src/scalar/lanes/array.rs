@@ -5,6 +5,17 @@ use std::array::from_fn;
 use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
 
 /// Eight independent numbers, one per lane.
+///
+/// ```
+/// use armlet_core::scalar::{Array8, Real};
+///
+/// let x = Array8::from_lanes(|lane| lane as f64);
+/// let y = x * x - Array8::splat(9.0);
+/// assert_eq!((y.lane(0), y.lane(7)), (-9.0, 40.0));
+/// // A selection instead of a branch.
+/// let positive = Array8::select(Array8::zero().lt(y), y, Array8::zero());
+/// assert_eq!((positive.lane(3), positive.lane(4)), (0.0, 7.0));
+/// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[repr(C, align(64))]
 pub struct Array8([f64; 8]);

@@ -26,6 +26,16 @@ use super::Kernel;
 use std::sync::atomic::{AtomicU8, Ordering};
 
 /// An instruction set for which code is selected. Later sets include the earlier ones.
+///
+/// ```
+/// use armlet_core::scalar::{Isa, fuses, isa};
+///
+/// assert!(isa() <= Isa::best() && Isa::ALL.contains(&isa()));
+/// assert!(Isa::Avx2 < Isa::Avx512);
+/// assert_eq!(Isa::Avx2.name(), "avx2");
+/// # #[cfg(target_arch = "x86_64")]
+/// assert_eq!(fuses(), isa() != Isa::Baseline);
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 #[repr(u8)]
 pub enum Isa {
