@@ -7,6 +7,20 @@ use crate::scalar::Real;
 use crate::spatial::Vector3;
 
 /// An arm at one configuration, with its buffers.
+///
+/// ```
+/// use armlet_core::arm::Arm;
+/// use armlet_core::dynamics::Model;
+///
+/// let model = Model::from(Arm::pendulum(1.0, 5.0)?);
+/// let (mut arm, mut g) = (model.at(&[0.3]), [0.0]);
+/// arm.gravity(&mut g);
+/// assert!((g[0] - 5.0 * 0.3f64.sin()).abs() < 1e-15);
+/// arm.move_to(&[-0.3]);
+/// let (kinetic, _) = arm.energy(&[2.0]);
+/// assert!((kinetic - 2.0).abs() < 1e-15);
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 pub struct ArmAt<S: Real = f64> {
     arm: AnyArm<S>,
     workspace: Workspace<S>,

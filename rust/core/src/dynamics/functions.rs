@@ -92,6 +92,21 @@ impl Single {
 }
 
 /// The quantities of an arm at one and at many configurations. A repeated query becomes a program.
+///
+/// ```
+/// use armlet_core::arm::Arm;
+/// use armlet_core::dynamics::{Functions, Quantity};
+/// use std::sync::Arc;
+///
+/// let arm = Functions::new(Arc::new(Arm::pendulum(1.0, 5.0)?));
+/// let (q, mut g) = ([-0.3, 0.0, 0.3], [0.0; 3]);
+/// assert!(arm.rows(&Quantity::Gravity.into(), &[&q], 3, &mut g)?);
+/// assert_eq!((g[0], g[1]), (-g[2], 0.0));
+/// // The same bits as for one configuration.
+/// let mut one = [0.0];
+/// assert!(arm.one(&Quantity::Gravity.into(), &[&[0.3]], &mut one)? && one[0] == g[2]);
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 pub struct Functions {
     arm: Arc<Arm>,
     single: Mutex<Single>,

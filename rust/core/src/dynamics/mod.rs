@@ -59,6 +59,20 @@ pub use workspace::Workspace;
 use crate::scalar::Real;
 
 /// The dynamics of an arm with `n` joints and `p` inertial parameters.
+///
+/// ```
+/// use armlet_core::dynamics::{Dynamics, PlanarPr};
+///
+/// /// The kinetic energy of any arm.
+/// fn kinetic<D: Dynamics<f64>>(arm: &D, q: &[f64], v: &[f64]) -> f64 {
+///     let trig: Vec<_> = q.iter().map(|q| q.sin_cos()).collect();
+///     arm.energy(&mut arm.workspace(), &trig, q, v).0
+/// }
+/// // `A v1^2 / 2 + B v1 v2 + C v2^2 / 2` at q2 = 0.
+/// let arm = PlanarPr::new(3.0, 0.5, 0.2)?;
+/// assert!((kinetic(&arm, &[0.7, 0.0], &[1.0, 2.0]) - 2.9).abs() < 1e-15);
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 pub trait Dynamics<S: Real> {
     /// Buffers of the algorithms. They are created once, so that a control step allocates nothing.
     type Workspace;

@@ -128,6 +128,20 @@ impl Model {
 }
 
 /// A model on the number type `S`; its inertial parameters may differ from lane to lane.
+///
+/// ```
+/// use armlet_core::dynamics::{AnyArm, Dynamics, Model, PlanarPr};
+/// use armlet_core::scalar::{Array8, Real};
+///
+/// // Eight arms in eight lanes: A = 3, 4, .., 10 kg.
+/// let arm = |lane: usize| PlanarPr::new(3.0 + lane as f64, 0.5, 0.2).map(Model::PlanarPr);
+/// let models: Vec<_> = (0..8).map(arm).collect::<Result<_, _>>()?;
+/// let arms = AnyArm::<Array8>::from_lanes(|lane| &models[lane]);
+/// let (zero, mut m) = ([Array8::zero(); 2], [Array8::zero(); 4]);
+/// arms.mass_matrix(&mut arms.workspace(), &zero.map(Real::sin_cos), &zero, &mut m);
+/// assert_eq!((m[0].lane(0), m[0].lane(7), m[1].lane(7)), (3.0, 10.0, 0.5));
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Clone, Debug)]
 pub enum AnyArm<S: Real> {
     /// The planar PR arm in closed form.

@@ -9,6 +9,21 @@ use crate::error::{Error, Result, finite, positive};
 use crate::scalar::Real;
 
 /// The planar PR arm, with one parameter set per lane.
+///
+/// ```
+/// use armlet_core::dynamics::{Dynamics, PlanarPr};
+///
+/// let arm = PlanarPr::new(3.0, 0.5, 0.2)?;
+/// let trig = [(0.0, 1.0), 0.9f64.sin_cos()];
+/// let mut tau = [0.0; 2];
+/// arm.inverse_dynamics(&mut (), &trig, &[0.0, 0.9], &[0.0, 2.0], &[1.0, -1.0], &mut tau);
+/// let (sin, cos) = trig[1];
+/// assert!((tau[0] - (3.0 - 0.5 * cos - 0.5 * sin * 4.0)).abs() < 1e-15);
+/// assert!((tau[1] - (0.5 * cos - 0.2)).abs() < 1e-15);
+/// // The mass matrix must be positive definite: A C > B^2.
+/// assert!(PlanarPr::new(1.0, 0.5, 0.2).is_err());
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct PlanarPr<S> {
     a: S,

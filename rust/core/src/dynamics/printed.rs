@@ -13,6 +13,18 @@ use crate::trace::{Sym, sym};
 const LONGEST: f64 = 600_000.0;
 
 /// A function of an arm to print as C.
+///
+/// ```
+/// use armlet_core::arm::Arm;
+/// use armlet_core::dynamics::{CFunction, Model, Quantity, Query};
+/// use armlet_core::trace::c::COptions;
+///
+/// let arm = Model::from(Arm::planar(&[0.5, 0.4], None, None, None, [0.0, -9.81])?);
+/// let tip = Query { frame: 1, ..Quantity::Position.into() };
+/// let files = arm.export_c(&[CFunction { name: "tip".into(), query: tip }], &COptions::new("arm"))?;
+/// assert!(files[0].text.contains("int arm_tip(const double q[2], double out[3]);"));
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct CFunction {
     /// Name of the C function, after the prefix.

@@ -5,6 +5,18 @@ use crate::scalar::{Isa, Real, isa};
 use crate::spatial::PARAMETERS;
 
 /// A quantity of an arm. Each variant lists the inputs in their order. An input is `(n,)`, except a wrench, `(6,)`.
+///
+/// ```
+/// use armlet_core::arm::Arm;
+/// use armlet_core::dynamics::{Evaluator, Quantity};
+///
+/// let mut arm = Evaluator::new(&Arm::planar(&[0.5, 0.4], None, None, None, [0.0, -9.81])?);
+/// let mut com = [0.0; 3];
+/// arm.one(&Quantity::Com.into(), &[&[0.0, 0.0]], &mut com)?;
+/// // Two uniform rods in one line, which is 0.9 m long.
+/// assert!((com[0] - 0.45).abs() < 1e-15 && com[1..] == [0.0; 2]);
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Quantity {
     /// Mass matrix: `q -> (n, n)`.
@@ -52,6 +64,17 @@ pub enum Quantity {
 }
 
 /// The sizes on which the shapes of results depend.
+///
+/// ```
+/// use armlet_core::arm::Arm;
+/// use armlet_core::dynamics::{Quantity, Query, Size};
+///
+/// // The second joint follows the first joint.
+/// let arm = Arm::planar(&[0.5, 0.4], None, None, None, [0.0; 2])?.following(&[None, Some((0, -2.0, 0.0))])?;
+/// assert_eq!(arm.size(), Size { n: 1, bodies: 2 });
+/// assert_eq!(Query::from(Quantity::Regressor).shape(arm.size()), (1, 20));
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Size {
     /// Number of coordinates `n`.
@@ -77,6 +100,20 @@ impl<S: Real> Tree<S> {
 }
 
 /// A quantity with its options.
+///
+/// ```
+/// use armlet_core::arm::Arm;
+/// use armlet_core::dynamics::{Evaluator, Quantity, Query};
+///
+/// let mut arm = Evaluator::new(&Arm::planar(&[0.5, 0.4], None, None, None, [0.0, 0.0])?);
+/// let query = Query { wrench: Some(1), ..Quantity::InverseDynamics.into() };
+/// assert_eq!(query.inputs(), ["q", "v", "a", "wrench"]);
+/// // The torque that holds the straight arm against a force of 10 N at its tip.
+/// let (still, mut tau) = ([0.0; 2], [0.0; 2]);
+/// arm.one(&query, &[&still, &still, &still, &[0.0, -10.0, 0.0, 0.0, 0.0, 0.0]], &mut tau)?;
+/// assert!((tau[0] - 9.0).abs() < 1e-14 && (tau[1] - 4.0).abs() < 1e-14);
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Query {
     /// The quantity.

@@ -167,6 +167,22 @@ pub struct Field<S: Real> {
 }
 
 /// The buffers of all algorithms of a tree.
+///
+/// ```
+/// use armlet_core::arm::{Arm, Tree};
+/// use armlet_core::dynamics::{Dynamics, Workspace};
+///
+/// let tree = Tree::<f64>::new(&Arm::pendulum(2.0, 5.0)?);
+/// let mut workspace = Workspace::new(&tree);
+/// let (mut m, mut g) = ([0.0], [0.0]);
+/// for q in [0.1, 0.2, 0.3f64] {
+///     let trig = [q.sin_cos()];
+///     tree.mass_matrix(&mut workspace, &trig, &[q], &mut m);
+///     tree.gravity(&mut workspace, &trig, &[q], &mut g);
+///     assert!((m[0] - 2.0).abs() < 1e-15 && (g[0] - 5.0 * q.sin()).abs() < 1e-15);
+/// }
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct Workspace<S: Real> {
     pub poses: Vec<Pose<S>>,
