@@ -11,8 +11,7 @@ pub mod task;
 #[doc(hidden)]
 mod task_stack;
 
-pub use bodies::Bodies;
-use bodies::Column;
+use bodies::{Bodies, Column};
 pub use coordinates::Coordinates;
 pub use jacobian::{com, com_jacobian, frame_pose, jacobian, jacobian_dot, jacobian_on_zeros};
 pub use task::TaskFunction;
@@ -23,6 +22,18 @@ use crate::scalar::Real;
 use crate::spatial::{Lift, Matrix, Matrix3, RotationMatrix, Vector, Vector3};
 
 /// The pose of a body's compiled frame in the world. This frame has the origin on the joint, and z along the joint axis.
+///
+/// ```
+/// use armlet_core::arm::{Arm, Tree};
+/// use armlet_core::kinematics::{Pose, place};
+///
+/// let tree = Tree::<f64>::new(&Arm::planar(&[0.5, 0.4], None, None, None, [0.0, -9.81])?);
+/// let (q, mut poses) = ([0.3, -0.8], [Pose::identity(); 2]);
+/// place(&tree, &q.map(f64::sin_cos), &q, &mut poses);
+/// assert!((poses[1].origin.x - 0.5 * 0.3f64.cos()).abs() < 1e-15);
+/// assert!((poses[1].rotation[(0, 0)] - 0.5f64.cos()).abs() < 1e-15 && poses[1].z().z == 1.0);
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Pose<S: Real> {
     /// Rotation `R_WB` from the body's axes to the world axes.

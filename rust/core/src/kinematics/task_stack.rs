@@ -7,6 +7,21 @@ use crate::arm::{Arm, Tree};
 use crate::scalar::Real;
 
 /// Task functions of one arm, with buffers. Evaluation allocates nothing.
+///
+/// ```
+/// use armlet_core::arm::Arm;
+/// use armlet_core::kinematics::{TaskFunction, TaskStack};
+///
+/// let arm = Arm::planar(&[0.5, 0.4], None, None, None, [0.0, -9.81])?;
+/// let tasks = vec![TaskFunction::frame(&arm, "link2", "xy")?, TaskFunction::posture(&arm, None)?];
+/// let mut stack = TaskStack::<f64>::new(&arm, tasks);
+/// stack.place(&[0.0, 0.0]);
+/// let mut j = [1.0; 8];
+/// stack.jacobians(&mut j);
+/// assert_eq!(stack.rows(), [2, 2]);
+/// assert_eq!(j, [0.0, 0.0, 0.9, 0.4, 1.0, 0.0, 0.0, 1.0]);
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct TaskStack<S: Real = f64> {
     bodies: Bodies<S>,

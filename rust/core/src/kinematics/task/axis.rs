@@ -12,6 +12,23 @@ use crate::scalar::Real;
 use crate::spatial::{Lift, Matrix, Matrix3, RotationMatrix, Vector, Vector3};
 
 /// A task in which the direction `axis` of a frame points along a direction of the world.
+///
+/// ```
+/// use armlet_core::arm::Arm;
+/// use armlet_core::kinematics::task::Axis;
+/// use armlet_core::kinematics::{TaskFunction, TaskStack};
+///
+/// let arm = Arm::planar(&[0.5, 0.4], None, None, None, [0.0, -9.81])?;
+/// let task = TaskFunction::axis(&arm, "link2", [2.0, 0.0, 0.0])?;
+/// assert!(matches!(&task, TaskFunction::Axis(Axis { axis, .. }) if axis.norm() == 1.0));
+/// // The last link points along x, and has to turn by a right angle to point along y.
+/// let mut stack = TaskStack::new(&arm, vec![task]);
+/// stack.place(&[0.4, -0.4]);
+/// let (mut e, mut w) = ([0.0; 2], [0.0; 2]);
+/// stack.error(0, &[0.0, 3.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0], &mut e, &mut w, None);
+/// assert!((e[0].hypot(e[1]) - std::f64::consts::FRAC_PI_2).abs() < 1e-15);
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Axis {
     /// Index of the frame.

@@ -13,6 +13,23 @@ use crate::scalar::Real;
 use crate::spatial::{Vector, Vector3};
 
 /// A task on rows of the centre of mass, world axes.
+///
+/// ```
+/// use armlet_core::arm::Arm;
+/// use armlet_core::kinematics::task::CentreOfMass;
+/// use armlet_core::kinematics::{TaskFunction, TaskStack};
+///
+/// let arm = Arm::planar(&[0.5, 0.4], None, None, None, [0.0, -9.81])?;
+/// let task = TaskFunction::centre_of_mass(&arm, "x")?;
+/// assert_eq!(task, CentreOfMass { rows: vec![0] }.into());
+/// // The centre of the straight arm, at 0.45 m, has the target 0.5 m.
+/// let mut stack = TaskStack::new(&arm, vec![task]);
+/// stack.place(&[0.0, 0.0]);
+/// let (mut e, mut w) = ([0.0], [0.0]);
+/// stack.error(0, &[0.5, 0.0, 0.0], &mut e, &mut w, None);
+/// assert!((e[0] - 0.05).abs() < 1e-15);
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct CentreOfMass {
     /// Controlled rows: 0, 1, 2 for x, y, z.

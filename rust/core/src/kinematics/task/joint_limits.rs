@@ -9,6 +9,24 @@ use crate::kinematics::Bodies;
 use crate::scalar::Real;
 
 /// A task that keeps chosen joints between the narrowed limits `lower` and `upper`.
+///
+/// ```
+/// use armlet_core::arm::{Arm, STANDARD_GRAVITY, example_urdf};
+/// use armlet_core::kinematics::task::JointLimits;
+/// use armlet_core::kinematics::{TaskFunction, TaskStack};
+///
+/// let arm = Arm::from_urdf(example_urdf("planar_2r")?, "planar_2r", STANDARD_GRAVITY, None, None)?;
+/// // Of the range of 5.6 rad, a quarter at each end is excluded. Only the elbow has limits.
+/// let task = TaskFunction::joint_limits(&arm, None, 0.25)?;
+/// let TaskFunction::JointLimits(JointLimits { joints, upper, .. }) = &task else { panic!() };
+/// assert!(joints == &[1] && (upper[0] - 1.4).abs() < 1e-15);
+/// # let mut stack = TaskStack::new(&arm, vec![task]);
+/// # stack.place(&[0.0, 2.0]);
+/// # let (mut e, mut w) = ([0.0], [0.0]);
+/// stack.error(0, &[], &mut e, &mut w, None); // at q2 = 2 rad
+/// assert!((e[0] + 0.6).abs() < 1e-15);
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct JointLimits {
     /// Indices of the joints.

@@ -37,7 +37,7 @@ use crate::error::{Error, Result, finite};
 use crate::scalar::Real;
 
 /// A kind of task on an arm.
-pub trait TaskKind {
+pub(crate) trait TaskKind {
     /// Number of rows of the task's Jacobian.
     fn rows(&self) -> usize;
 
@@ -74,6 +74,19 @@ pub trait TaskKind {
 macro_rules! tasks {
     ($($(#[$doc:meta])* $kind:ident($definition:ty),)*) => {
         /// The controlled quantity of an arm.
+        ///
+        /// ```
+        /// use armlet_core::arm::Arm;
+        /// use armlet_core::kinematics::TaskFunction;
+        ///
+        /// let arm = Arm::planar(&[0.5, 0.4], None, None, None, [0.0, -9.81])?;
+        /// let position = TaskFunction::frame(&arm, "link2", "xy")?;
+        /// let direction = TaskFunction::axis(&arm, "link2", [1.0, 0.0, 0.0])?;
+        /// assert_eq!([&position, &direction].map(|task| (task.rows(), task.target_size())), [(2, 2), (2, 3)]);
+        /// assert!(direction.require_target(&[0.0, 0.0, 2.0]).is_ok());
+        /// assert!(direction.require_target(&[0.0, 0.0, 0.0]).is_err());
+        /// # Ok::<(), armlet_core::error::Error>(())
+        /// ```
         #[derive(Clone, Debug, PartialEq)]
         pub enum TaskFunction {
             $($(#[$doc])* $kind($definition),)*

@@ -7,6 +7,23 @@ use crate::kinematics::Bodies;
 use crate::scalar::Real;
 
 /// A task on positions of chosen joints.
+///
+/// ```
+/// use armlet_core::arm::Arm;
+/// use armlet_core::kinematics::task::Posture;
+/// use armlet_core::kinematics::{TaskFunction, TaskStack};
+///
+/// let arm = Arm::planar(&[0.5, 0.4], None, None, None, [0.0, -9.81])?;
+/// let task = TaskFunction::posture(&arm, Some(&["joint2".into()]))?;
+/// assert_eq!(task, Posture { joints: vec![1] }.into());
+/// let mut stack = TaskStack::new(&arm, vec![task]);
+/// stack.place(&[0.1, 0.25]);
+/// let (mut e, mut w) = ([0.0], [0.0]);
+/// // Target 1 rad, with the rate 0.5 rad/s.
+/// stack.error(0, &[1.0, 0.5, 0.0], &mut e, &mut w, None);
+/// assert_eq!((e, w), ([0.75], [0.5]));
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Posture {
     /// Indices of the joints.

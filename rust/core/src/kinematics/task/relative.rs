@@ -13,6 +13,24 @@ use crate::scalar::Real;
 use crate::spatial::{Matrix, Vector, Vector3};
 
 /// A task on rows of the pose of a frame relative to another frame.
+///
+/// ```
+/// use armlet_core::arm::Arm;
+/// use armlet_core::kinematics::task::Relative;
+/// use armlet_core::kinematics::{TaskFunction, TaskStack};
+///
+/// let arm = Arm::planar(&[0.5, 0.4], None, None, None, [0.0, -9.81])?;
+/// let task = TaskFunction::relative(&arm, "link2", "link1", "xy")?;
+/// assert_eq!(task, Relative { frame: 1, reference: 0, rows: vec![0, 1] }.into());
+/// // The pose of the tip relative to the first link does not depend on the first joint.
+/// let mut stack = TaskStack::new(&arm, vec![task]);
+/// stack.place(&[0.7, 0.0]);
+/// let (mut e, mut w, mut j) = ([0.0; 2], [0.0; 2], [0.0; 4]);
+/// stack.error(0, &[0.4, 0.3, 0.0, 0.0, 0.0, 0.0], &mut e, &mut w, None);
+/// stack.jacobians(&mut j);
+/// assert!(e[0].abs() < 1e-15 && (e[1] - 0.3).abs() < 1e-15 && j[0].abs() + j[2].abs() < 1e-15);
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Relative {
     /// Index of the frame.
