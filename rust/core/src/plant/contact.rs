@@ -7,6 +7,18 @@ use crate::scalar::Real;
 use crate::spatial::{Lift, Vector, Vector3};
 
 /// A compliant wall that a frame may touch.
+///
+/// ```
+/// use armlet_core::plant::Wall;
+/// use armlet_core::spatial::Vector3;
+///
+/// // A wall at x = 0.8 m for the frame with the index 1. The arm is on its left.
+/// let wall = Wall::new(1, [0.8, 0.0, 0.0], [-2.0, 0.0, 0.0], 1e4, 50.0)?;
+/// assert_eq!(wall.normal, [-1.0, 0.0, 0.0]);
+/// assert!((wall.depth(Vector3::new(0.82, 0.3, 0.0)) - 0.02f64).abs() < 1e-15);
+/// assert!(Wall::new(1, [0.8, 0.0, 0.0], [-1.0, 0.0, 0.0], 0.0, 50.0).is_err());
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Wall {
     /// Index of the frame that may touch the wall.

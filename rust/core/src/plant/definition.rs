@@ -5,6 +5,21 @@ use crate::dynamics::Model;
 use crate::scalar::Real;
 
 /// A plant with validated parameters.
+///
+/// ```
+/// use armlet_core::arm::Arm;
+/// use armlet_core::dynamics::Model;
+/// use armlet_core::law::Gain;
+/// use armlet_core::plant::{Definition, ElasticSpec};
+///
+/// let model = Model::from(Arm::pendulum(1.0, 5.0)?);
+/// let plant = ElasticSpec::new(model, Gain::scalar("stiffness", 1, 100.0)?, Gain::scalar("inertia", 1, 0.1)?, None, None, None)?;
+/// // In the state `[q, v, theta, theta_dot]`, the spring carries the gravity load at the start, and the motor moves with the link.
+/// let x = plant.initial_state(&[0.3], &[2.0], None, None);
+/// assert_eq!((x[0], x[1], x[3]), (0.3, 2.0, 2.0));
+/// assert!((x[2] - (0.3 + 0.05 * 0.3f64.sin())).abs() < 1e-15);
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 pub trait Definition {
     /// The model of the arm.
     fn model(&self) -> &Model;

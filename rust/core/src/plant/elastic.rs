@@ -22,6 +22,19 @@ use crate::linalg::gain::{AnyGain, Gain, Multiply};
 use crate::scalar::Real;
 
 /// An arm with elastic joints, with validated parameters.
+///
+/// ```
+/// use armlet_core::arm::Arm;
+/// use armlet_core::dynamics::Model;
+/// use armlet_core::law::Gain;
+/// use armlet_core::plant::ElasticSpec;
+///
+/// let model = Model::from(Arm::pendulum(1.0, 5.0)?);
+/// let plant = ElasticSpec::new(model, Gain::scalar("stiffness", 1, 100.0)?, Gain::scalar("inertia", 1, 0.1)?, None, None, None)?;
+/// let theta = plant.resting_motor(&[0.3]);
+/// assert!((100.0 * (theta[0] - 0.3) - 5.0 * 0.3f64.sin()).abs() < 1e-13);
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct ElasticSpec {
     /// The model of the links.

@@ -4,6 +4,22 @@ use super::{LuGre, StickSlip};
 use crate::error::{Error, Result};
 
 /// The friction of a plant's joints, or of its motors.
+///
+/// ```
+/// use armlet_core::arm::Arm;
+/// use armlet_core::dynamics::Model;
+/// use armlet_core::plant::{FrictionCurve, JointFriction, PlantSpec, RigidSpec, StickSlip};
+///
+/// let curve = FrictionCurve::new(vec![2.0], Some(vec![3.0]), None, None, None)?;
+/// let friction = JointFriction::StickSlip(StickSlip { curve });
+/// assert!(friction.n() == 1 && friction.bristles().is_none());
+/// let arm = RigidSpec::new(Model::from(Arm::pendulum(1.0, 5.0)?)).with_friction(Some(friction.clone()))?;
+/// assert!(PlantSpec::from(arm).sticks());
+/// // The number of joints must agree.
+/// let arm = RigidSpec::new(Model::from(Arm::planar(&[0.5, 0.4], None, None, None, [0.0; 2])?));
+/// assert!(arm.with_friction(Some(friction)).is_err());
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub enum JointFriction {
     /// LuGre friction, with bristles whose deflections are states of the plant.

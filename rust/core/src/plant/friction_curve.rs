@@ -10,6 +10,17 @@ use crate::scalar::Real;
 use crate::scalar::hyperbolic::decay;
 
 /// The friction curves of all joints; each parameter is `(n,)`.
+///
+/// ```
+/// use armlet_core::plant::FrictionCurve;
+///
+/// let curve = FrictionCurve::new(vec![2.0, 1.0], Some(vec![3.0, 1.5]), Some(vec![0.1, 0.1]), None, None)?;
+/// assert_eq!((curve.n(), curve.viscous.as_slice()), (2, &[0.0, 0.0][..]));
+/// // Static friction is at least the Coulomb friction.
+/// let error = FrictionCurve::new(vec![2.0], Some(vec![1.0]), None, None, None).unwrap_err();
+/// assert_eq!(error.argument(), Some("static"));
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct FrictionCurve {
     /// Coulomb friction `F_c`, N m or N.

@@ -10,6 +10,20 @@ use crate::error::Result;
 use crate::scalar::Real;
 
 /// Friction with bristles; each parameter is `(n,)`.
+///
+/// ```
+/// use armlet_core::arm::Arm;
+/// use armlet_core::dynamics::Model;
+/// use armlet_core::plant::{FrictionCurve, JointFriction, LuGre, PlantSpec, RigidSpec};
+///
+/// let bristles = LuGre::new(FrictionCurve::new(vec![2.0], None, None, Some(vec![0.5]), None)?, vec![1e4], None)?;
+/// assert_eq!(bristles.damping, [0.0]);
+/// // The deflections of the bristles are states.
+/// let arm = RigidSpec::new(Model::from(Arm::pendulum(1.0, 5.0)?));
+/// let plant = PlantSpec::from(arm.with_friction(Some(JointFriction::LuGre(bristles)))?);
+/// assert_eq!((plant.seen(), plant.bristles(), plant.states()), (2, 1, 3));
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct LuGre {
     /// Friction curve `h(v, L)`. Its viscous part is `sigma_2`.

@@ -19,24 +19,39 @@ mod stored;
 pub mod unilateral;
 mod velocity;
 
-pub use contact::{LaneWall, Wall};
-pub use definition::{Build, Definition};
-pub use elastic::{Elastic, ElasticSpec};
+pub(crate) use contact::LaneWall;
+pub use contact::Wall;
+use definition::Build;
+pub use definition::Definition;
+pub use elastic::ElasticSpec;
 pub use friction::JointFriction;
 pub use friction_curve::FrictionCurve;
-pub use friction_torque::{FrictionTorque, Rubbed};
+pub(crate) use friction_torque::{FrictionTorque, Rubbed};
 pub use lugre::LuGre;
-pub use rigid::{Rigid, RigidSpec};
+pub use rigid::RigidSpec;
 pub use stick_slip::{LaneStickSlip, StickSlip};
 pub use stops::{Stop, Stops};
-pub use stored::Stored;
+pub(crate) use stored::Stored;
 pub use unilateral::Touch;
-pub use velocity::{Velocity, VelocitySpec};
+pub use velocity::VelocitySpec;
 
 use crate::scalar::Real;
 use std::ops::Deref;
 
 /// Power into a plant, W. The sum of both parts is the rate of the stored energy. Both are zero for a velocity-controlled arm.
+///
+/// ```
+/// use armlet_core::arm::Arm;
+/// use armlet_core::plant::{PlantSpec, RigidSpec};
+///
+/// let arm = Arm::pendulum(1.0, 5.0)?.with_drives(None, Some(&[0.5]), None)?;
+/// let plant = PlantSpec::from(RigidSpec { friction: true, ..RigidSpec::new(arm.into()) });
+/// let (x, mut dx) = ([0.3f64, 2.0], [0.0; 2]);
+/// let power = PlantSpec::build::<f64>(|_| &plant, None).rates(&[x[0].sin_cos()], &x, &[4.0], &[0.0; 6], &mut dx);
+/// // The torque of 4 N m at 2 rad/s, and the loss `d v^2` of viscous friction.
+/// assert_eq!((power.input, power.outside), (8.0, -2.0));
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Clone, Copy, Debug)]
 pub struct Power<S> {
     /// Power of the input, W.
@@ -46,6 +61,20 @@ pub struct Power<S> {
 }
 
 /// A plant in a control loop.
+///
+/// ```
+/// use armlet_core::arm::Arm;
+/// use armlet_core::plant::{PlantSpec, RigidSpec};
+///
+/// // A pendulum: `a = tau - 5 sin q`.
+/// let spec = PlantSpec::from(RigidSpec::new(Arm::pendulum(1.0, 5.0)?.into()));
+/// let mut plant = PlantSpec::build::<f64>(|_| &spec, None);
+/// let (x, mut dx) = ([0.3f64, 2.0], [0.0; 2]);
+/// plant.rates(&[x[0].sin_cos()], &x, &[4.0], &[0.0; 6], &mut dx);
+/// assert!(dx[0] == 2.0 && (dx[1] - (4.0 - 5.0 * 0.3f64.sin())).abs() < 1e-14);
+/// assert!(plant.stick_slip().is_none());
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 pub trait Plant<S: Real> {
     /// Compute the rates `dx` of the plant's state `x` under the input `tau`, `(n,)`, and the wrench, `(6,)`. Return the power into the
     /// plant.
@@ -77,12 +106,33 @@ pub trait Plant<S: Real> {
 macro_rules! plants {
     ($($(#[$doc:meta])* $kind:ident($definition:ty) $name:literal [$($part:literal)*],)*) => {
         /// The kind of plant that a law controls.
+        ///
+        /// ```
+        /// use armlet_core::plant::PlantKind;
+        ///
+        /// assert_eq!(PlantKind::Elastic.parts(), ["q", "v", "theta", "theta_dot"]);
+        /// assert_eq!((PlantKind::Elastic.states(7), PlantKind::Velocity.states(7)), (28, 7));
+        /// assert!(PlantKind::Elastic.has_motors() && !PlantKind::Velocity.has_speeds());
+        /// ```
         #[derive(Clone, Copy, Debug, PartialEq, Eq)]
         pub enum PlantKind {
             $($(#[$doc])* $kind,)*
         }
 
         /// A plant of any kind. It also has the functions of [`Definition`].
+        ///
+        /// ```
+        /// use armlet_core::arm::Arm;
+        /// use armlet_core::plant::{PlantKind, PlantSpec, RigidSpec, Stops, VelocitySpec};
+        ///
+        /// let arm = Arm::pendulum(1.0, 5.0)?;
+        /// let stops = Stops::new(vec![-1.0], vec![1.0], vec![1e3], vec![10.0])?;
+        /// let rigid = PlantSpec::from(RigidSpec { stops: Some(stops), ..RigidSpec::new(arm.clone().into()) });
+        /// let velocity = PlantSpec::from(VelocitySpec { model: arm.into() });
+        /// assert_eq!((rigid.kind(), rigid.states(), velocity.states()), (PlantKind::Rigid, 2, 1));
+        /// assert!(!rigid.is_free() && velocity.is_free() && !rigid.same_shape(&velocity));
+        /// # Ok::<(), armlet_core::error::Error>(())
+        /// ```
         #[derive(Clone, Debug, PartialEq)]
         pub enum PlantSpec {
             $($(#[$doc])* $kind($definition),)*

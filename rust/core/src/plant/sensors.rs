@@ -11,6 +11,18 @@
 use crate::error::{Error, Result, finite};
 
 /// A joint-torque sensor: noise, bias, resolution and bandwidth.
+///
+/// ```
+/// use armlet_core::plant::sensors::TorqueSensor;
+///
+/// // No noise, a bias of 0.2 N m, steps of 0.5 N m, and a filter with 100 rad/s.
+/// let sensor = TorqueSensor::new(0.0, vec![0.2], 0.5, 100.0)?;
+/// assert_eq!(sensor.reading(0, 3.0, 0.0), 3.0);
+/// assert_eq!(sensor.reading(0, 3.1, 0.0), 3.5);
+/// // After one time constant, 63 % of a constant torque.
+/// assert!((sensor.filtered(0.0, 1.0, 1.0, 0.01) - (1.0 - (-1.0f64).exp())).abs() < 1e-14);
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct TorqueSensor {
     /// Standard deviation of the noise, N m.

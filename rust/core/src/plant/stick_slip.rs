@@ -15,6 +15,22 @@ use crate::linalg::cholesky;
 use crate::scalar::Real;
 
 /// Stick-slip friction of all joints.
+///
+/// ```
+/// use armlet_core::arm::Arm;
+/// use armlet_core::plant::{FrictionCurve, JointFriction, PlantSpec, RigidSpec, StickSlip};
+///
+/// let curve = FrictionCurve::new(vec![2.0], Some(vec![3.0]), None, None, None)?;
+/// let arm = RigidSpec::new(Arm::pendulum(1.0, 0.0)?.into());
+/// let spec = PlantSpec::from(arm.with_friction(Some(JointFriction::StickSlip(StickSlip { curve })))?);
+/// let mut plant = PlantSpec::build::<f64>(|_| &spec, None);
+/// # let mut dx = [0.0; 2];
+/// // At 1 rad/s, the Coulomb friction of 2 N m acts against 5 N m.
+/// plant.stick_slip().expect("friction").0.follow(&[1]);
+/// plant.rates(&[(0.0, 1.0)], &[0.0, 1.0], &[5.0], &[0.0; 6], &mut dx);
+/// assert!((dx[1] - 3.0).abs() < 1e-15);
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct StickSlip {
     /// Friction curve `h(v, L)`, without bristles.
@@ -37,6 +53,24 @@ const PIVOTS: usize = 8;
 const SLIPS: f64 = 1e-9;
 
 /// The stick-slip friction of one plant. Its lanes stick and slide together.
+///
+/// ```
+/// use armlet_core::arm::Arm;
+/// use armlet_core::plant::{FrictionCurve, JointFriction, PlantSpec, RigidSpec, StickSlip};
+///
+/// # let curve = FrictionCurve::new(vec![2.0], Some(vec![3.0]), None, None, None)?;
+/// # let arm = RigidSpec::new(Arm::pendulum(1.0, 0.0)?.into());
+/// # let spec = PlantSpec::from(arm.with_friction(Some(JointFriction::StickSlip(StickSlip { curve })))?);
+/// let mut plant = PlantSpec::build::<f64>(|_| &spec, None); // static friction 3 N m
+/// let mut side = |tau: f64| {
+///     plant.load_friction(&[(0.0, 1.0)], &[0.0, 0.0], &[tau], &[0.0; 6]);
+///     let (friction, _) = plant.stick_slip().expect("friction");
+///     friction.settle(&[0.0], None);
+///     friction.sides()[0]
+/// };
+/// assert_eq!([2.9, 3.1, -3.1].map(&mut side), [0, 1, -1]);
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 pub struct LaneStickSlip<S> {
     curve: LaneCurve<S>,
     breakaway: Vec<S>,

@@ -6,6 +6,17 @@ use crate::error::{Error, Result};
 use crate::scalar::Real;
 
 /// Compliant stops at the joint limits.
+///
+/// ```
+/// use armlet_core::plant::{Stop, Stops};
+///
+/// let stops = Stops::new(vec![-1.0, f64::NEG_INFINITY], vec![2.0, 2.0], vec![1e3, 1e3], vec![0.0, 0.0])?;
+/// assert_eq!(stops.all().count(), 3);
+/// assert_eq!(stops.limit(Stop { joint: 0, upper: false }), -1.0);
+/// // The first joint is 0.1 rad beyond its upper limit: `k d^2 / 2`.
+/// assert!((stops.energy(&[2.1, -5.0]) - 5.0).abs() < 1e-12);
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Stops {
     /// Lower limits, `(n,)`, rad or m; infinite for no stop.
@@ -19,6 +30,15 @@ pub struct Stops {
 }
 
 /// One joint stop: the index of its joint, and the end of the joint's range.
+///
+/// ```
+/// use armlet_core::plant::Stop;
+///
+/// let (lower, upper) = (Stop { joint: 0, upper: false }, Stop { joint: 0, upper: true });
+/// // At q = 1.25 rad with 2 rad/s, and the limits -1 and 1 rad.
+/// assert_eq!(upper.depth(1.0, 1.25, 2.0), (0.25, 2.0));
+/// assert_eq!(lower.depth(-1.0, 1.25, 2.0), (-2.25, -2.0));
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Stop {
     /// Index of the joint.

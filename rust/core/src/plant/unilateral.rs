@@ -7,6 +7,15 @@ use crate::error::{Error, Result, positive};
 use crate::scalar::Real;
 
 /// The mode of a contact.
+///
+/// ```
+/// use armlet_core::plant::Touch;
+///
+/// assert_eq!([Touch::at(-0.1, 0.0), Touch::at(0.1, 5.0), Touch::at(0.1, -5.0)], [Touch::Apart, Touch::Pressed, Touch::Slack]);
+/// // A pressed contact ends where its push of 5 N becomes negative.
+/// assert_eq!(Touch::Pressed.guards(0.1, 5.0)[0], 5.0);
+/// assert_eq!((Touch::Pressed.next(0, 0.1), Touch::Pressed.next(0, -0.1)), (Touch::Slack, Touch::Apart));
+/// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Touch {
     /// The frame or joint is outside, without a force.

@@ -5,6 +5,17 @@ use crate::dynamics::Model;
 use crate::scalar::Real;
 
 /// A velocity-controlled arm, with validated parameters.
+///
+/// ```
+/// use armlet_core::arm::Arm;
+/// use armlet_core::plant::{PlantSpec, VelocitySpec};
+///
+/// let spec = PlantSpec::from(VelocitySpec { model: Arm::pendulum(1.0, 5.0)?.into() });
+/// let mut dx = [0.0];
+/// PlantSpec::build::<f64>(|_| &spec, None).rates(&[0.3f64.sin_cos()], &[0.3], &[2.0], &[0.0; 6], &mut dx);
+/// assert_eq!(dx, [2.0]);
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct VelocitySpec {
     /// The model of the arm.
