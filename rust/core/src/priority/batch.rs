@@ -81,6 +81,21 @@ impl PrioritySolver {
 
 /// A batch of stacks, row-major. Each level has Jacobians, shape `(count, rows_i, n)`, and velocities, shape `(count, rows_i)`. One
 /// Jacobian or velocity may apply to all stacks.
+///
+/// ```
+/// use armlet_core::priority::StackRows;
+///
+/// // Two stacks with one level of one row. Both have the same Jacobian.
+/// let given = StackRows { jacobians: &[&[1.0, 1.0]], velocities: &[&[2.0, 4.0]] };
+/// # use armlet_core::priority::{PriorityOptions, PrioritySolver, StackAnswers, StackBatch};
+/// # let (mut v, mut r, mut ranks, mut scales, mut status) = ([0.0; 4], [0.0; 2], [0; 2], [0.0; 2], [0; 2]);
+/// # let residuals = vec![&mut r[..]];
+/// # let mut answers = StackAnswers { v: &mut v, residuals, ranks: &mut ranks, scales: &mut scales, status: &mut status };
+/// let mut batch = StackBatch::new(&PrioritySolver::new(2, &[1], &PriorityOptions::default())?, 2);
+/// batch.solve(&given, 0, 2, &mut answers);
+/// assert!(v.iter().zip([1.0, 1.0, 2.0, 2.0]).all(|(v, expected)| (v - expected).abs() < 1e-15));
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Clone, Copy)]
 pub struct StackRows<'a> {
     pub jacobians: &'a [&'a [f64]],
@@ -90,6 +105,22 @@ pub struct StackRows<'a> {
 /// The results of a batch: `v`, shape `(count, n)`, and for each level residuals, shape `(count, rows_i)`. `ranks` and `scales` have the
 /// shape `(count, levels)`. `status` has the shape `(count,)`, with codes. A row that fails is NaN, with `Status::Diverged` and ranks of
 /// zero.
+///
+/// ```
+/// use armlet_core::priority::{PriorityMethod, PriorityOptions, PrioritySolver, StackAnswers, StackBatch, StackRows};
+/// use armlet_core::status::Status;
+///
+/// let (mut v, mut residual, mut ranks, mut scales, mut status) = ([0.0; 4], [0.0; 2], [0; 2], [0.0; 2], [0; 2]);
+/// let residuals = vec![&mut residual[..]];
+/// let mut answers = StackAnswers { v: &mut v, residuals, ranks: &mut ranks, scales: &mut scales, status: &mut status };
+/// # let solver = PrioritySolver::new(2, &[1], &PriorityOptions::new(PriorityMethod::Exact))?;
+/// // The Jacobian of the second stack is zero.
+/// let given = StackRows { jacobians: &[&[0.0, 2.0, 0.0, 0.0]], velocities: &[&[1.0, 1.0]] };
+/// StackBatch::new(&solver, 2).solve(&given, 0, 2, &mut answers);
+/// assert_eq!((v, residual, ranks), ([0.0, 0.5, 0.0, 0.0], [0.0, 1.0], [1, 0]));
+/// assert_eq!(status, [Status::Success as i32, Status::Degraded as i32]);
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 pub struct StackAnswers<'a> {
     pub v: &'a mut [f64],
     pub residuals: Vec<&'a mut [f64]>,
@@ -119,6 +150,22 @@ fn cut<'a, T>(all: &mut &'a mut [T], size: usize) -> &'a mut [T] {
 }
 
 /// A solver for batches of stacks on the calling thread, with its memory.
+///
+/// ```
+/// use armlet_core::priority::{PriorityOptions, PrioritySolver, StackAnswers, StackBatch, StackRows};
+///
+/// let solver = PrioritySolver::new(2, &[1, 1], &PriorityOptions::default())?;
+/// let mut batch = StackBatch::new(&solver, 64);
+/// # let (mut v, mut r1, mut r2, mut ranks, mut scales, mut status) = ([0.0; 128], [0.0; 64], [0.0; 64], [0; 128], [0.0; 128], [0; 64]);
+/// # let residuals = vec![&mut r1[..], &mut r2[..]];
+/// # let mut answers = StackAnswers { v: &mut v, residuals, ranks: &mut ranks, scales: &mut scales, status: &mut status };
+/// let commands: Vec<f64> = (0..64).map(f64::from).collect();
+/// let given = StackRows { jacobians: &[&[1.0, 0.0], &[0.0, 2.0]], velocities: &[&commands, &[1.0]] };
+/// batch.solve(&given, 0, 64, &mut answers);
+/// assert!((v[126] - 63.0).abs() < 1e-13 && (v[127] - 0.5).abs() < 1e-15);
+/// assert_eq!(ranks, [1; 128]);
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Clone)]
 pub struct StackBatch {
     program: Option<Evaluation>,

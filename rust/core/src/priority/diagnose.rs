@@ -19,6 +19,18 @@ use crate::linalg::{axpy, dot};
 const COMPATIBLE: f64 = 1e3;
 
 /// The kind of singularity of the stack.
+///
+/// ```
+/// use armlet_core::priority::{SingularityKind, diagnose};
+///
+/// let (x, y, none) = ([1.0, 0.0], [0.0, 1.0], [0.0, 0.0]);
+/// let kind = |first: &[f64], second: &[f64]| diagnose(2, &[1, 1], &[first, second], None, None).map(|diagnosis| diagnosis.kind);
+/// assert_eq!(kind(&x, &y)?, SingularityKind::Regular);
+/// assert_eq!(kind(&x, &x)?, SingularityKind::Algorithmic);
+/// assert_eq!(kind(&x, &none)?, SingularityKind::Kinematic);
+/// assert_eq!(SingularityKind::Both.name(), "algorithmic+kinematic");
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum SingularityKind {
     /// Each task has full rank alone. The rank of the stack is the sum of these ranks, or the number of joints if it is smaller.
@@ -44,6 +56,18 @@ impl SingularityKind {
 }
 
 /// The diagnosis of one level.
+///
+/// ```
+/// use armlet_core::priority::diagnose;
+///
+/// // The second level commands x, like the first level, and y.
+/// let diagnosis = diagnose(3, &[1, 2], &[&[1.0, 0.0, 0.0], &[1.0, 0.0, 0.0, 0.0, 1.0, 0.0]], None, None)?;
+/// let level = &diagnosis.levels[1];
+/// assert_eq!((level.rows, level.rank, level.projected_rank), (2, 2, 1));
+/// assert!(level.algorithmic && !level.kinematic);
+/// assert_eq!((level.lost.len(), level.lost[0][0].abs()), (1, 1.0));
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct LevelDiagnosis {
     /// The number of rows of the level.
@@ -66,6 +90,18 @@ pub struct LevelDiagnosis {
 }
 
 /// The part of a command that one level cannot execute.
+///
+/// ```
+/// use armlet_core::priority::diagnose;
+///
+/// // Both levels command the same joint, with 1 and 3 rad/s.
+/// let x = [1.0, 0.0];
+/// let diagnosis = diagnose(2, &[1, 1], &[&x, &x], Some(&[&[1.0], &[3.0]]), None)?;
+/// let parts = diagnosis.compatibility.expect("a command was given");
+/// assert!(parts[0].compatible && !parts[1].compatible);
+/// assert!((parts[1].loss[0] - 2.0).abs() < 1e-15);
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct Compatibility {
     /// The part of `v_i - J_i v_above` along the lost directions, shape `(rows,)`, in the unit of the task. `v_above` is the joint velocity
@@ -76,6 +112,17 @@ pub struct Compatibility {
 }
 
 /// The ranks, singular values and lost directions of a stack of levels.
+///
+/// ```
+/// use armlet_core::priority::{SingularityKind, diagnose};
+///
+/// let (first, second) = ([1.0, 1.0, 0.0], [1.0, 1.0, 0.0, 0.0, 0.0, 1.0]);
+/// let diagnosis = diagnose(3, &[1, 2], &[&first, &second], None, None)?;
+/// assert_eq!((diagnosis.ranks(), diagnosis.projected_ranks()), (vec![1, 2], vec![1, 1]));
+/// assert_eq!((diagnosis.stacked_rank, diagnosis.overlap, diagnosis.kind), (2, 1, SingularityKind::Algorithmic));
+/// assert!(diagnosis.to_string().contains("algorithmic"));
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct Diagnosis {
     /// The number of joints.

@@ -13,6 +13,21 @@ pub(super) const TAME: std::ops::Range<f64> = 1e-120..1e120;
 pub const DEFAULT_EPS: f64 = 0.02;
 
 /// The method that inverts a level. `A_i = J_i N` is its projected Jacobian, with the null basis `N` of the levels above.
+///
+/// ```
+/// use armlet_core::priority::{PriorityMethod, PriorityOptions, solve_priority};
+///
+/// // The smallest singular value, 0.01, is below the threshold 0.1.
+/// let j = [1.0, 0.0, 0.0, 0.01];
+/// let speed = |method| {
+///     let options = PriorityOptions { eps: Some(vec![0.1]), ..PriorityOptions::new(method) };
+///     solve_priority(2, &[&j], &[&[0.0, 1.0]], &options).map(|solution| solution.v[1])
+/// };
+/// assert!((speed(PriorityMethod::Exact)? - 100.0).abs() < 1e-9);
+/// assert!((speed(PriorityMethod::Clamp)? - 1.0).abs() < 1e-12);
+/// assert_eq!(PriorityMethod::from_name("sns")?, PriorityMethod::Sns);
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum PriorityMethod {
     /// The pseudo-inverse of `A_i`, with a rank that takes the size of `J_i` into account. It is discontinuous at singularities, and never
@@ -72,6 +87,16 @@ impl PriorityMethod {
 }
 
 /// The options of a solver, in addition to its sizes.
+///
+/// ```
+/// use armlet_core::priority::{PriorityMethod, PriorityOptions, solve_priority};
+///
+/// // The first joint counts three times as much as the second joint.
+/// let options = PriorityOptions { weight: Some(vec![3.0, 0.0, 0.0, 1.0]), ..PriorityOptions::new(PriorityMethod::Exact) };
+/// let solution = solve_priority(2, &[&[1.0, 1.0]], &[&[4.0]], &options)?;
+/// assert!((solution.v[0] - 1.0).abs() < 1e-14 && (solution.v[1] - 3.0).abs() < 1e-14);
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct PriorityOptions {
     /// The method that inverts a level.

@@ -5,6 +5,18 @@ use crate::error::Result;
 use crate::status::Status;
 
 /// The result of `solve_priority`.
+///
+/// ```
+/// use armlet_core::priority::{PriorityMethod, PriorityOptions, solve_priority};
+/// use armlet_core::status::Status;
+///
+/// let options = PriorityOptions { v_max: Some(vec![1.0, 1.0]), ..PriorityOptions::new(PriorityMethod::Sns) };
+/// // Together the joints reach 2 rad/s: the task is scaled by 2/5.
+/// let solution = solve_priority(2, &[&[1.0, 1.0]], &[&[5.0]], &options)?;
+/// assert_eq!((solution.v.as_slice(), solution.status), (&[1.0, 1.0][..], Status::Degraded));
+/// assert!((solution.scales[0] - 0.4).abs() < 1e-15 && (solution.residuals[0][0] - 3.0).abs() < 1e-14);
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct Solution {
     /// Joint velocities, shape `(n,)`, rad/s or m/s.
