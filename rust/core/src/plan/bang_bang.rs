@@ -20,6 +20,19 @@ use crate::scalar::{GenericKernel, Real, run_lanes};
 use std::f64::consts::{FRAC_PI_2, TAU};
 
 /// The feasible durations of the profile. Labels and messages are computed on request.
+///
+/// ```
+/// use armlet_core::plan::bang_bang_time;
+/// use std::f64::consts::FRAC_PI_2;
+///
+/// // From hanging to level, with `G = 2 N m` and 5 N m: gravity leaves `5 - 2 sin(pi/4)` to accelerate.
+/// let report = bang_bang_time(0.0, FRAC_PI_2, 1.0, 2.0, -5.0, 5.0)?;
+/// assert!(report.feasible && (report.a_max - (5.0 - 2f64.sqrt())).abs() < 1e-14);
+/// assert!((report.t_min - (4.0 * FRAC_PI_2 / report.a_max).sqrt()).abs() < 1e-14);
+/// // The torque reaches its limit just before the switch.
+/// assert!((report.torques(report.t_min)[1] - 5.0).abs() < 1e-14);
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct BangBangReport {
     /// Whether a feasible duration exists.
@@ -124,6 +137,21 @@ pub fn bang_bang_time(theta0: f64, thetaf: f64, inertia: f64, gravity_moment: f6
 }
 
 /// The output arrays of many problems, `(count,)` each: `t_min, t_max, a_min, a_max`, and `feasible, hold_start, hold_end`.
+///
+/// ```
+/// use armlet_core::plan::{BangBangTimes, bang_bang_times};
+///
+/// # let (mut t_max, mut a_min, mut a_max) = ([0.0; 3], [0.0; 3], [0.0; 3]);
+/// # let (mut hold_start, mut hold_end) = ([false; 3], [false; 3]);
+/// let (mut t_min, mut feasible) = ([0.0; 3], [false; 3]);
+/// let to = BangBangTimes {
+///     numbers: [&mut t_min, &mut t_max, &mut a_min, &mut a_max],
+///     flags: [&mut feasible, &mut hold_start, &mut hold_end],
+/// };
+/// // Three goals; all other numbers are the same: T = 2 sqrt(D / 4).
+/// bang_bang_times([&[0.0], &[0.25, 1.0, 4.0], &[1.0], &[0.0], &[-4.0], &[4.0]], to).expect("valid");
+/// assert_eq!((t_min, feasible), ([0.5, 1.0, 2.0], [true; 3]));
+/// ```
 pub struct BangBangTimes<'a> {
     /// Durations `t_min` and `t_max`, s, then `a_min` and `a_max`, the bounds of `inertia * acceleration`, N m.
     pub numbers: [&'a mut [f64]; 4],

@@ -31,7 +31,7 @@ mod profiles;
 mod quadrature;
 mod report;
 mod search;
-pub mod sine;
+mod sine;
 mod steps;
 mod swing;
 mod time_path;
@@ -41,7 +41,6 @@ mod windows;
 
 pub use bang_bang::{BangBangReport, BangBangTimes, bang_bang_time, bang_bang_times};
 pub use friction::torque_optimal_time_with_friction;
-pub use link::Link;
 pub use profiles::{ProfileReport, minimum_jerk_time, trapezoid_time};
 pub use report::{Bind, Limit, MonotoneReason, Place, Reason};
 pub use time_path::{Bound, FINE, Friction, Mover, PathLimits, PathReason, Shortfall, TimePath, TimePathOptions, TipLimits, time_path};

@@ -18,6 +18,18 @@ use crate::error::{Error, Result};
 use crate::memory;
 
 /// The durations that obey the torque bounds.
+///
+/// ```
+/// use armlet_core::plan::{minimum_jerk_time, trapezoid_time};
+///
+/// // Without gravity, with ramps of a quarter of the duration: `tau = 16/3 I D / T^2`.
+/// let report = trapezoid_time(0.0, 1.0, 1.0, 0.0, -4.0, 4.0, 0.25)?;
+/// assert!(report.feasible && report.missing == 0.0 && (report.k_max - 0.75).abs() < 1e-15);
+/// assert!((report.t_min - (1.0f64 / 0.75).sqrt()).abs() < 1e-15);
+/// // The quintic takes longer.
+/// assert!(minimum_jerk_time(0.0, 1.0, 1.0, 0.0, -4.0, 4.0)?.t_min > report.t_min);
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ProfileReport {
     /// Whether a feasible duration exists.

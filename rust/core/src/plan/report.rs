@@ -4,6 +4,16 @@
 use std::fmt;
 
 /// A torque limit of the link.
+///
+/// ```
+/// use armlet_core::plan::{Limit, bang_bang_time};
+///
+/// // Braking downwards, at the hanging position, needs the upper limit.
+/// let report = bang_bang_time(1.0, 0.0, 1.0, 2.0, -5.0, 5.0)?;
+/// assert_eq!(report.active_upper().limit, Limit::TauMax);
+/// assert_eq!(Limit::TauMax.to_string(), "tau_max");
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Limit {
     /// The lower torque limit `tau_min`.
@@ -22,6 +32,16 @@ impl fmt::Display for Limit {
 }
 
 /// The place in a phase of the motion where a limit binds.
+///
+/// ```
+/// use armlet_core::plan::{Place, bang_bang_time};
+/// use std::f64::consts::{FRAC_PI_2, PI};
+///
+/// // Gravity is largest at the switch of the first motion, and inside the first phase of the second motion.
+/// let place = |goal| bang_bang_time(0.0, goal, 1.0, 2.0, -5.0, 5.0).map(|report| report.active_upper().place);
+/// assert_eq!((place(FRAC_PI_2)?, place(1.5 * PI)?), (Place::Switch, Place::Interior));
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Place {
     /// The first instant of the phase.
@@ -46,6 +66,17 @@ impl fmt::Display for Place {
 }
 
 /// A torque limit that determines the shortest or the longest duration. `Display` writes it as `phase1:switch`.
+///
+/// ```
+/// use armlet_core::plan::{Limit, bang_bang_time};
+/// use std::f64::consts::{FRAC_PI_2, FRAC_PI_4};
+///
+/// let report = bang_bang_time(0.0, FRAC_PI_2, 1.0, 2.0, -5.0, 5.0)?;
+/// let bind = report.active_upper();
+/// assert_eq!((bind.limit, bind.theta, bind.time), (Limit::TauMax, FRAC_PI_4, 0.5 * report.t_min));
+/// assert_eq!(bind.to_string(), "phase1:switch");
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Bind {
     /// The torque limit.
@@ -69,6 +100,18 @@ impl fmt::Display for Bind {
 }
 
 /// Whether a profile is possible, or the reason why not. `Display` makes the text.
+///
+/// ```
+/// use armlet_core::plan::{Reason, bang_bang_time};
+/// use std::f64::consts::FRAC_PI_2;
+///
+/// assert_eq!(bang_bang_time(0.0, 1.0, 1.0, 2.0, -5.0, 5.0)?.reason(), Reason::Feasible);
+/// // A torque of 1 N m cannot move a link with a gravity moment of 2 N m beyond the level position.
+/// let reason = bang_bang_time(0.8, 4.7, 1.0, 2.0, -1.0, 1.0)?.reason();
+/// let Reason::Blocked { upper, missing } = reason else { panic!("{reason}") };
+/// assert!((upper.theta - FRAC_PI_2).abs() < 1e-15 && (missing - 1.0).abs() < 1e-15);
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Reason {
     /// The profile is possible.
@@ -127,6 +170,17 @@ impl fmt::Display for Reason {
 }
 
 /// Whether the monotone motion under full torque exists, or the reason why not. `missing` is in N m.
+///
+/// ```
+/// use armlet_core::plan::{MonotoneReason, torque_optimal_time};
+/// use std::f64::consts::PI;
+///
+/// // The link gains 4 J, and the torque of 1 N m does the work of pi J.
+/// let reason = torque_optimal_time(0.0, PI, 1.0, 2.0, -1.0, 1.0)?.reason;
+/// let MonotoneReason::Work { missing } = reason else { panic!("{reason}") };
+/// assert!((missing - (4.0 / PI - 1.0)).abs() < 1e-15);
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum MonotoneReason {
     /// The motion is possible.

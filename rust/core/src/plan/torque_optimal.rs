@@ -24,6 +24,16 @@ use crate::error::Result;
 use std::f64::consts::PI;
 
 /// The torque sequence of an optimum.
+///
+/// ```
+/// use armlet_core::plan::{Family, torque_optimal_time};
+/// use std::f64::consts::PI;
+///
+/// let family = |limit: f64| torque_optimal_time(0.0, PI, 1.0, 2.0, -limit, limit).map(|optimum| optimum.best.kind);
+/// assert_eq!((family(5.0)?, family(1.0)?), (Family::Monotone, Family::BackSwing));
+/// assert_eq!(Family::BackSwing.name(), "back-swing");
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Family {
     /// Push towards the goal, then brake.
@@ -49,6 +59,18 @@ impl Family {
 }
 
 /// The fastest motion of the three families.
+///
+/// ```
+/// use armlet_core::plan::torque_optimal_time;
+/// use std::f64::consts::PI;
+///
+/// // The torque is too small for a direct motion: the link first swings back.
+/// let best = torque_optimal_time(0.0, PI, 1.0, 2.0, -1.0, 1.0)?.best;
+/// assert_eq!(best.switches, 2);
+/// assert!(best.theta_turn < 0.0 && best.theta_switches[0] < 0.0 && best.theta_switches[1] > 0.0);
+/// assert!(0.0 < best.t_switches[0] && best.t_switches[0] < best.t_turn && best.t_turn < best.t);
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Best {
     /// The torque sequence of the motion.
@@ -68,6 +90,17 @@ pub struct Best {
 }
 
 /// The monotone optimum, and the fastest motion of the three families.
+///
+/// ```
+/// use armlet_core::plan::{MonotoneReason, torque_optimal_time};
+///
+/// // Without gravity: one switch, in the middle of the motion.
+/// let optimum = torque_optimal_time(0.0, 1.0, 1.0, 0.0, -4.0, 4.0)?;
+/// assert!(optimum.feasible && optimum.certified_global);
+/// assert_eq!((optimum.theta_switch, optimum.sturm_bound, optimum.reason), (0.5, f64::INFINITY, MonotoneReason::Feasible));
+/// assert!((optimum.t - 1.0).abs() < 1e-9 && (optimum.v_peak - 2.0).abs() < 1e-9);
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TorqueOptimum {
     /// Whether the monotone motion exists.

@@ -29,6 +29,16 @@ struct RestPhase {
 }
 
 /// State and torque of a motion at one time.
+///
+/// ```
+/// use armlet_core::plan::{Sample, torque_optimal_time};
+///
+/// let profile = torque_optimal_time(0.0, 1.0, 1.0, 0.0, -4.0, 4.0)?.profile().expect("feasible");
+/// let Sample { q, v, a, tau } = profile.at(0.25);
+/// assert!((q - 0.125).abs() < 1e-12 && (v - 1.0).abs() < 1e-12);
+/// assert_eq!((a, tau), (4.0, 4.0));
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Sample {
     /// Angle, rad.
@@ -42,6 +52,17 @@ pub struct Sample {
 }
 
 /// A torque profile with its motion. The link is at rest before the start and after the end.
+///
+/// ```
+/// use armlet_core::plan::torque_optimal_time;
+///
+/// let profile = torque_optimal_time(0.2, 1.2, 1.0, 2.0, -6.0, 6.0)?.profile().expect("feasible");
+/// let (start, end) = (profile.at(0.0), profile.at(profile.duration()));
+/// assert!(start.tau == 6.0 && start.q == 0.2 && (end.q - 1.2).abs() < 1e-9);
+/// // After the end, the torque holds the link.
+/// assert!(end.v == 0.0 && (end.tau - 2.0 * 1.2f64.sin()).abs() < 1e-12);
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct TorqueProfile {
     link: FrictionLink,

@@ -17,6 +17,21 @@ const MOST: usize = 1_000_000;
 /// At least one limit of torque, joint acceleration or frame acceleration is required. Limits of torque, speed and acceleration may vary
 /// along the path: `(P + 1, n)`, one row per knot, and linear in `s` between knots. A torque limit that varies must be symmetric,
 /// `tau_min = -tau_max`.
+///
+/// ```
+/// use armlet_core::plan::{Mover, PathLimits, TimePathOptions, time_path};
+/// # use armlet_core::dynamics::PlanarPr;
+/// # use armlet_core::motion::{Ends, Path};
+/// # use std::sync::Arc;
+///
+/// # let arm = Mover::PlanarPr(PlanarPr::new(3.0, 0.5, 0.2)?);
+/// # let path = Arc::new(Path::waypoints(&[0.0, 0.0, 1.0, 1.0], 2, None, Ends::Natural)?.0);
+/// // Both joints move by 1. They accelerate with 4 until the speed is 1: T = 1 + 1/4.
+/// let limits = PathLimits { velocity: Some(vec![1.0, 2.0]), acceleration: Some(vec![4.0, 4.0]), ..PathLimits::default() };
+/// let plan = time_path(arm, path, &limits, &TimePathOptions::default())?;
+/// assert!((plan.motion.duration() - 1.25).abs() < 1e-9);
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct PathLimits {
     /// Least and largest torques, N m or N.
@@ -32,6 +47,22 @@ pub struct PathLimits {
 }
 
 /// Options of a timing: grid, speeds at the ends, stops, friction and torque rate.
+///
+/// ```
+/// use armlet_core::plan::{Mover, PathLimits, TimePathOptions, time_path};
+/// # use armlet_core::dynamics::PlanarPr;
+/// # use armlet_core::motion::{Ends, Path};
+/// # use std::sync::Arc;
+///
+/// # let arm = Mover::PlanarPr(PlanarPr::new(3.0, 0.5, 0.2)?);
+/// # let limits = PathLimits { acceleration: Some(vec![4.0, 4.0]), ..PathLimits::default() };
+/// // The motion stops at the second waypoint: twice `2 sqrt(0.5 / 4)`.
+/// let (path, knots) = Path::waypoints(&[0.0, 0.0, 0.5, 0.5, 1.0, 1.0], 2, None, Ends::Natural)?;
+/// let options = TimePathOptions { stops: vec![knots[1]], ..TimePathOptions::default() };
+/// let plan = time_path(arm, Arc::new(path), &limits, &options)?;
+/// assert!((plan.motion.duration() - 2f64.sqrt()).abs() < 1e-9);
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct TimePathOptions {
     /// Approximate number of grid points; each piece of the path has at least one segment. `None` refines the grid until the duration

@@ -4,6 +4,18 @@ use crate::dynamics::{Functions, PlanarPr, Query};
 use crate::error::Result;
 
 /// The arm that moves along the path.
+///
+/// ```
+/// use armlet_core::arm::Arm;
+/// use armlet_core::dynamics::{Functions, PlanarPr};
+/// use armlet_core::plan::Mover;
+/// use std::sync::Arc;
+///
+/// let tree = Functions::new(Arc::new(Arm::planar(&[0.5, 0.4, 0.1], None, None, None, [0.0, -9.81])?));
+/// assert_eq!(Mover::Tree(&tree).joint_names(), ["joint1", "joint2", "joint3"]);
+/// assert_eq!(Mover::PlanarPr(PlanarPr::new(3.0, 0.5, 0.2)?).dof(), 2);
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Clone, Copy)]
 pub enum Mover<'a> {
     /// A tree of bodies.

@@ -9,6 +9,23 @@ use super::setup::PathProblem;
 use std::fmt;
 
 /// The kind of a limit.
+///
+/// ```
+/// use armlet_core::plan::{Bound, Mover, PathLimits, TimePathOptions, time_path};
+/// # use armlet_core::dynamics::PlanarPr;
+/// # use armlet_core::motion::{Ends, Path};
+/// # use std::sync::Arc;
+///
+/// # let arm = Mover::PlanarPr(PlanarPr::new(3.0, 0.5, 0.2)?);
+/// # let path = Arc::new(Path::waypoints(&[0.0, 0.0, 1.0, 1.0], 2, None, Ends::Natural)?.0);
+/// // The path ends at 1 rad, and the second joint has the limit 0.75 rad.
+/// let position = Some((vec![-2.0, -2.0], vec![2.0, 0.75]));
+/// let limits = PathLimits { acceleration: Some(vec![4.0, 4.0]), position, ..PathLimits::default() };
+/// let reason = time_path(arm, path, &limits, &TimePathOptions::default())?.reason.expect("beyond a limit");
+/// assert_eq!((reason.limit, reason.joint, reason.position), (Bound::PositionMax, Some(1), 1.0));
+/// assert_eq!(Bound::PositionMax.name(), "q_max");
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Bound {
     /// Upper torque limit.
@@ -49,6 +66,23 @@ impl Bound {
 }
 
 /// The condition that a path or its timing violates.
+///
+/// ```
+/// use armlet_core::plan::{Mover, PathLimits, Shortfall, TimePathOptions, time_path};
+/// # use armlet_core::dynamics::PlanarPr;
+/// # use armlet_core::motion::{Ends, Path};
+/// # use std::sync::Arc;
+///
+/// # let arm = Mover::PlanarPr(PlanarPr::new(3.0, 0.5, 0.2)?);
+/// # let path = Arc::new(Path::waypoints(&[0.0, 0.0, 1.0, 1.0], 2, None, Ends::Natural)?.0);
+/// # let limits = PathLimits { acceleration: Some(vec![4.0, 4.0]), ..PathLimits::default() };
+/// // From a very high speed, the arm cannot come to rest within the path.
+/// let options = TimePathOptions { start_speed: 100.0, ..TimePathOptions::default() };
+/// let reason = time_path(arm, path, &limits, &options)?.reason.expect("too fast");
+/// assert_eq!(reason.what, Shortfall::StartSpeed);
+/// assert!(reason.speed < 100.0);
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Shortfall {
     /// The limits allow no path speed here, or none from which the motion can continue.
@@ -68,6 +102,24 @@ pub enum Shortfall {
 }
 
 /// The reason why a path has no timing.
+///
+/// ```
+/// use armlet_core::plan::{Bound, Mover, PathLimits, Shortfall, TimePathOptions, time_path};
+/// # use armlet_core::arm::Arm;
+/// # use armlet_core::dynamics::Functions;
+/// # use armlet_core::motion::{Ends, Path};
+/// # use std::sync::Arc;
+///
+/// # let arm = Functions::new(Arc::new(Arm::planar(&[1.0], None, None, None, [0.0, -9.81])?));
+/// # let path = Arc::new(Path::waypoints(&[-1.5, 0.0], 1, None, Ends::Natural)?.0);
+/// // A rod of 1 kg and 1 m, lifted slowly from -1.5 rad to the level. There it needs 4.905 N m, and has 3 N m.
+/// let limits = PathLimits { torque: Some((vec![-3.0], vec![3.0])), velocity: Some(vec![0.01]), ..PathLimits::default() };
+/// let reason = time_path(Mover::Tree(&arm), path, &limits, &TimePathOptions::default())?.reason.expect("too weak");
+/// assert_eq!((reason.what, reason.limit, reason.joint_name.as_str()), (Shortfall::NoSpeed, Bound::TorqueMax, "joint1"));
+/// assert!(reason.s > 0.99 && (reason.missing_units - 1.905).abs() < 0.01);
+/// assert!(reason.to_string().starts_with("the limits leave no path speed: tau_max of joint 0 (joint1)"));
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct PathReason {
     /// The violated condition.

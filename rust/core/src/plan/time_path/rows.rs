@@ -15,6 +15,24 @@ use crate::interrupt::look;
 use crate::motion::Path;
 
 /// Joint friction: `viscous v + coulomb sign(v)`, `(n,)` each.
+///
+/// ```
+/// use armlet_core::plan::{Friction, Mover, PathLimits, TimePathOptions, time_path};
+/// # use armlet_core::arm::Arm;
+/// # use armlet_core::dynamics::Functions;
+/// # use armlet_core::motion::{Ends, Path};
+/// # use std::sync::Arc;
+///
+/// # let arm = Functions::new(Arc::new(Arm::planar(&[1.0], None, None, None, [0.0, 0.0])?));
+/// # let path = Arc::new(Path::waypoints(&[0.0, 1.0], 1, None, Ends::Natural)?.0);
+/// // A rod with I = 1/3 kg m^2. Of 3 N m, friction leaves 2 N m to accelerate, and adds 1 N m to brake: T = 1 / sqrt(2).
+/// let limits = PathLimits { torque: Some((vec![-3.0], vec![3.0])), ..PathLimits::default() };
+/// let friction = Friction { viscous: vec![0.0], coulomb: vec![1.0] };
+/// let options = TimePathOptions { friction: Some(friction), ..TimePathOptions::default() };
+/// let plan = time_path(Mover::Tree(&arm), path, &limits, &options)?;
+/// assert!((plan.motion.duration() - 0.5f64.sqrt()).abs() < 1e-4);
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Friction {
     /// Viscous friction per joint, N m s/rad or N s/m.

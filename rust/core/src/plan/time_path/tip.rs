@@ -23,6 +23,23 @@ use crate::dynamics::{Quantity, Query};
 use nalgebra::Vector3;
 
 /// Limits of the origin of a frame. Each limit is `(1,)`, or `(P + 1,)`: one value per knot of the path, and linear in `s` between knots.
+///
+/// ```
+/// use armlet_core::plan::{Mover, PathLimits, TimePathOptions, TipLimits, time_path};
+/// # use armlet_core::arm::Arm;
+/// # use armlet_core::dynamics::Functions;
+/// # use armlet_core::motion::{Ends, Path};
+/// # use std::sync::Arc;
+///
+/// # let arm = Functions::new(Arc::new(Arm::planar(&[2.0], None, None, None, [0.0, 0.0])?));
+/// # let path = Arc::new(Path::waypoints(&[0.0, 1.0], 1, None, Ends::Natural)?.0);
+/// // The tip is 2 m from the axis, so 1 m/s is 0.5 rad/s: T = 1/0.5 + 0.5/4.
+/// let tip = TipLimits { frame: 0, speed: Some(vec![1.0]), acceleration: None };
+/// let limits = PathLimits { acceleration: Some(vec![4.0]), tip: Some(tip), ..PathLimits::default() };
+/// let plan = time_path(Mover::Tree(&arm), path, &limits, &TimePathOptions::default())?;
+/// assert!((plan.motion.duration() - 2.125).abs() < 1e-9);
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct TipLimits {
     /// Index of the frame.
