@@ -14,6 +14,28 @@ use crate::status::Status;
 pub const MAX_STEPS: u64 = 10_000_000;
 
 /// The numbers of evaluations, steps and decompositions of an adaptive method since the start of the run.
+///
+/// ```
+/// use armlet_core::integrate::{Adaptive, Dopri5, Tolerance, Work};
+/// # use armlet_core::integrate::System;
+/// # struct Decay;
+/// # impl System<f64> for Decay {
+/// #     type Input = ();
+/// #     fn input(&mut self, _: f64, _: &mut ()) {}
+/// #     fn rhs(&mut self, _: &(), x: &[f64], dx: &mut [f64]) { dx[0] = -x[0]; }
+/// # }
+///
+/// /// The work for `x' = -x` over 1 s.
+/// fn work(rtol: f64) -> Work {
+///     let tolerance = Tolerance { rtol, atol: 1e-12, controlled: 1 };
+///     let mut method = Dopri5::new(tolerance, [1.0], ());
+///     method.begin(&mut Decay, 0.0, 1.0, 1.0).expect("finite");
+///     while !method.step(&mut Decay).expect("smooth") {}
+///     Adaptive::<f64, Decay, _>::work(&method)
+/// }
+/// let (coarse, fine) = (work(1e-4), work(1e-9));
+/// assert!(coarse.steps < fine.steps && fine.evaluations >= 6 * fine.steps && fine.jacobians == 0);
+/// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Work {
     /// The number of evaluations of the right-hand side.
@@ -32,6 +54,25 @@ pub struct Work {
 }
 
 /// The allowed error per step.
+///
+/// ```
+/// use armlet_core::integrate::Accuracy;
+///
+/// /// The first component, a position, has an absolute tolerance of 1 mm. Other components have none.
+/// struct Millimetre;
+/// impl Accuracy for Millimetre {
+///     fn controlled(&self) -> usize {
+///         1
+///     }
+///     fn rtol(&self) -> f64 {
+///         1e-6
+///     }
+///     fn scale(&self, _: usize, x: f64) -> f64 {
+///         1e-3 + self.rtol() * x
+///     }
+/// }
+/// assert!((Millimetre.scale(0, 100.0) - 1.1e-3).abs() < 1e-18);
+/// ```
 pub trait Accuracy {
     /// The number of leading components with error control, at least one. Other components, such as quadratures, have no error control.
     fn controlled(&self) -> usize;
@@ -42,6 +83,15 @@ pub trait Accuracy {
 }
 
 /// The same relative and absolute tolerance for the first `controlled` components of the state.
+///
+/// ```
+/// use armlet_core::integrate::{Accuracy, Tolerance};
+///
+/// // The state has one more component, a quadrature without error control.
+/// let tolerance = Tolerance { rtol: 1e-3, atol: 1e-6, controlled: 2 };
+/// assert_eq!((tolerance.controlled(), tolerance.rtol()), (2, 1e-3));
+/// assert!((tolerance.scale(0, 2.0) - 2.001e-3).abs() < 1e-18);
+/// ```
 #[derive(Clone, Copy, Debug)]
 pub struct Tolerance {
     /// Relative tolerance, dimensionless.
@@ -65,6 +115,14 @@ impl Accuracy for Tolerance {
 }
 
 /// Separate relative and absolute tolerances for each component.
+///
+/// ```
+/// use armlet_core::integrate::{Accuracy, Tolerances};
+///
+/// let tolerances = Tolerances { rtol: vec![1e-3, 1e-6], atol: vec![1e-4, 1e-2] };
+/// assert_eq!((tolerances.controlled(), tolerances.rtol()), (2, 1e-6));
+/// assert!(tolerances.scale(0, 0.0) == 1e-4 && (tolerances.scale(1, 1e6) - 1.01).abs() < 1e-15);
+/// ```
 #[derive(Clone, Debug)]
 pub struct Tolerances {
     /// Relative tolerances, dimensionless, one per component.
@@ -89,6 +147,27 @@ impl Accuracy for Tolerances {
 ///
 /// First set the initial state through `x_mut`. Then call `begin` for a segment, and `step` until it returns `true`. A segment ends where
 /// the input or the state jumps. The next segment begins there. A jump of the state is applied through `x_mut`.
+///
+/// ```
+/// use armlet_core::integrate::{Adaptive, Dop853, Tolerance};
+/// # use armlet_core::integrate::System;
+/// # struct Oscillator;
+/// # impl System<f64> for Oscillator {
+/// #     type Input = ();
+/// #     fn input(&mut self, _: f64, _: &mut ()) {}
+/// #     fn rhs(&mut self, _: &(), x: &[f64], dx: &mut [f64]) { (dx[0], dx[1]) = (x[1], -x[0]); }
+/// # }
+///
+/// // `x'' = -x` from 1 at rest: `x = cos t`.
+/// let tolerance = Tolerance { rtol: 1e-9, atol: 1e-12, controlled: 2 };
+/// let (mut method, mut at) = (Dop853::new(tolerance, [1.0, 0.0], ()), [0.0; 2]);
+/// method.begin(&mut Oscillator, 0.0, 2.0, 2.0).expect("finite");
+/// while !method.step(&mut Oscillator).expect("smooth") {}
+/// // A time within the last step.
+/// let t = 0.5 * (Adaptive::<f64, Oscillator, _>::t_old(&method) + 2.0);
+/// method.interpolate(&mut Oscillator, t, &mut at);
+/// assert!((at[0] - t.cos()).abs() < 1e-8);
+/// ```
 pub trait Adaptive<S: Real, F: System<S>, B: Buffer<S>> {
     /// Begin a segment from the state `x` at time `t < t_end`, s. `input_end` is the latest time at which the input is evaluated. It is
     /// `t_end`, or just before `t_end` if the input jumps there. Error: [`Status::Diverged`] if the state or its derivative is not finite.

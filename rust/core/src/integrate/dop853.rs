@@ -13,6 +13,16 @@ use super::{Buffer, Embedded, Scheme};
 use crate::scalar::Real;
 
 /// The tableau of the method.
+///
+/// ```
+/// use armlet_core::integrate::{Order8, Pair54, Scheme};
+///
+/// // The times of the stages are the sums of their weights.
+/// for (weights, c) in Order8::A.iter().zip(Order8::C) {
+///     assert!((weights.iter().sum::<f64>() - c).abs() < 1e-13);
+/// }
+/// assert!(Order8::STAGES == 12 && Order8::DEGREE > Pair54::DEGREE);
+/// ```
 pub struct Order8;
 
 impl Scheme for Order8 {

@@ -8,6 +8,15 @@ use super::{Buffer, Embedded, Scheme};
 use crate::scalar::Real;
 
 /// The tableau of the pair.
+///
+/// ```
+/// use armlet_core::integrate::{Pair54, Scheme};
+///
+/// // Order 2: `sum b_i c_i = 1/2`, with the weights of the last stage.
+/// let weights = Pair54::A[Pair54::STAGES];
+/// let sum: f64 = weights.iter().zip(Pair54::C).map(|(b, c)| b * c).sum();
+/// assert!((sum - 0.5).abs() < 1e-15);
+/// ```
 pub struct Pair54;
 
 impl Scheme for Pair54 {

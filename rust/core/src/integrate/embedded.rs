@@ -19,6 +19,15 @@ use std::marker::PhantomData;
 
 /// The tableau of an explicit method whose first slope is known, with its error norm and its dense output. Coefficients are dimensionless.
 /// Step sizes `h` are in s.
+///
+/// ```
+/// use armlet_core::integrate::{Pair54, Scheme};
+///
+/// // The error estimate of a constant slope is zero.
+/// let estimate = |slopes: [f64; 7]| Pair54::E[0].iter().zip(slopes).map(|(e, k)| e * k).sum::<f64>();
+/// assert!(estimate([3.0; 7]).abs() < 1e-15);
+/// assert!(estimate([3.0, 3.0, 3.0, 3.0, 3.0, 3.0, 4.0]).abs() > 0.01);
+/// ```
 pub trait Scheme {
     /// The number of stages after the first one. The argument of the last stage is the new state.
     const STAGES: usize;
@@ -80,6 +89,27 @@ fn argument<S: Real, B: Buffer<S>>(weights: &[f64], h: S, x: &[S], k: &[B], y: &
 }
 
 /// The method with tableau `C`. `B` is the type of the state, `U` that of the input, and `T` that of the tolerances.
+///
+/// ```
+/// use armlet_core::integrate::{Adaptive, Embedded, Order8, Pair54, Scheme, Tolerance};
+/// # use armlet_core::integrate::System;
+/// # struct Decay;
+/// # impl System<f64> for Decay {
+/// #     type Input = ();
+/// #     fn input(&mut self, _: f64, _: &mut ()) {}
+/// #     fn rhs(&mut self, _: &(), x: &[f64], dx: &mut [f64]) { dx[0] = -x[0]; }
+/// # }
+///
+/// /// The number of steps of a method for `x' = -x` over 1 s.
+/// fn steps<C: Scheme>() -> u64 {
+///     let tolerance = Tolerance { rtol: 1e-9, atol: 1e-12, controlled: 1 };
+///     let mut method = Embedded::<C, _, _>::new(tolerance, [1.0], ());
+///     method.begin(&mut Decay, 0.0, 1.0, 1.0).expect("finite");
+///     while !method.step(&mut Decay).expect("smooth") {}
+///     Adaptive::<f64, Decay, _>::work(&method).steps
+/// }
+/// assert!(steps::<Order8>() < steps::<Pair54>());
+/// ```
 pub struct Embedded<C, B, U, T = Tolerance> {
     controller: StepController<T>,
     /// The slopes of the stages, then the slopes of the dense output. The last slope of the stages is at the end of the step.

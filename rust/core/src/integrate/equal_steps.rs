@@ -8,6 +8,13 @@ use crate::scalar::Real;
 use std::marker::PhantomData;
 
 /// A stage of a method whose stages use only the previous slope.
+///
+/// ```
+/// use armlet_core::integrate::{EqualSteps, Kutta4};
+///
+/// let weights: Vec<f64> = Kutta4::STAGES.iter().map(|stage| stage.weight / Kutta4::DIVISOR).collect();
+/// assert_eq!(weights, [1.0 / 6.0, 1.0 / 3.0, 1.0 / 3.0, 1.0 / 6.0]);
+/// ```
 #[derive(Clone, Copy, Debug)]
 pub struct Stage {
     /// The index of the stage's time in `INSTANTS`.
@@ -19,6 +26,28 @@ pub struct Stage {
 }
 
 /// The tableau of a method whose stages use only the previous slope.
+///
+/// ```
+/// use armlet_core::integrate::{EqualSteps, Explicit, FixedStep, Stage, System};
+/// # struct Growth;
+/// # impl System<f64> for Growth {
+/// #     type Input = ();
+/// #     fn input(&mut self, _: f64, _: &mut ()) {}
+/// #     fn rhs(&mut self, _: &(), x: &[f64], dx: &mut [f64]) { dx[0] = x[0]; }
+/// # }
+///
+/// /// Heun's method of order 2.
+/// struct Heun;
+/// impl EqualSteps for Heun {
+///     const INSTANTS: &'static [f64] = &[0.0, 1.0];
+///     const STAGES: &'static [Stage] =
+///         &[Stage { instant: 0, part: 0.0, weight: 1.0 }, Stage { instant: 1, part: 1.0, weight: 1.0 }];
+///     const DIVISOR: f64 = 2.0;
+/// }
+/// let mut x = [1.0];
+/// Explicit::<Heun, _, _>::new(x, ()).step(&mut Growth, 0.0, 0.5, 0.5, &mut x);
+/// assert_eq!(x, [1.0 + 0.5 + 0.125]); // `x' = x`
+/// ```
 pub trait EqualSteps {
     /// The times of the inputs, as increasing fractions of the step.
     const INSTANTS: &'static [f64];
@@ -29,6 +58,23 @@ pub trait EqualSteps {
 }
 
 /// The method with tableau `C`. `B` is the type of the state.
+///
+/// ```
+/// use armlet_core::integrate::{Explicit, FixedStep, Kutta4};
+/// # use armlet_core::integrate::System;
+/// # struct Growth;
+/// # impl System<f64> for Growth {
+/// #     type Input = ();
+/// #     fn input(&mut self, _: f64, _: &mut ()) {}
+/// #     fn rhs(&mut self, _: &(), x: &[f64], dx: &mut [f64]) { dx[0] = x[0]; }
+/// # }
+///
+/// // One step of 1 s for `x' = x`: the first five terms of the series of `e`.
+/// let mut x = [1.0];
+/// let mut method = Explicit::<Kutta4, _, _>::new(x, ());
+/// method.step(&mut Growth, 0.0, 1.0, 1.0, &mut x);
+/// assert!((x[0] - 65.0 / 24.0f64).abs() < 1e-15);
+/// ```
 pub struct Explicit<C, B, U> {
     k: B,
     y: B,

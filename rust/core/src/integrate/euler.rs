@@ -3,6 +3,13 @@
 use super::{EqualSteps, Explicit, Stage};
 
 /// The tableau of the explicit Euler method.
+///
+/// ```
+/// use armlet_core::integrate::{EqualSteps, Forward1};
+///
+/// assert_eq!((Forward1::INSTANTS, Forward1::STAGES.len()), (&[0.0][..], 1));
+/// assert_eq!(Forward1::STAGES[0].weight / Forward1::DIVISOR, 1.0);
+/// ```
 pub struct Forward1;
 
 impl EqualSteps for Forward1 {

@@ -11,6 +11,31 @@ use crate::scalar::sign;
 use crate::status::Status;
 
 /// The settings of one event.
+///
+/// ```
+/// use armlet_core::integrate::events::Event;
+/// use armlet_core::integrate::solve::{Request, solve};
+/// # use armlet_core::integrate::solve::Recorder;
+/// # use armlet_core::integrate::{Dopri5, System, Tolerance};
+/// # struct Oscillator;
+/// # impl System<f64> for Oscillator {
+/// #     type Input = ();
+/// #     fn input(&mut self, _: f64, _: &mut ()) {}
+/// #     fn rhs(&mut self, _: &(), x: &[f64], dx: &mut [f64]) { (dx[0], dx[1]) = (x[1], -x[0]); }
+/// # }
+/// # struct Nothing;
+/// # impl Recorder for Nothing {
+/// #     fn state(&mut self, _: f64, _: &[f64]) {}
+/// # }
+/// # let mut method = Dopri5::new(Tolerance { rtol: 1e-9, atol: 1e-12, controlled: 2 }, [1.0, 0.0], ());
+///
+/// // `x = cos t` rises through zero at 3 pi/2, and for the second time at 7 pi/2, where the run ends.
+/// let events = [Event { direction: 1.0, stop_after: 2 }];
+/// let request = Request { events: &events, ..Request::default() };
+/// let mut x = |_: usize, _: f64, x: &[f64]| x[0];
+/// let end = solve(&mut Oscillator, &mut method, (0.0, 20.0), &request, &mut x, &mut Nothing);
+/// assert!((end.t - 3.5 * std::f64::consts::PI).abs() < 1e-7);
+/// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Event {
     /// Positive: only rising crossings count. Negative: only falling crossings count. Zero: both count.
@@ -20,6 +45,21 @@ pub struct Event {
 }
 
 /// Event functions, identified by an index.
+///
+/// ```
+/// use armlet_core::integrate::events::Watched;
+///
+/// /// The height above a table, and the end of the first second.
+/// struct Table(f64);
+/// impl Watched for Table {
+///     fn value(&mut self, i: usize, t: f64, x: &[f64]) -> f64 {
+///         if i == 0 { x[0] - self.0 } else { t - 1.0 }
+///     }
+/// }
+/// assert_eq!((Table(0.5).value(0, 0.0, &[2.0]), Table(0.5).value(1, 0.25, &[2.0])), (1.5, -0.75));
+/// // A closure is `Watched` too.
+/// assert_eq!((|_: usize, t: f64, _: &[f64]| 2.0 * t).value(0, 3.0, &[]), 6.0);
+/// ```
 pub trait Watched {
     /// The value of event function `i` at time `t`, s, and state `x`.
     fn value(&mut self, i: usize, t: f64, x: &[f64]) -> f64;
@@ -32,6 +72,33 @@ impl<G: FnMut(usize, f64, &[f64]) -> f64> Watched for G {
 }
 
 /// A crossing: the index of the event and its time.
+///
+/// ```
+/// use armlet_core::integrate::events::{Crossing, Event, Watch};
+/// # use armlet_core::integrate::{Adaptive, Dopri5, System, Tolerance};
+/// # struct Clock;
+/// # impl System<f64> for Clock {
+/// #     type Input = ();
+/// #     fn input(&mut self, _: f64, _: &mut ()) {}
+/// #     fn rhs(&mut self, _: &(), _: &[f64], dx: &mut [f64]) { dx[0] = 1.0; }
+/// # }
+///
+/// # let tolerance = Tolerance { rtol: 1e-6, atol: 1e-9, controlled: 1 };
+/// # let mut method = Dopri5::new(tolerance, [0.0], ());
+/// // `x' = 1`, and the event `x = 0.75`.
+/// let mut level = |_: usize, _: f64, x: &[f64]| x[0] - 0.75;
+/// let mut watch = Watch::new(vec![Event::default()], [0.0]);
+/// watch.begin(&mut level, 0.0, &[0.0]).expect("finite");
+/// method.begin(&mut Clock, 0.0, 1.0, 1.0).expect("finite");
+/// let mut found: Vec<Crossing> = Vec::new();
+/// while !method.step(&mut Clock).expect("smooth") {
+///     watch.scan(&mut Clock, &mut method, &mut level).expect("finite");
+///     found.extend(&watch.crossings);
+/// }
+/// # watch.scan(&mut Clock, &mut method, &mut level).expect("finite");
+/// # found.extend(&watch.crossings);
+/// assert!(found.len() == 1 && found[0].index == 0 && !found[0].stops && (found[0].t - 0.75).abs() < 1e-12);
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Crossing {
     /// The index of the event.
@@ -43,6 +110,32 @@ pub struct Crossing {
 }
 
 /// The state of event detection in one run.
+///
+/// ```
+/// use armlet_core::integrate::events::{Event, Watch};
+/// # use armlet_core::integrate::{Adaptive, Dopri5, System, Tolerance};
+/// # struct Oscillator;
+/// # impl System<f64> for Oscillator {
+/// #     type Input = ();
+/// #     fn input(&mut self, _: f64, _: &mut ()) {}
+/// #     fn rhs(&mut self, _: &(), x: &[f64], dx: &mut [f64]) { (dx[0], dx[1]) = (x[1], -x[0]); }
+/// # }
+///
+/// # let tolerance = Tolerance { rtol: 1e-9, atol: 1e-12, controlled: 2 };
+/// # let mut method = Dopri5::new(tolerance, [1.0, 0.0], ());
+/// // `x = cos t` ends the run at its first falling zero, pi/2.
+/// let mut zero = |_: usize, _: f64, x: &[f64]| x[0];
+/// let mut watch = Watch::new(vec![Event { direction: -1.0, stop_after: 1 }], [0.0; 2]);
+/// watch.begin(&mut zero, 0.0, &[1.0, 0.0]).expect("finite");
+/// method.begin(&mut Oscillator, 0.0, 10.0, 10.0).expect("finite");
+/// let end = loop {
+///     method.step(&mut Oscillator).expect("smooth");
+///     if let Some(t) = watch.scan(&mut Oscillator, &mut method, &mut zero).expect("finite") {
+///         break t;
+///     }
+/// };
+/// assert!((end - std::f64::consts::FRAC_PI_2).abs() < 1e-8);
+/// ```
 pub struct Watch<B> {
     events: Vec<Event>,
     counts: Vec<usize>,

@@ -14,6 +14,26 @@ use crate::status::Status;
 const LEAST_REMAINDER: f64 = 1e-9;
 
 /// A method of fixed step size `h` as an adaptive method.
+///
+/// ```
+/// use armlet_core::integrate::{Adaptive, Rk4, Steps, Work};
+/// # use armlet_core::integrate::System;
+/// # struct Decay;
+/// # impl System<f64> for Decay {
+/// #     type Input = ();
+/// #     fn input(&mut self, _: f64, _: &mut ()) {}
+/// #     fn rhs(&mut self, _: &(), x: &[f64], dx: &mut [f64]) { dx[0] = -x[0]; }
+/// # }
+///
+/// // Steps of 0.3 s, and a last step of 0.1 s, for `x' = -x`.
+/// let each = Work { evaluations: 4, ..Work::default() };
+/// let mut method = Steps::new(Rk4::new([0.0], ()), 0.3, each, [1.0], ());
+/// method.begin(&mut Decay, 0.0, 1.0, 1.0).expect("finite");
+/// while !method.step(&mut Decay).expect("finite") {}
+/// # let method: &dyn Adaptive<f64, Decay, [f64; 1]> = &method;
+/// assert!((method.x()[0] - (-1.0f64).exp()).abs() < 1e-4);
+/// assert_eq!(method.work().steps, 4);
+/// ```
 pub struct Steps<M, B, U> {
     method: M,
     h: f64,

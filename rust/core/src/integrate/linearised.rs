@@ -7,6 +7,29 @@ use crate::linalg::Pairs;
 use crate::scalar::{Dual, Real};
 
 /// A system whose right-hand side is evaluated on dual numbers.
+///
+/// ```
+/// use armlet_core::integrate::{Differentiable, DualSystem, Linearised, System};
+/// use armlet_core::scalar::{Dual, Real};
+///
+/// # struct Square;
+/// # impl<S: Real> System<S> for Square {
+/// #     type Input = S;
+/// #     fn input(&mut self, t: f64, u: &mut S) { *u = S::splat(3.0 * t); }
+/// #     fn rhs(&mut self, u: &S, x: &[S], dx: &mut [S]) { dx[0] = *u - x[0] * x[0]; }
+/// # }
+///
+/// /// `x' = u(t) - x^2` with the input `u(t) = 3 t`, whose time derivative is 3.
+/// impl DualSystem<f64> for Square {
+///     fn moving_input(&mut self, t: f64, u: &mut Dual) {
+///         *u = Dual::new(3.0 * t, 3.0);
+///     }
+/// }
+/// let mut system = Linearised::<_, _, f64, _, _>::new(Square, Square, [Dual::zero()], Dual::zero());
+/// let mut dft = [0.0];
+/// system.time_derivative(2.0, &6.0, &[0.5], &mut dft);
+/// assert_eq!(dft, [3.0]);
+/// ```
 pub trait DualSystem<V: Real>: System<Dual<V>> {
     /// Write the input at time `t`, s, to `u`. Its derivative along direction 0 is the time derivative.
     fn moving_input(&mut self, t: f64, u: &mut Self::Input);
@@ -25,6 +48,27 @@ pub trait DualSystem<V: Real>: System<Dual<V>> {
 }
 
 /// A system on plain numbers with the same system on dual numbers. The pair is [`Differentiable`].
+///
+/// ```
+/// use armlet_core::integrate::{Differentiable, DualSystem, Linearised, System};
+/// use armlet_core::scalar::{Dual, Real};
+/// # struct Pendulum;
+/// # impl<S: Real> System<S> for Pendulum {
+/// #     type Input = ();
+/// #     fn input(&mut self, _: f64, _: &mut ()) {}
+/// #     fn rhs(&mut self, _: &(), x: &[S], dx: &mut [S]) { (dx[0], dx[1]) = (x[1], -x[0].sin_cos().0); }
+/// # }
+/// # impl DualSystem<f64> for Pendulum {
+/// #     fn moving_input(&mut self, _: f64, _: &mut ()) {}
+/// # }
+///
+/// // The pendulum `q' = v`, `v' = -sin q`, on plain numbers and on dual numbers.
+/// let mut system = Linearised::<_, _, f64, _, _>::new(Pendulum, Pendulum, [Dual::zero(); 2], ());
+/// let (mut dx, mut j) = ([0.0; 2], [0.0; 4]);
+/// system.linearise(0.0, &(), &[0.3, 2.0], &mut dx, &mut j);
+/// assert_eq!(dx[0], 2.0);
+/// assert!(j.iter().zip([0.0, 1.0, -0.3f64.cos(), 0.0]).all(|(j, exact)| (j - exact).abs() < 1e-15));
+/// ```
 pub struct Linearised<F, G, V: Real, X, U> {
     /// The system on plain numbers.
     pub system: F,

@@ -1,8 +1,8 @@
 //! The table of integration methods by name. Callers need code for the four kinds of methods, not for each method.
 
 use super::{
-    Accuracy, Adaptive, Advance, Differentiable, Dop853, Dopri5, EqualSteps, Euler, FixedStep, Forward1, Kutta4, Order8, Pair54, Radau5,
-    Rk4, Rodas4, Ros2, Scheme, SemiImplicit, System, semi_implicit,
+    Accuracy, Differentiable, Dop853, Dopri5, EqualSteps, Euler, Forward1, Kutta4, Order8, Pair54, Radau5, Rk4, Rodas4, Ros2, SemiImplicit,
+    System, WithAdaptive, WithExplicitSteps, WithScheme, WithSteps, semi_implicit,
 };
 use crate::error::{Error, Result};
 use crate::scalar::Real;
@@ -11,12 +11,36 @@ use crate::scalar::Real;
 macro_rules! methods {
     ($($(#[$doc:meta])* $kind:ident { $($(#[$text:meta])* $method:ident $name:literal,)* })*) => {
         /// The numerical method of a run.
+        ///
+        /// ```
+        /// use armlet_core::integrate::Method;
+        ///
+        /// let method = Method::from_name("rodas4")?;
+        /// assert!(method.is_adaptive() && method.is_implicit() && method.is_rosenbrock());
+        /// assert_eq!(Method::Rk4.evaluations_per_step(), Some(4));
+        /// assert_eq!(Method::ALL.iter().filter(|method| !method.is_adaptive()).count(), 4);
+        /// assert!(Method::from_name("ode45").is_err());
+        /// # Ok::<(), armlet_core::error::Error>(())
+        /// ```
         #[derive(Clone, Copy, Debug, PartialEq, Eq)]
         pub enum Method {
             $($($(#[$text])* $method,)*)*
         }
 
         /// The kind of a method: explicit or implicit, with fixed or adaptive steps.
+        ///
+        /// ```
+        /// use armlet_core::integrate::{ExplicitSteps, Method, MethodKind};
+        ///
+        /// // A match on four kinds, instead of eight methods.
+        /// let per_step = |method: Method| match method.kind() {
+        ///     MethodKind::ExplicitSteps(method) => Some(method.evaluations()),
+        ///     MethodKind::ImplicitSteps(method) => Some(method.evaluations()),
+        ///     MethodKind::ExplicitAdaptive(_) | MethodKind::ImplicitAdaptive(_) => None,
+        /// };
+        /// assert_eq!(Method::Euler.kind(), MethodKind::ExplicitSteps(ExplicitSteps::Euler));
+        /// assert_eq!([Method::Euler, Method::Rk4, Method::Dopri5].map(per_step), [Some(1), Some(4), None]);
+        /// ```
         #[derive(Clone, Copy, Debug, PartialEq, Eq)]
         pub enum MethodKind {
             $($(#[$doc])* $kind($kind),)*
@@ -134,42 +158,12 @@ impl Method {
     }
 }
 
-/// A task that needs a method of fixed steps.
-pub trait WithSteps<S: Real, F: System<S>> {
-    /// The result of the task.
-    type Output;
-
-    /// Run the task with `method`, from the state `x` of `system`.
-    fn with<M: FixedStep<S, F, Vec<S>> + Send + Sync + 'static>(self, system: F, x: Vec<S>, method: M) -> Self::Output;
-}
-
-/// A task that needs an explicit method of fixed steps, whose stages can be recorded. Every [`WithSteps`] task is such a task.
-pub trait WithExplicitSteps<S: Real, F: System<S>> {
-    /// The result of the task.
-    type Output;
-
-    /// Run the task with `method`, from the state `x` of `system`.
-    fn with_explicit<M: FixedStep<S, F, Vec<S>> + Advance<S, F, Vec<S>> + Send + Sync + 'static>(
-        self,
-        system: F,
-        x: Vec<S>,
-        method: M,
-    ) -> Self::Output;
-}
-
-impl<S: Real, F: System<S>, T: WithSteps<S, F>> WithExplicitSteps<S, F> for T {
-    type Output = T::Output;
-
-    fn with_explicit<M: FixedStep<S, F, Vec<S>> + Advance<S, F, Vec<S>> + Send + Sync + 'static>(
-        self,
-        system: F,
-        x: Vec<S>,
-        method: M,
-    ) -> T::Output {
-        self.with(system, x, method)
-    }
-}
-
+/// ```
+/// use armlet_core::integrate::ExplicitSteps;
+///
+/// assert_eq!(ExplicitSteps::Rk4.instants(), [0.0, 0.5, 1.0]);
+/// assert_eq!([ExplicitSteps::Euler, ExplicitSteps::SemiImplicit, ExplicitSteps::Rk4].map(|method| method.evaluations()), [1, 1, 4]);
+/// ```
 impl ExplicitSteps {
     /// The times of the inputs, as increasing fractions of the step.
     pub fn instants(self) -> &'static [f64] {
@@ -209,6 +203,12 @@ impl ExplicitSteps {
     }
 }
 
+/// ```
+/// use armlet_core::integrate::{ImplicitSteps, Method, MethodKind};
+///
+/// let MethodKind::ImplicitSteps(method) = Method::Ros2.kind() else { panic!() };
+/// assert_eq!((method, method.evaluations()), (ImplicitSteps::Ros2, 2));
+/// ```
 impl ImplicitSteps {
     /// The number of evaluations of the right-hand side per step.
     pub fn evaluations(self) -> u64 {
@@ -233,24 +233,12 @@ impl ImplicitSteps {
     }
 }
 
-/// A task that needs an adaptive method.
-pub trait WithAdaptive<S: Real, F: System<S>> {
-    /// The result of the task.
-    type Output;
-
-    /// Run the task with `method` on `system`.
-    fn with<M: Adaptive<S, F, Vec<S>> + Send + Sync + 'static>(self, system: F, method: M) -> Self::Output;
-}
-
-/// A task that needs the tableau of an adaptive explicit method.
-pub trait WithScheme {
-    /// The result of the task.
-    type Output;
-
-    /// Run the task with the tableau `C`.
-    fn with<C: Scheme>(self) -> Self::Output;
-}
-
+/// ```
+/// use armlet_core::integrate::{ExplicitAdaptive, Method, MethodKind};
+///
+/// assert_eq!(Method::Dop853.kind(), MethodKind::ExplicitAdaptive(ExplicitAdaptive::Dop853));
+/// assert!(Method::Dop853.is_adaptive() && !Method::Dop853.is_implicit());
+/// ```
 impl ExplicitAdaptive {
     /// Run `task` with this method, from the state `x` of `system`. `u` is memory for an input.
     pub fn apply<S, F, A, T>(self, system: F, accuracy: A, x: Vec<S>, u: F::Input, task: T) -> T::Output
@@ -275,6 +263,12 @@ impl ExplicitAdaptive {
     }
 }
 
+/// ```
+/// use armlet_core::integrate::{ImplicitAdaptive, Method, MethodKind};
+///
+/// assert_eq!(Method::Radau5.kind(), MethodKind::ImplicitAdaptive(ImplicitAdaptive::Radau5));
+/// assert!(Method::Radau5.is_implicit() && !Method::Radau5.needs_exact_derivatives());
+/// ```
 impl ImplicitAdaptive {
     /// Run `task` with this method, from the state `x` of `system`. `u` is memory for an input.
     pub fn apply<F, A, T>(self, system: F, accuracy: A, x: Vec<f64>, u: F::Input, task: T) -> T::Output

@@ -30,6 +30,7 @@ pub mod solve;
 mod stall;
 mod step_controller;
 mod tableau;
+mod with_method;
 
 pub use adaptive::{Accuracy, Adaptive, Tolerance, Tolerances, Work};
 pub use columns::column_groups;
@@ -40,22 +41,40 @@ pub use equal_steps::{EqualSteps, Explicit, Stage};
 pub use euler::{Euler, Forward1};
 pub use fixed::Steps;
 pub use linearised::{DualSystem, Linearised};
-pub use method::{
-    ExplicitAdaptive, ExplicitSteps, ImplicitAdaptive, ImplicitSteps, Method, MethodKind, WithAdaptive, WithExplicitSteps, WithScheme,
-    WithSteps,
-};
+pub use method::{ExplicitAdaptive, ExplicitSteps, ImplicitAdaptive, ImplicitSteps, Method, MethodKind};
 pub use radau5::Radau5;
 pub use rk4::{Kutta4, Rk4};
 pub use rodas4::Rodas4;
 pub use ros2::Ros2;
 pub use semi_implicit::SemiImplicit;
 pub use tableau::Tableau;
+pub use with_method::{WithAdaptive, WithExplicitSteps, WithScheme, WithSteps};
 
 use crate::linalg::Pairs;
 use crate::scalar::Real;
 
 /// A system of differential equations `x' = f(u(t), x)`, with all hooks that the integration methods call. Times and step sizes are in s.
 /// States, slopes and other arrays have one entry per state, if nothing else is stated.
+///
+/// ```
+/// use armlet_core::integrate::{Euler, FixedStep, System};
+/// use armlet_core::scalar::Real;
+///
+/// /// `x' = -x + u(t)` with the input `u(t) = 2 t`.
+/// struct Lag;
+/// impl<S: Real> System<S> for Lag {
+///     type Input = f64;
+///     fn input(&mut self, t: f64, u: &mut f64) {
+///         *u = 2.0 * t;
+///     }
+///     fn rhs(&mut self, u: &f64, x: &[S], dx: &mut [S]) {
+///         dx[0] = S::splat(*u) - x[0];
+///     }
+/// }
+/// let mut x = [1.0];
+/// Euler::new(x, 0.0).step(&mut Lag, 0.5, 0.25, 0.75, &mut x);
+/// assert_eq!(x, [1.0 + 0.25 * (1.0 - 1.0)]);
+/// ```
 pub trait System<S: Real> {
     /// The type of the exogenous input at one instant.
     type Input: Clone;
@@ -114,6 +133,17 @@ pub trait System<S: Real> {
 }
 
 /// One attempt of an explicit method: arguments and results of [`System::attempt`].
+///
+/// ```
+/// use armlet_core::integrate::{Attempt, Pair54, Scheme};
+///
+/// // The stages of one step of `x' = -x` from 1 to `exp(-1/2)`.
+/// let (mut slopes, mut estimates, mut y) = (vec![[-1.0]; 7], vec![[0.0]], [0.0]);
+/// let mut attempt = Attempt { h: 0.5, times: &[], x: &[1.0], slopes: &mut slopes, y: &mut y, estimates: &mut estimates };
+/// Pair54::stages(&mut attempt, |_, x, dx| dx[0] = -x[0]);
+/// assert!((y[0] - (-0.5f64).exp()).abs() < 1e-5);
+/// assert!((0.5 * estimates[0][0]).abs() < 1e-4);
+/// ```
 pub struct Attempt<'a, S, B> {
     /// The step size, s, one per lane.
     pub h: S,
@@ -130,6 +160,30 @@ pub struct Attempt<'a, S, B> {
 }
 
 /// A system with derivatives, for implicit methods. `n` is the number of states.
+///
+/// ```
+/// use armlet_core::integrate::{Differentiable, FixedStep, Ros2, System};
+/// # struct Decay;
+/// # impl System<f64> for Decay {
+/// #     type Input = ();
+/// #     fn input(&mut self, _: f64, _: &mut ()) {}
+/// #     fn rhs(&mut self, _: &(), x: &[f64], dx: &mut [f64]) { dx[0] = -1e6 * x[0]; }
+/// # }
+///
+/// /// The stiff system `x' = -1e6 x`.
+/// impl Differentiable<f64> for Decay {
+///     fn linearise(&mut self, _: f64, u: &(), x: &[f64], dx: &mut [f64], j: &mut [f64]) {
+///         self.rhs(u, x, dx);
+///         j[0] = -1e6;
+///     }
+///     fn time_derivative(&mut self, _: f64, _: &(), _: &[f64], dft: &mut [f64]) {
+///         dft[0] = 0.0;
+///     }
+/// }
+/// let mut x = [1.0];
+/// Ros2::new(x, [0.0], [0], ()).step(&mut Decay, 0.0, 0.1, 0.1, &mut x);
+/// assert!(x[0].abs() < 1e-4);
+/// ```
 pub trait Differentiable<S: Real>: System<S> {
     /// Write the slope `f(u, x)` to `dx`, shape `(n,)`, and `df/dx` to `j`, shape `(n, n)`, row-major. `u` is the input at time `t`.
     fn linearise(&mut self, t: f64, u: &Self::Input, x: &[S], dx: &mut [S], j: &mut [S]);
@@ -147,6 +201,25 @@ pub trait Differentiable<S: Real>: System<S> {
 }
 
 /// A step whose inputs are already set. The step size may differ between lanes.
+///
+/// ```
+/// use armlet_core::integrate::{Advance, Rk4, System};
+/// # struct Integral;
+/// # impl System<f64> for Integral {
+/// #     type Input = f64;
+/// #     fn input(&mut self, t: f64, u: &mut f64) { *u = t; }
+/// #     fn rhs(&mut self, u: &f64, _: &[f64], dx: &mut [f64]) { dx[0] = *u; }
+/// # }
+///
+/// // `x' = u`, with given inputs at the start, the middle and the end of the step: Simpson's rule.
+/// let (mut method, mut x) = (Rk4::new([0.0], 0.0), [0.0]);
+/// let inputs = [1.0, 4.0, 1.0];
+/// for (k, u) in inputs.into_iter().enumerate() {
+///     *Advance::<f64, Integral, _>::input(&mut method, k) = u;
+/// }
+/// method.advance(&mut Integral, 0.6, &mut x);
+/// assert!((x[0] - 1.8f64).abs() < 1e-15);
+/// ```
 pub trait Advance<S: Real, F: System<S>, B: Buffer<S>> {
     /// The instants of the inputs, as increasing fractions of the step.
     const INSTANTS: &'static [f64];
@@ -165,10 +238,41 @@ pub trait Advance<S: Real, F: System<S>, B: Buffer<S>> {
 }
 
 /// The memory of a state: an array for small closed-form systems, the heap for others.
+///
+/// ```
+/// use armlet_core::integrate::Buffer;
+///
+/// fn sum<B: Buffer<f64>>(state: &B) -> f64 {
+///     state.as_ref().iter().sum()
+/// }
+/// // An array for a small system, and memory on the heap for others.
+/// assert_eq!((sum(&[1.0, 2.0]), sum(&vec![1.0; 100])), (3.0, 100.0));
+/// ```
 pub trait Buffer<S>: Clone + AsRef<[S]> + AsMut<[S]> {}
 impl<S, B: Clone + AsRef<[S]> + AsMut<[S]>> Buffer<S> for B {}
 
 /// A method of fixed step size.
+///
+/// ```
+/// use armlet_core::integrate::{Euler, FixedStep, Rk4, System};
+/// # struct Growth;
+/// # impl System<f64> for Growth {
+/// #     type Input = ();
+/// #     fn input(&mut self, _: f64, _: &mut ()) {}
+/// #     fn rhs(&mut self, _: &(), x: &[f64], dx: &mut [f64]) { dx[0] = x[0]; }
+/// # }
+///
+/// /// Integrate `x' = x` from 1 over 1 s.
+/// fn run<M: FixedStep<f64, Growth, [f64; 1]>>(mut method: M) -> f64 {
+///     let mut x = [1.0];
+///     for k in 0..10 {
+///         method.step(&mut Growth, 0.1 * k as f64, 0.1, 0.1 * (k + 1) as f64, &mut x);
+///     }
+///     x[0]
+/// }
+/// assert!((run(Euler::new([0.0], ())) - 1.1f64.powi(10)).abs() < 1e-14);
+/// assert!((run(Rk4::new([0.0], ())) - 1f64.exp()).abs() < 3e-6);
+/// ```
 pub trait FixedStep<S: Real, F: System<S>, B: Buffer<S>> {
     /// Advance `x` from `t` to `t + h`, s. `end` is the time at which the last input is evaluated. It is `t + h`, or just before `t + h` if
     /// the input jumps there.

@@ -33,6 +33,31 @@ const GAIN: f64 = 2.0;
 const SLOW: f64 = 1e-3;
 
 /// The method Radau IIA of order 5. `B` is the type of the state.
+///
+/// ```
+/// use armlet_core::integrate::{Adaptive, Differentiable, Radau5, System, Tolerance};
+/// # struct Stiff;
+/// # impl System<f64> for Stiff {
+/// #     type Input = f64;
+/// #     fn input(&mut self, t: f64, u: &mut f64) { *u = t; }
+/// #     fn rhs(&mut self, t: &f64, x: &[f64], dx: &mut [f64]) { dx[0] = 1e6 * (t.cos() - x[0]); }
+/// # }
+/// # impl Differentiable<f64> for Stiff {
+/// #     fn linearise(&mut self, _: f64, u: &f64, x: &[f64], dx: &mut [f64], j: &mut [f64]) {
+/// #         self.rhs(u, x, dx);
+/// #         j[0] = -1e6;
+/// #     }
+/// #     fn time_derivative(&mut self, t: f64, _: &f64, _: &[f64], dft: &mut [f64]) { dft[0] = -1e6 * t.sin(); }
+/// # }
+///
+/// // The stiff system `x' = 1e6 (cos t - x)`, which an explicit method would integrate in steps of microseconds.
+/// let tolerance = Tolerance { rtol: 1e-6, atol: 1e-9, controlled: 1 };
+/// let mut method = Radau5::new(tolerance, [1.0], 0.0);
+/// method.begin(&mut Stiff, 0.0, 1.0, 1.0).expect("finite");
+/// while !method.step(&mut Stiff).expect("smooth") {}
+/// # let method: &dyn Adaptive<f64, Stiff, [f64; 1]> = &method;
+/// assert!((method.x()[0] - 1f64.cos()).abs() < 1e-5 && method.work().steps < 100);
+/// ```
 pub struct Radau5<S, B, U, A = Tolerance> {
     controller: StepController<A>,
     newton_tolerance: f64,

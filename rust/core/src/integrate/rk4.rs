@@ -6,6 +6,17 @@
 use super::{EqualSteps, Explicit, Stage};
 
 /// The tableau of the classical Runge-Kutta method.
+///
+/// ```
+/// use armlet_core::integrate::{EqualSteps, Kutta4};
+///
+/// // Simpson's rule: `1/6, 4/6, 1/6` at the start, the middle and the end of the step.
+/// let mut weights = [0.0; 3];
+/// for stage in Kutta4::STAGES {
+///     weights[stage.instant] += stage.weight;
+/// }
+/// assert_eq!((weights, Kutta4::DIVISOR), ([1.0, 4.0, 1.0], 6.0));
+/// ```
 pub struct Kutta4;
 
 impl EqualSteps for Kutta4 {

@@ -48,6 +48,31 @@ const CONTROL: Control = Control { safety: 0.9, alpha: 0.25, beta: 0.0, shrink: 
 
 /// The method RODAS. `B`: a state. `M`: an `(n, n)` matrix. `P`: `n` indices. These are arrays for small closed-form systems, otherwise
 /// vectors.
+///
+/// ```
+/// use armlet_core::integrate::{Adaptive, Differentiable, Rodas4, System, Tolerance};
+/// # struct Follower;
+/// # impl System<f64> for Follower {
+/// #     type Input = ();
+/// #     fn input(&mut self, _: f64, _: &mut ()) {}
+/// #     fn rhs(&mut self, _: &(), x: &[f64], dx: &mut [f64]) { (dx[0], dx[1]) = (-x[0], 1e6 * (x[0] - x[1])); }
+/// # }
+/// # impl Differentiable<f64> for Follower {
+/// #     fn linearise(&mut self, _: f64, _: &(), x: &[f64], dx: &mut [f64], j: &mut [f64]) {
+/// #         self.rhs(&(), x, dx);
+/// #         j.copy_from_slice(&[-1.0, 0.0, 1e6, -1e6]);
+/// #     }
+/// #     fn time_derivative(&mut self, _: f64, _: &(), _: &[f64], dft: &mut [f64]) { dft.fill(0.0); }
+/// # }
+///
+/// // The stiff system `x' = -x`, `y' = 1e6 (x - y)`: a state of two numbers, and a Jacobian of four.
+/// let tolerance = Tolerance { rtol: 1e-6, atol: 1e-9, controlled: 2 };
+/// let mut method = Rodas4::new(tolerance, [1.0, 0.0], [0.0; 4], [0; 2], ());
+/// method.begin(&mut Follower, 0.0, 1.0, 1.0).expect("finite");
+/// while !method.step(&mut Follower).expect("smooth") {}
+/// # let method: &dyn Adaptive<f64, Follower, [f64; 2]> = &method;
+/// assert!(method.x().iter().all(|x| (x - (-1.0f64).exp()).abs() < 1e-5) && method.work().steps < 100);
+/// ```
 pub struct Rodas4<B, M, P, U, T = Tolerance> {
     controller: StepController<T>,
     stages: [B; 6],

@@ -13,6 +13,33 @@ const GAMMA: f64 = 1.0 - std::f64::consts::FRAC_1_SQRT_2;
 
 /// The method ROS2. `B`: a state. `M`: an `(n, n)` matrix. `P`: `n` indices. These are arrays for small closed-form systems, otherwise
 /// vectors.
+///
+/// ```
+/// use armlet_core::integrate::{Differentiable, FixedStep, Ros2, System};
+/// # struct Decay;
+/// # impl System<f64> for Decay {
+/// #     type Input = ();
+/// #     fn input(&mut self, _: f64, _: &mut ()) {}
+/// #     fn rhs(&mut self, _: &(), x: &[f64], dx: &mut [f64]) { dx[0] = -x[0]; }
+/// # }
+/// # impl Differentiable<f64> for Decay {
+/// #     fn linearise(&mut self, _: f64, u: &(), x: &[f64], dx: &mut [f64], j: &mut [f64]) {
+/// #         self.rhs(u, x, dx);
+/// #         j[0] = -1.0;
+/// #     }
+/// #     fn time_derivative(&mut self, _: f64, _: &(), _: &[f64], dft: &mut [f64]) { dft[0] = 0.0; }
+/// # }
+///
+/// /// The error for `x' = -x` after 1 s, in `steps` steps.
+/// fn error(steps: u32) -> f64 {
+///     let (h, mut x) = (1.0 / f64::from(steps), [1.0]);
+///     let mut method = Ros2::new(x, [0.0], [0], ());
+///     (0..steps).for_each(|k| method.step(&mut Decay, h * f64::from(k), h, h * f64::from(k + 1), &mut x));
+///     (x[0] - (-1.0f64).exp()).abs()
+/// }
+/// // Order 2: half of the step size has a quarter of the error.
+/// assert!((error(50) / error(100) - 4.0).abs() < 0.1);
+/// ```
 pub struct Ros2<B, M, P, U> {
     k1: B,
     k2: B,

@@ -12,6 +12,27 @@ use crate::scalar::Real;
 pub(super) const INSTANTS: &[f64] = &[0.0];
 
 /// The semi-implicit Euler method. `B` is the type of the state, and `U` the type of the input.
+///
+/// ```
+/// use armlet_core::integrate::{FixedStep, SemiImplicit, System};
+///
+/// /// `q' = v`, `v' = -q`.
+/// struct Oscillator;
+/// impl System<f64> for Oscillator {
+///     type Input = ();
+///     fn input(&mut self, _: f64, _: &mut ()) {}
+///     fn rhs(&mut self, _: &(), x: &[f64], dx: &mut [f64]) {
+///         (dx[0], dx[1]) = (x[1], -x[0]);
+///     }
+///     fn rate_of(&self, i: usize) -> Option<usize> {
+///         (i == 0).then_some(1)
+///     }
+/// }
+/// let mut x = [1.0, 0.0];
+/// SemiImplicit::new(&Oscillator, x, ())?.step(&mut Oscillator, 0.0, 0.5, 0.5, &mut x);
+/// assert_eq!(x, [0.75, -0.5]); // the new speed moves the position
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 pub struct SemiImplicit<B, U> {
     k: B,
     u: U,

@@ -8,6 +8,34 @@ use super::{Adaptive, Buffer, System, Work};
 use crate::status::Status;
 
 /// Receives the results of a run during the run.
+///
+/// ```
+/// use armlet_core::integrate::solve::Recorder;
+///
+/// /// The largest value of the first component.
+/// struct Largest(f64);
+/// impl Recorder for Largest {
+///     fn state(&mut self, _: f64, x: &[f64]) {
+///         self.0 = self.0.max(x[0]);
+///     }
+/// }
+/// # use armlet_core::integrate::solve::{Request, solve};
+/// # use armlet_core::integrate::{Dopri5, System, Tolerance};
+/// # struct Oscillator;
+/// # impl System<f64> for Oscillator {
+/// #     type Input = ();
+/// #     fn input(&mut self, _: f64, _: &mut ()) {}
+/// #     fn rhs(&mut self, _: &(), x: &[f64], dx: &mut [f64]) { (dx[0], dx[1]) = (x[1], -x[0]); }
+/// # }
+/// # let tolerance = Tolerance { rtol: 1e-9, atol: 1e-12, controlled: 2 };
+/// # let mut method = Dopri5::new(tolerance, [0.0, 2.0], ());
+/// # let mut nothing = |_: usize, _: f64, _: &[f64]| 1.0;
+/// // `x = 2 sin t` at the requested times.
+/// let (mut largest, times) = (Largest(0.0), [0.0, 0.5, 1.0, 1.5, 2.0]);
+/// let request = Request { times: Some(&times), ..Request::default() };
+/// solve(&mut Oscillator, &mut method, (0.0, 2.0), &request, &mut nothing, &mut largest);
+/// assert!((largest.0 - 2.0 * 1.5f64.sin()).abs() < 1e-7);
+/// ```
 pub trait Recorder {
     /// Receives the state at a requested time. If no times are requested, it receives the states at `t0` and after every step. `t`: time,
     /// s.
@@ -23,6 +51,34 @@ pub trait Recorder {
 }
 
 /// The requested results of a run.
+///
+/// ```
+/// use armlet_core::integrate::events::Event;
+/// use armlet_core::integrate::solve::{Request, solve};
+/// use armlet_core::status::Status;
+/// # use armlet_core::integrate::solve::Recorder;
+/// # use armlet_core::integrate::{Dopri5, System, Tolerance};
+/// # struct Fall;
+/// # impl System<f64> for Fall {
+/// #     type Input = ();
+/// #     fn input(&mut self, _: f64, _: &mut ()) {}
+/// #     fn rhs(&mut self, _: &(), x: &[f64], dx: &mut [f64]) { (dx[0], dx[1]) = (x[1], -9.81); }
+/// # }
+/// # struct Nothing;
+/// # impl Recorder for Nothing {
+/// #     fn state(&mut self, _: f64, _: &[f64]) {}
+/// # }
+/// # let tolerance = Tolerance { rtol: 1e-9, atol: 1e-12, controlled: 2 };
+/// # let mut method = Dopri5::new(tolerance, [9.81, 0.0], ());
+///
+/// // A fall from 9.81 m, which ends at the floor after sqrt(2) s.
+/// let events = [Event { direction: -1.0, stop_after: 1 }];
+/// let request = Request { times: Some(&[]), events: &events, ..Request::default() };
+/// let mut height = |_: usize, _: f64, x: &[f64]| x[0];
+/// let end = solve(&mut Fall, &mut method, (0.0, 10.0), &request, &mut height, &mut Nothing);
+/// assert_eq!(end.status, Status::Event);
+/// assert!((end.t - 2f64.sqrt()).abs() < 1e-9);
+/// ```
 #[derive(Clone, Debug, Default)]
 pub struct Request<'a> {
     /// The times of the requested states, s, increasing and within the time span. `None` requests the states at the start and after every
@@ -35,6 +91,31 @@ pub struct Request<'a> {
 }
 
 /// The end of a run: its status, its time, and the numbers of its evaluations and steps.
+///
+/// ```
+/// use armlet_core::integrate::solve::{Recorder, Request, SolveOutcome, solve};
+/// use armlet_core::status::Status;
+/// # use armlet_core::integrate::{Dopri5, System, Tolerance};
+/// # struct Explosion;
+/// # impl System<f64> for Explosion {
+/// #     type Input = ();
+/// #     fn input(&mut self, _: f64, _: &mut ()) {}
+/// #     fn rhs(&mut self, _: &(), x: &[f64], dx: &mut [f64]) { dx[0] = x[0] * x[0]; }
+/// # }
+/// # struct Nothing;
+/// # impl Recorder for Nothing {
+/// #     fn state(&mut self, _: f64, _: &[f64]) {}
+/// # }
+/// # let tolerance = Tolerance { rtol: 1e-6, atol: 1e-9, controlled: 1 };
+/// # let mut method = Dopri5::new(tolerance, [1.0], ());
+/// # let mut nothing = |_: usize, _: f64, _: &[f64]| 1.0;
+///
+/// // The solution `1 / (1 - t)` of `x' = x^2` grows without bound before t = 1 s.
+/// let SolveOutcome { status, t, work } =
+///     solve(&mut Explosion, &mut method, (0.0, 2.0), &Request::default(), &mut nothing, &mut Nothing);
+/// assert!(status != Status::Success && (t - 1.0).abs() < 1e-3);
+/// assert!(work.evaluations > work.steps && work.steps > 10);
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SolveOutcome {
     /// The reason of the end.

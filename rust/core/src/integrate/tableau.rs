@@ -7,6 +7,15 @@
 use super::{EqualSteps, ExplicitAdaptive, ExplicitSteps, Forward1, Kutta4, Method, MethodKind, Order8, Pair54, Scheme};
 
 /// The coefficients of one step of an explicit method.
+///
+/// ```
+/// use armlet_core::integrate::Method;
+///
+/// let rk4 = Method::Rk4.tableau().expect("an explicit method");
+/// assert_eq!((rk4.c, rk4.b.len()), (vec![0.0, 0.5, 0.5, 1.0], 4));
+/// assert!((rk4.b.iter().sum::<f64>() - 1.0).abs() < 1e-15);
+/// assert!(Method::SemiImplicit.tableau().expect("explicit").follows && Method::Radau5.tableau().is_none());
+/// ```
 #[derive(Clone, Debug)]
 pub struct Tableau {
     /// The instants `c_i` of the stages, as fractions of the step.
