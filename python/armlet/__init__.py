@@ -1,5 +1,5 @@
-"""Simulation, control and planning of robot arms, computed in Rust. By default, every run checks identities such as the energy
-balance.
+"""Simulation, control and planning of robot arms, computed in Rust. By default, a run records the residuals of identities such as the
+energy balance.
 
 >>> import armlet as al
 >>> arm = al.planar_pr(2.0, 0.5, 0.5)

@@ -45,7 +45,7 @@ def one_line(text: str) -> str:
 
 
 def shown(value: object) -> str:
-    """Return `value` as a short text in one line, for a message. It accepts every type."""
+    """Return `value`, of any type, as a short text in one line, for a message."""
     if isinstance(value, np.ndarray) and value.size > 100:
         return f"an array {value.shape} of {value.dtype}"
     try:
@@ -135,7 +135,7 @@ def choice(function: str, name: str, value: object, known: Iterable[str]) -> str
 
 
 def count(function: str, name: str, value: object) -> int:
-    """Check that `value` is an integer >= 0 and return it.
+    """Check that `value` is a whole number >= 0, such as 2 or 2.0, and return it as an integer.
 
     True and False count as 1 and 0, as in the attribute `terminal` of scipy's events.
     """
@@ -181,7 +181,7 @@ def file_path(function: str, value: object, name: str = "path") -> str:
 
 
 def require_shallow(function: str, name: str, value: object, depth: int = DEPTH) -> None:
-    """Refuse lists and tables that are nested deeper than `depth` or contain themselves. Later recursive functions rely on this check."""
+    """Refuse lists, tuples and mappings that are nested deeper than `depth` or contain themselves, for later recursive functions."""
     level: list[object] = [value]
     for _ in range(depth):
         below: dict[int, object] = {}

@@ -1,4 +1,4 @@
-"""Only these errors of armlet may leave it: ArmletError, TypeError, MemoryError, OSError, ImportError, and warnings raised as errors.
+"""Limit the errors of public functions to ArmletError, TypeError, MemoryError, OSError, ImportError, and warnings raised as errors.
 
 Each function checks its arguments. Another error, such as a ValueError of numpy, shows that a check is missing, which is a bug of armlet.
 `border` converts such an error into an `InternalError`, as the extension converts a panic. Exceptions from functions of the caller, such
@@ -24,14 +24,15 @@ C = TypeVar("C", bound=type)
 PASS = (ArmletError, TypeError, MemoryError, OSError, ImportError, Warning)
 # Packages whose interfaces armlet implements. Their errors pass unchanged.
 THEIRS = {"gymnasium"}
-# Packages that armlet calls. Their errors would report invalid arguments of armlet's calls.
+# Packages that armlet calls. An error of one of them, other than `PASS`, means that armlet called it with invalid arguments.
 OURS = sys.stdlib_module_names | {"armlet", "numpy", "matplotlib", "scipy", "pandas", "pyarrow", "xarray", "control"}
 
 
 def border(function: Callable[P, R]) -> Callable[P, R]:
-    """Wrap `function` so that every other error than the allowed ones leaves it as an `InternalError`.
+    """Wrap `function` so that every error that is not allowed leaves it as an `InternalError`.
 
-    ArmletError, TypeError, MemoryError, OSError, ImportError and warnings are allowed, and all errors of functions of the caller.
+    ArmletError, TypeError, MemoryError, OSError, ImportError and warnings are allowed. Errors of gymnasium and all errors from code of the
+    caller are allowed too.
     """
     name = function.__qualname__.removesuffix(".__init__").removesuffix(".__post_init__")
 
@@ -51,7 +52,7 @@ def border(function: Callable[P, R]) -> Callable[P, R]:
 
 
 def bordered(kind: C) -> C:
-    """Apply `border` to the public methods, the properties, `__call__` and the constructor of a class."""
+    """Apply `border` to the public methods and properties, `__call__` and the constructor of a class."""
     for name, value in list(vars(kind).items()):
         if name.startswith("_") and name not in ("__init__", "__post_init__", "__call__"):
             continue

@@ -1,12 +1,12 @@
 """Joint paths along poses of a frame: lines, arcs, rounded corners and splines, by inverse kinematics at knots.
 
-    q(s), s in [0, 1]:  not-a-knot cubic spline through q_k,  X(q_k) = X_d(s_k)
+    q(s), s in [0, 1]:   not-a-knot cubic spline through knots (s_k, q_k) with X(q_k) = X_d(s_k)
     error on a segment:  largest of nine samples + d/8,  d the largest second difference of the samples
     a segment whose error exceeds the tolerance is halved; where the curve is smooth, the spline's error is of the order h^4
 
-Here X(q) is the pose of the frame, X_d(s) the desired pose at the path position s, and h the length of a segment. Inverse kinematics
-starts from the solution of the previous knot, and in a halved segment from the spline. So the path stays on one branch of solutions, such
-as elbow up.
+Here X(q) is the pose of the frame, or the chosen coordinates of this pose. X_d(s) is the desired pose at the path position s. A segment of
+length h is between two knots. The error is the distance and the angle between X(q(s)) and X_d(s). Inverse kinematics starts from the
+solution of the previous knot, and in a halved segment from the spline. So the path stays on one branch of solutions, such as elbow up.
 """
 
 from __future__ import annotations
@@ -31,13 +31,13 @@ __all__ = ["CartesianPath", "cartesian_path"]
 _NAME = "cartesian_path"
 _Array = NDArray[Any]
 _ALL = "xyzrxryrz"
-# Initial number of knots per segment between poses, and largest number of knots of a path.
+# Smallest initial number of spline segments between two poses, and largest number of knots of a path.
 _FIRST, _MOST = 8, 20_000
 # Largest change of a joint position between knots, rad or m. Shortest segment that may be halved, relative to the length of the path.
 _STEP, _LEAST = 0.5, 1e-9
 # Relative positions on a segment at which its error is evaluated.
 _SAMPLES = np.linspace(0.0, 1.0, 9)
-# A configuration counts as singular if its smallest singular value is below this multiple of the largest.
+# A configuration counts as singular if the smallest singular value of the frame's Jacobian is below this multiple of the largest one.
 _SINGULAR = 1e-2
 
 
@@ -50,9 +50,9 @@ class _Problem(NamedTuple):
     limits: bool
 
     def solve(self, s: _Array, q: _Array, **options: Any) -> tuple[_Array, _Array]:
-        """Return joint positions (M, n) at path positions s (M,), and for each whether a solution was found.
+        """Search joint positions at the path positions s (M,), from q (M, n).
 
-        The search starts from q (M, n).
+        Return them, (M, n), and for each whether it is a solution.
         """
         task = Task(self.frame, self.axes, target=self.curve.at(s))
         accuracy = max(1e-11, min(1e-9, 1e-3 * float(self.tolerance.min())))
@@ -84,9 +84,11 @@ class CartesianPath:
 
     Attributes:
         s: path positions of the knots, 0 to 1, `(K,)`.
-        q: joint positions at the knots, rad or m, `(K, n)`. If `feasible` is False, they end before the place of the failure.
-        error: largest distance, m, and angle, rad, between frame and curve, `(2,)`, with a bound between samples; NaN if not feasible.
-        corners: indices of the knots at the poses. With `stops=path.corners[1:-1]` `time_path` stops there.
+        q: joint positions at the knots, rad or m, `(K, n)`. If `feasible` is False, they end at or before the place of the failure. If
+            the first pose is not reachable, the only row is the initial guess.
+        error: largest distance, m, and angle, rad, between frame and curve, `(2,)`: the largest sample plus an estimate of the increase
+            between samples; NaN if not feasible.
+        corners: indices of the knots at the poses. With `stops=path.corners[1:-1]`, `time_path` stops at all poses between the ends.
         length: length of the curve, m. A rotation by one radian counts as 0.1 m.
         feasible: whether the arm can follow the whole path.
         reason: the reason why the arm cannot follow it, as a text; None if it can.
@@ -159,7 +161,7 @@ class CartesianPath:
 
 
 def _rows(poses: ArrayLike, m: int, columns: list[int]) -> _Array:
-    """Check the argument `poses` and return it as rows (K, m)."""
+    """Check the argument `poses` and return it as rows (K, m), with the entries `columns` of [position; rotation vector]."""
     given = finite(_NAME, "poses", _core.numbers(_NAME, "poses", poses, ("K", 4, 4), ("K", m)))
     if given.ndim == 3:
         turn, last = given[:, :3, :3], given[:, 3]
@@ -216,8 +218,8 @@ def cartesian_path(
         tolerance: largest error between knots: one number for m and rad, or `(2,)`.
         axes: letters such as "xyz" or "x y rz"; None: the whole pose. It contains none, one, or all of rx, ry, rz.
         kind: "lines": straight lines in position and geodesics in rotation; "spline": one smooth curve through all poses.
-        blend: radius of the rounded corners of lines, m, at most half of each segment. With 0 a corner is rounded only within the
-            tolerance.
+        blend: distance from a corner between two straight lines at which its rounding begins, m. It is limited to half of each line. With
+            0 a corner is rounded only within the tolerance.
         arcs: indices of poses in the middle of an arc, only for "lines". The arc is on the circle through the previous, this and the next
             position.
         limits: whether the path must respect the joint limits of the arm.

@@ -1,4 +1,9 @@
-"""Equilibria of an arm under a force, and stability limits of the control of elastic joints."""
+"""Equilibria of an arm under a force, and stability limits of the control of elastic joints.
+
+Symbols: q are the link positions, theta the motor positions, g(q) the gravity torque, F the external force or wrench with the Jacobian J of
+its frame, and ' the transpose. An impedance law has the controlled coordinates x, their target x_d and the stiffness K. An elastic joint
+has the stiffness K_J. B0 is the reduced motor inertia of the law.
+"""
 
 from __future__ import annotations
 
@@ -21,19 +26,21 @@ Array: TypeAlias = NDArray[np.float64]
 @sealed
 @dataclass(frozen=True, eq=False)
 class Equilibrium:
-    """An equilibrium under a constant force.
+    """An equilibrium under a constant force F.
 
     Attributes:
         q: joint positions, (n,), rad or m.
-        tau: input of the plant at the equilibrium, (n,), N m or N: g(q) - J'F, where F includes the forces of contacts.
+        tau: input of the plant at the equilibrium, (n,), N m or N. It is g(q) - J'F minus the torques of a wall and of joint stops, with
+            the gravity torque g and the Jacobian J of the frame of F.
         x: the controlled coordinates, (m,), m or rad; joint positions for a law of joints.
         theta: motor positions of elastic joints, (n,), rad or m; None for a rigid arm.
         estimate: the law's integral wrench, (m,), N and N m; None without `integral_gain`.
-        reachable: whether the arm can reach x_d + K^-1 F, or x_d with an integral. False if a wall, a joint stop or a limit holds the arm.
+        reachable: whether the arm can reach x_d + K^-1 F, or x_d with an integral. x_d is the law's target and K its stiffness. False if a
+            wall, a joint stop or a limit of the law holds the arm.
         spurious: whether the spring is unbalanced: J'(K (x_d - x) + F) = 0 with K (x_d - x) + F != 0, det J ~ 0. For `MotorPD` and
             `StateFeedback` with exact plant parameters: an equilibrium that is not the target, without force and contact.
         wall_force: force of the plant's wall on its frame, (3,), world axes, N; None without a wall.
-        stable: whether no eigenvalue has a positive real part. Eigenvalues of free motions do not count.
+        stable: whether all eigenvalues except those of free motions have negative real parts, up to rounding.
         eigenvalues: eigenvalues of the closed loop, linearised at the equilibrium, complex, 1/s, sorted by real part.
         free_motions: the number of free motions, which have eigenvalue zero and no restoring force. Without a posture task, the null-space
             motions of a redundant arm are free. With bristle friction at rest, every joint is free.
@@ -61,10 +68,12 @@ class ElasticLimits:
     Attributes:
         sample_time_max: the sample time at which the motor loop becomes unstable if the links are locked, s.
         stiffness_max: largest stable stiffness of a spring at each joint if the other joints are locked (Routh), (n,), N m/rad.
-        stiffness: the stiffness that this limit bounds: the diagonal of J'K J, (n,), N m/rad.
-        stiffness_scale_max: largest factor of K for which the linearised loop is stable.
+        stiffness: the stiffness of the law that `stiffness_max` bounds, (n,), N m/rad: the diagonal of J'K J for a Cartesian stiffness K
+            with the Jacobian J, or of the joint stiffness.
+        stiffness_scale_max: largest factor of the law's stiffness for which the linearised loop is stable; inf if none up to 1e6 is
+            unstable, 0 if the loop is unstable without a factor.
         eigenvalues: eigenvalues of the closed loop, linearised at the equilibrium, complex, 1/s, sorted by real part.
-        reduced_inertia_min: smallest B0 of each motor at `sample_time`, (n,), kg m^2; None without a sample time.
+        reduced_inertia_min: smallest reduced inertia B0 of each motor at `sample_time`, (n,), kg m^2; None without a sample time.
     """
 
     sample_time_max: float
@@ -79,11 +88,15 @@ class ElasticLimits:
 def equilibrium(
     plant: _core.Plant, law: _core.Law, force: ArrayLike | None = None, *, q0: ArrayLike, force_frame: str | None = None
 ) -> Equilibrium:
-    """Find the equilibrium near `q0` under a constant force: u(q) + J'F = g(q), tau = g(q) - J'F, theta = q + K_J^-1 tau.
+    """Find the equilibrium near `q0` under a constant force F: u(q) + J'F = g(q), tau = g(q) - J'F, theta = q + K_J^-1 tau.
 
-    The equilibrium of an impedance law with the stiffness K is x_d + K^-1 F if that pose is reachable and regular. At a singular pose with
-    an unbalanced spring, `spurious` is true. If small deviations from the equilibrium grow, `stable` is false. A law with a null space, an
-    integral or limits has no potential. The search then follows the motion of the loop without velocities, M q' = u(q) + J'F - g(q).
+    Here u is the torque of the law, J the Jacobian of the frame of F, g the gravity torque, tau the input of the plant, theta the motor
+    positions, and K_J the stiffness of elastic joints. A wall and joint stops add their forces.
+
+    The equilibrium of an impedance law with the target x_d and the stiffness K is x_d + K^-1 F if that pose is reachable and regular. At a
+    singular pose with an unbalanced spring, `spurious` is true. If small deviations from the equilibrium grow, `stable` is false. A law
+    with a null space, an integral or limits has no potential. The search then follows the motion of the loop without velocities,
+    M dq/dt = u(q) + J'F - g(q), with the mass matrix M.
 
     A redundant arm without a posture task can move without moving its frame. `free_motions` counts these motions, and `stable` ignores
     them.
@@ -127,7 +140,7 @@ def elastic_limits(
     sample_time: float | None = None,
     sensor_bandwidth: float | None = None,
 ) -> ElasticLimits:
-    """Compute the limits of a motor-inertia reduction at an equilibrium: sample time, B0 and stiffness.
+    """Compute the limits of a motor-inertia reduction at an equilibrium: sample time, reduced inertia B0 and stiffness.
 
     `smallest_reduced_inertia` computes maps of the smallest B0 over sample time, sensor bandwidth and damping ratio.
 

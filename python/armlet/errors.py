@@ -84,4 +84,4 @@ class FormatError(ArmletError, ValueError):
 
 
 class InternalError(ArmletError, RuntimeError):
-    """A bug of armlet, which was caught before it left the library. Please report it with the message."""
+    """An unexpected error inside armlet, which is a bug of armlet. Please report it with the message."""

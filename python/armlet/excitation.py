@@ -3,10 +3,11 @@
     q(t) = o + sum_l (A_l sin(l w t) + B_l cos(l w t)),   w = 2 pi / duration,   l = 1 .. harmonics
     F = sum_k Y_b(t_k)' N^-2 Y_b(t_k),   N = diag(noise);   the motion maximises log det F (D-optimality)
 
-Here `Y_b` is the regressor of the base parameters. Each joint's series is divided by a smooth maximum of position, speed and acceleration,
-each relative to its limit. So these limits are respected for all coefficients. Torque limits enter the cost as a penalty. The gradient is
-exact: `Y_b` is linear in `a`, and quadratic in `v` (except Coulomb friction) and in the position of a prismatic joint. In the angle of a
-revolute joint it is a trigonometric polynomial of degree two, whose derivative follows from four values (Riesz 1914).
+Here `Y_b(t)` is the regressor of the base parameters at `q(t), v(t), a(t)`, `noise` the standard deviation of the torques, and `'` the
+transpose. Each joint's series is divided by a smooth maximum of position, speed and acceleration, each relative to its limit. So for all
+coefficients the samples respect these limits. Torque limits enter the cost as a penalty. The gradient is exact: `Y_b` is linear in `a`, and
+quadratic in `v` (except Coulomb friction) and in the position of a prismatic joint. In the angle of a revolute joint it is a trigonometric
+polynomial of degree two, whose derivative follows from four values (Riesz 1914).
 """
 
 from __future__ import annotations
@@ -47,7 +48,7 @@ class ExcitingMotion(Sinusoid):
 
     Attributes:
         duration: the period, s.
-        condition: condition number of the regressor of one period, with columns scaled to norm one.
+        condition: condition number of the regressor of one period, with rows divided by `noise` and columns scaled to norm one.
         deviations: standard deviations of the base parameters after one period of samples, `(b,)`.
     """
 
@@ -151,7 +152,7 @@ def _series(duration: float, harmonics: int, count: int) -> _Series:
 
 
 class _Problem:
-    """The cost, minus log det F, and its gradient with respect to unscaled coefficients `(n, 2 N + 1)`."""
+    """The cost, minus log det F plus a penalty on torques, and its gradient with respect to unscaled coefficients `(n, 2 N + 1)`."""
 
     def __init__(self, arm: Arm, limits: _Limits, series: _Series, noise: _Array, armature: bool, friction: bool) -> None:
         self.arm, self.limits, self.series, self.noise = arm, limits, series, noise
@@ -162,7 +163,7 @@ class _Problem:
         self.rubs = bool(arm.limits)
 
     def scaled(self, c: _Array) -> tuple[_Array, Any]:
-        """Scale the coefficients `c` into the limits.
+        """Scale the coefficients `c` so that the samples respect the limits of position, speed and acceleration.
 
         The second result maps a gradient with respect to scaled coefficients to one with respect to `c`.
         """
@@ -204,9 +205,9 @@ class _Problem:
         return out[0], out[1], out[2]
 
     def _by_speed(self, q: _Array, v: _Array, a: _Array, unit: _Array) -> _Array:
-        """Derivative of the regressor with respect to one speed.
+        """Derivative of the weighted regressor, `(..., n, b)`, with respect to the speed of the joint with the unit vector `unit`.
 
-        Columns are quadratic in speed. The columns of Coulomb friction have the derivative zero.
+        The other columns than those of Coulomb friction are quadratic in speed. Those of Coulomb friction have the derivative zero.
         """
         difference = 0.5 * (self.regressor(q, v + unit, a) - self.regressor(q, v - unit, a))
         if self.base.friction:
@@ -287,7 +288,9 @@ def exciting_motion(
     iterations: int = 200,
     seed: int = 0,
 ) -> ExcitingMotion:
-    """Compute the periodic motion within limits whose record determines the base parameters best. It requires scipy (`armlet[tune]`).
+    """Search for the periodic motion within limits whose record determines the base parameters best (D-optimality).
+
+    It requires scipy (`armlet[tune]`). The result is the best of the local optima that the search finds from random starts.
 
     The limits of position, speed and acceleration are respected at every time. The limits of torque are respected at 64 points per
     harmonic, for the arm's present parameters and friction.
@@ -300,7 +303,7 @@ def exciting_motion(
         harmonics: number of harmonics of the fundamental frequency `2 pi / duration`, at most 1,000.
         samples: number of samples of one period in the record, at least 4 per harmonic; None: 20 per harmonic.
         noise: standard deviation of the measured torque, N m or N: a number or `(n,)`.
-        armature, friction: whether the parameters include rotor inertias and friction, as for `Arm.regressor`.
+        armature, friction: whether the parameters include rotor inertias, and damping and Coulomb friction, as for `Arm.regressor`.
         starts: number of random starts of the search, at most 1,000; the best result is returned.
         iterations: largest number of iterations of each search.
         seed: seed of the random starts.
@@ -309,7 +312,8 @@ def exciting_motion(
         An `ExcitingMotion` with `duration`, `condition` and `deviations` of `arm.base_parameters(armature=armature, friction=friction)`.
 
     Raises:
-        InputError: an argument has a wrong type, shape or value, a joint is not bounded, or the torques cannot hold the arm.
+        InputError: an argument has a wrong type, shape or value, a joint is not bounded, or the torque limits are too small to hold the arm
+            in the middle of its range.
         ImportError: scipy is not installed.
 
     Source: Swevers, Ganseman, Tukel, de Schutter and van Brussel, Optimal robot excitation and identification, IEEE T-RA 13, 1997.
@@ -351,7 +355,7 @@ def exciting_motion(
 
 
 def _motion(problem: _Problem, c: _Array, duration: float, harmonics: int) -> ExcitingMotion:
-    """The motion of the coefficients `c`, with the condition number and the deviations of its record."""
+    """The motion with the coefficients `c`, with the condition number of its regressor and the deviations of the parameters."""
     q, v, a = problem.motion(c)
     W = problem.regressor(q, v, a).reshape(-1, problem.base.count)
     lengths = np.linalg.norm(W, axis=0)

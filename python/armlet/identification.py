@@ -21,7 +21,9 @@ _Array = NDArray[np.float64]
 @sealed
 @dataclass(frozen=True, eq=False)
 class BaseParameters:
-    """The smallest set of combinations of inertial parameters that determines the motion of an arm: `Y pi = Y_b (P pi)`.
+    """The smallest set of combinations of parameters that determines the motion of an arm: `Y pi = Y_b (P pi)`.
+
+    `Y` is the regressor, `pi` the vector of all parameters, and `Y_b` consists of some columns of `Y`. The base parameters are `P pi`.
 
     >>> import armlet as al
     >>> base = al.planar_arm([1.0, 1.0]).base_parameters()
@@ -48,7 +50,7 @@ class BaseParameters:
     grouping: tuple[str, ...]
     #: Parameters that do not affect the motion.
     unseen: tuple[str, ...]
-    #: Whether the columns include rotor inertia (`armature`), and damping and Coulomb friction (`friction`).
+    #: Whether the parameters include rotor inertias (`armature`), and damping and Coulomb friction (`friction`).
     armature: bool
     friction: bool
     #: Relative distances of a column from the span of the earlier columns: the smallest of a kept column, and the largest of a dropped one.
@@ -62,7 +64,7 @@ class BaseParameters:
 
     @property
     def values(self) -> _Array:
-        """The base parameters of the arm with its present inertial parameters, (b,)."""
+        """The base parameters of the arm with its present parameters, (b,), in SI units."""
         limits = self.arm.limits
         extra = [limits["armature"]] if self.armature else []
         extra += [limits["damping"], limits["friction"]] if self.friction else []
@@ -93,7 +95,7 @@ class BaseParameters:
 @sealed
 @dataclass(frozen=True, eq=False)
 class ParameterReport:
-    """A report whether every body of a parameter vector is physically possible: its 4 x 4 pseudo-inertia is positive definite.
+    """Report whether every body of a parameter vector is physically possible: its 4 x 4 pseudo-inertia is positive definite.
 
     >>> import armlet as al
     >>> arm = al.planar_arm([1.0])
@@ -150,9 +152,10 @@ class Identification:
     covariance: _Array
     #: The number of combinations of base parameters that the record determines.
     rank: int
-    #: Condition number of the regressor with columns scaled to norm one; infinite if the rank is smaller than b.
+    #: Condition number of the weighted regressor of the base parameters with columns scaled to norm one; infinite if the rank is less than
+    #: b.
     condition: float
-    #: Singular values of the scaled regressor, (b,), descending.
+    #: Singular values of this scaled regressor, (b,), descending.
     singular_values: _Array
     #: Root mean square of the torque that the model does not explain, for each joint, (n,), N m or N.
     residuals: _Array

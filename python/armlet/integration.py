@@ -29,7 +29,7 @@ class DenseOutput:
     """The solution between the steps: `dense(t)` is `(n,)` for a number `t` and `(K, n)` for times of shape `(K,)`.
 
     Each step stores the values of its polynomial at Chebyshev points. Barycentric interpolation (Berrut and Trefethen 2004) evaluates the
-    polynomial between them, up to rounding. Times outside of the span raise an error.
+    polynomial between them, up to rounding. Times outside of the run raise an InputError.
     """
 
     def __init__(self, start: float, ends: Array, positions: Array, nodes: Array) -> None:
@@ -151,7 +151,7 @@ def integrate(
     """Solve `y' = f(t, y)`, `y(t0) = y0`, from `t0` to `t1`, forward or backward in time.
 
     Args:
-        f: the right-hand side, f(t, y, *args) -> (n,): an array, or a list or tuple of floats (the fastest for a few states).
+        f: the right-hand side, f(t, y, *args) -> (n,): an array, or a list or tuple of floats.
         t_span: start and end, in the unit of `t`. The end may be infinite if a terminal event ends the run and the method is adaptive.
         y0: initial state, (n,), in the units of `f`.
         method: fixed step: "euler", "semi_implicit", "rk4", and "ros2" for stiff problems; adaptive: "dopri5", "dop853", and "radau5" and
@@ -171,7 +171,7 @@ def integrate(
         args: further arguments of f, jac and events.
         max_step, first_step: largest step and first step of adaptive methods; first_step is not longer than the span.
         positions: number of positions for "semi_implicit": y = [q, v, rest], where q and v have this length and q' = v.
-        lists: pass y to f, jac and events as a list of floats. For a few states this is two to four times as fast as an array.
+        lists: pass y to f, jac and events as a list of floats, for functions that read single elements of y.
         vectorized: f accepts states as columns, y (n, k), and returns their rates, (n, k). Then one call computes all differences of a
             Jacobian. jac and events still receive y (n,).
         throw: raise an error if the run reaches neither its end nor a terminal event; False returns the partial run with its status.

@@ -19,14 +19,15 @@ __all__ = ["NullSpace"]
 @sealed
 @dataclass(frozen=True)
 class NullSpace:
-    """A spring and a damper of the joints in the null space of an impedance law: `N' (K_n (q_n - q) + D_n (q_n' - v))`.
+    """A spring and a damper of the joints in the null space of an impedance law: `N' (K_n (q_n - q) + D_n (q_n_dot - v))`.
 
     `projection="consistent"`: `N' = I - J' L J M^-1`, `L = (J M^-1 J')^-1`. The torque does not accelerate the frame (Khatib 1987).
     `projection="static"`: `N' = I - J' (J')#`. In general the torque accelerates the frame.
 
-    With both projections, the motion in the null space moves the frame through `C v` and `J_dot v`, unless the law compensates the
-    coupling. Near singularities the inverse is clamped. Along a direction whose singular value is below `eps` of the law, a fraction of the
-    torque remains.
+    Here `J` is the Jacobian of the law's task, `M` the mass matrix, `'` the transpose and `#` the pseudo-inverse. With both projections,
+    the motion in the null space moves the frame through the Coriolis torque and `J_dot v`, unless the law compensates the coupling. Near
+    singularities, `L` and `(J')#` are clamped. Along a task direction whose singular value is below `eps` of the law, the projection keeps
+    a fraction of the torque.
 
     Args:
         q_d: `q_n`, the posture, (n,), rad or m, or a motion of the joints.

@@ -18,7 +18,7 @@ C = TypeVar("C", bound=type)
 def sealed(kind: C) -> C:
     """Class decorator: pickles of the objects have a checksum.
 
-    An object consists of its fields, and of its entries as a dict or a tuple.
+    A pickle contains the attributes of the object, and its entries if it is a dict or a tuple.
     """
 
     def parts(thing: Any) -> tuple[type, Any, dict[str, Any]]:

@@ -2,8 +2,11 @@
 
 length of a segment:  l = sqrt(|dp|^2 + (0.1 m/rad angle)^2),   s = (sum of the lengths before) / (total length)
 arc through a, b, c:  p = m + r (cos phi e_1 + sin phi e_2),   |a - m| = |b - m| = |c - m| = r;   r phi replaces |dp|
-corner of radius r:   lerp(lerp(A, C, t), lerp(C, B, t), t),   A and B at the distance r from the corner C
+corner between lines: lerp(lerp(A, C, t), lerp(C, B, t), t),   A and B on the lines at the distance r from the corner C, t from 0 to 1
 spline:               natural cubic of positions and quaternions over s, quaternions normalised
+
+Here dp is the difference of two positions, and angle the angle between two rotations. lerp(A, C, t) is the interpolation from A to C at the
+fraction t: linear for positions, along the geodesic for rotations.
 """
 
 from __future__ import annotations
@@ -101,10 +104,10 @@ class PoseCurve:
 
     Attributes:
         rows: the poses, `(K, m)`.
-        turns: columns of all three parts of the rotation vector; an empty list if the poses have none.
+        turns: columns of all three parts of the rotation vector; an empty list if the poses have no rotation vector.
         single: columns of single angles, rad.
-        smooth: whether the curve is a spline; otherwise it consists of lines.
-        blend: radius of the rounded corners between lines, m.
+        smooth: whether the curve is a spline; otherwise it consists of lines and arcs.
+        blend: distance from a corner between two lines at which its rounding begins, m.
         arcs: indices of poses in the middle of arcs.
     """
 

@@ -54,8 +54,8 @@ def export_c(
     `<prefix>_init(state)` and `<prefix>_step(state, t, q, v, tau)`, with `theta, theta_dot` before `tau` for laws of elastic arms. The C
     code contains the desired motion. A function of an arm becomes `<prefix>_<name>(inputs.., out)`, with row-major matrices. A
     `MomentumObserver` becomes `<prefix>_init(state)`, `<prefix>_update(state, q, v, tau, dt, residual)`, and, if it has thresholds,
-    `<prefix>_contact(state)`. Each function returns 0, or a status that the header lists. After an error `tau` is the last valid output,
-    and `out` is NaN.
+    `<prefix>_contact(state)`, which returns the index of the joint in contact or -1. `_step`, `_update` and functions of an arm return 0,
+    or a status that the header lists. After an error `tau` is the last valid output, and `out` is NaN.
 
     Args:
         law: a law, a `MomentumObserver` or an arm.
@@ -135,7 +135,7 @@ def _require_unused(of: str, arguments: Mapping[str, object]) -> None:
 
 
 def _named(arm: _core.Arm, functions: Sequence[Function]) -> list[tuple[str, str, str | None]]:
-    """For each function: its name in C, the name of the method, and the frame."""
+    """For each function: its name in C without the prefix, the name of the method of `Arm`, and the frame or None."""
     if isinstance(functions, str) or not isinstance(functions, Sequence) or not len(functions):
         raise InputError(f"export_c: functions is not a list of names: expected a list such as ['mass_matrix'], got {shown(functions)}")
     named: list[tuple[str, str, str | None]] = []

@@ -1,4 +1,7 @@
-"""Diagnosis of prioritised tasks: the feasible part of a command, and the overlap of the levels, sum rank J_i - rank J_E."""
+"""Diagnosis of prioritised tasks: the feasible part of a command, and the overlap of the levels, sum rank J_i - rank J_E.
+
+J_i is the Jacobian of level i, and J_E the matrix of the rows of all J_i.
+"""
 
 from __future__ import annotations
 
@@ -27,7 +30,7 @@ class PriorityDiagnosis:
     Attributes:
         n: number of joints.
         kind: "regular", "algorithmic", "kinematic" or "algorithmic+kinematic".
-        ranks: rank of each J_i.
+        ranks: rank of each J_i, the Jacobian of level i.
         projected_ranks: rank of each J_i in the null space of the higher levels; for level 1 the rank of J_1.
         stacked_rank: rank of all levels together, the sum of `projected_ranks`.
         overlap: sum of `ranks` minus `stacked_rank`.
@@ -38,7 +41,8 @@ class PriorityDiagnosis:
             do not use.
         lost: for each level, (k, rows_i): orthonormal directions of the command that no joint velocity in the null space of the higher
             levels produces.
-        losses: for each level, (rows_i,): the part of the command `rhs` along `lost`, in the unit of the task; None without `rhs`.
+        losses: for each level, (rows_i,): the part along `lost` of the command `rhs` minus the task velocity that the higher levels cause,
+            in the unit of the task; None without `rhs`.
         compatible: whether every loss is zero up to rounding, so that the whole command is feasible; None without `rhs`.
     """
 
@@ -73,7 +77,8 @@ def diagnose_priority(
     Args:
         jacobians: one (rows_i, n) per level, the highest priority first.
         rhs: the task velocities (rows_i,) per level, to test whether they are feasible; None: only directions are diagnosed.
-        rounding: relative error of the entries; 8 eps (1 + sum |q|) if they were computed from joint angles.
+        rounding: relative error of the entries of `jacobians`. It is 8 eps (1 + sum |q|) for Jacobians computed from joint positions q,
+            with eps = 2.2e-16.
 
     Returns:
         A `PriorityDiagnosis`: the kind, ranks and singular values of each level, lost directions, and, with `rhs`, the lost part of each

@@ -3,8 +3,8 @@
     |v_j| <= v_max_j,   |a_j| <= a_max_j,   |da_j/dt| <= j_max_j,   q_j(t) a cubic in each of at most seven phases
 
 Ruckig (Berscheid and Kroger 2021, MIT licence) computes the time-optimal phases. It is an optional extra, imported when the function is
-called. Before, the problem is scaled to distances and durations of order one. Afterwards, the result is checked. If rounding exceeds a
-limit, the motion is slowed.
+called. The problem is first scaled to distances and durations of order one. The result is checked. If it exceeds a limit by a rounding
+error, the motion is slowed.
 """
 
 from __future__ import annotations

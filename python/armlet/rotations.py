@@ -1,6 +1,7 @@
 """Rotations as unit quaternions `[w, x, y, z]`, for curves of poses.
 
-q = [cos a/2, sin a/2 n],   r = a n the rotation vector,   slerp: q_0 exp(u log(q_0^-1 q_1))
+rotation by the angle a about the unit vector n:   q = [cos a/2, sin a/2 n],   rotation vector r = a n
+slerp from q_0 to q_1 at the fraction u:           q_0 exp(u log(q_0^-1 q_1))
 """
 
 from __future__ import annotations

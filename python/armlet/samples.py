@@ -20,7 +20,7 @@ _Array = NDArray[np.float64]
 @sealed
 @dataclass(frozen=True, eq=False)
 class Samples:
-    """Samples for `Adaptive(concurrent=)`, selected by `select_samples`: `tau_j = W_j a` for the true parameters `a`.
+    """Samples for `Adaptive(concurrent=)`, selected by `select_samples`: `tau_j = W_j pi` for the true parameters `pi` (p,).
 
     >>> import numpy as np
     >>> import armlet as al
@@ -34,7 +34,7 @@ class Samples:
     tau: _Array
     #: Indices of the selected records or windows, (N,).
     indices: NDArray[np.int64]
-    #: The smallest singular value of all rows of the `W_j`, among the directions that the record determines.
+    #: Singular value number `rank` of the stacked rows of all `W_j`: the smallest one that is not zero up to rounding.
     singular_value: float
     #: Number of directions of the parameters that the record determines.
     rank: int
@@ -73,10 +73,12 @@ def select_samples(
     window: float | None = None,
     held: bool = False,
 ) -> Samples:
-    """Select samples of a record for concurrent learning. Their stacked `W` has a large smallest singular value.
+    """Select samples of a record for concurrent learning, so that the smallest nonzero singular value of their stacked `W` is large.
 
     With accelerations a sample is `W_j = Y(q, v, v, a)`. Without accelerations a sample is a window of the record. Its equation is
-    integrated over time by Simpson's rule: `W_j = [Y_M] + int Y_D dt`, `tau_j = int tau dt`, with `M v = Y_M a` and `g - C' v = Y_D a`.
+    integrated over time by Simpson's rule: `W_j = [Y_M] + int Y_D dt`, `tau_j = int tau dt`. `[Y_M]` is the end value minus the start value
+    in the window. `M v = Y_M pi` and `g - C' v = Y_D pi` for the parameters `pi`, with the mass matrix `M`, the Coriolis matrix `C`, the
+    gravity torque `g`, and `'` the transpose.
 
     Args:
         law: the `Adaptive` law that will learn from the samples. It determines the parameters: its base set, friction and rotors.
@@ -88,7 +90,7 @@ def select_samples(
         held: whether each torque acts until the next record, as in a sampled loop (keyword only).
 
     Returns:
-        The selected samples, with their smallest singular value.
+        The selected samples, with the smallest nonzero singular value of their stacked `W`.
 
     Raises:
         InputError: a shape is wrong, a number is not finite, or an argument is missing. It is also raised if `t` is not evenly

@@ -101,8 +101,8 @@ class Srdf:
             The arm between the two links.
 
         Raises:
-            InputError: the group is unknown, or is not one chain.
-            ModelError: the URDF is not well formed.
+            InputError: the group is unknown or is not one chain, `root` or `tip` is given, or the URDF is not well formed.
+            ModelError: `load_urdf` refuses the robot. It is an InputError too.
         """
         name = "Srdf.arm"
         choice(name, "group", group, self.groups)
@@ -215,7 +215,8 @@ def load_srdf(path_or_xml: str | PathLike[str]) -> Srdf:
         An `Srdf` with the groups and the poses, rad or m.
 
     Raises:
-        InputError: the file cannot be read, is not well formed, names a group twice, or has a value that is not a finite number.
+        InputError: the file cannot be read, is not well formed, defines a group twice, or refers to an unknown group. It is also raised if
+            a name is missing, or a value is not a finite number.
 
     Source: the SRDF specification of MoveIt.
 

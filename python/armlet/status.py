@@ -1,4 +1,4 @@
-"""The status of a run. A diverged run is a valid result, with the time at which it ended."""
+"""The status of a run. A diverged run is a valid result: it has records up to the time at which it ended."""
 
 from __future__ import annotations
 

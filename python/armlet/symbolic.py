@@ -2,8 +2,9 @@
 
     M(q) a + C(q, v) v + g(q) = tau,   Y(q, v, v_r, a_r) pi = M a_r + C v_r + g
 
-Energies are linear in the inertial parameters: `M = sum_k pi_k M_k`, and likewise C and g. So each parameter pi_k has a trigonometric
-polynomial as its factor. `armlet.trigonometric` writes each polynomial in the shortest of several forms.
+Energies are linear in the inertial parameters pi: `M = sum_k pi_k M_k`, and likewise C and g. Y is the regressor. So the factor of each
+parameter pi_k is a polynomial in sines and cosines of angles, and in positions of prismatic joints. `armlet.trigonometric` writes each
+polynomial in the shortest of several forms.
 """
 
 from __future__ import annotations
@@ -267,8 +268,8 @@ def _unit_energies(
     """The mass matrix `M_k` (n, n) and gravity torque `g_k` (n,) for each parameter `(body, kind)` with the value 1.
 
     All vectors are in the axes of the body. `u_j` and `w_j` are the velocity of its origin and its angular velocity for a unit rate of
-    joint `j`. Then `M_jk = m u_j.u_k + u_j.(w_k x h) + u_k.(w_j x h) + w_j.I w_k`, and `g_j = -(m gamma.u_j + gamma.(w_j x h))` with
-    gravity `gamma`.
+    joint `j`. Then `M_jk = m u_j.u_k + u_j.(w_k x h) + u_k.(w_j x h) + w_j.I w_k`, and `g_j = -(m gamma.u_j + gamma.(w_j x h))`. Here `m`
+    is the mass, `h` the first moment, `I` the inertia about the origin, and `gamma` the acceleration of gravity.
     """
     n, zero = len(joints), trig.zero
     unit = [[trig.number(float(i == k)) for i in range(3)] for k in range(3)]

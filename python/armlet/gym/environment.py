@@ -26,15 +26,16 @@ Array: TypeAlias = NDArray[np.float64]
 class ArmEnv(gymnasium.Env[Array, Array]):
     """An arm under the torques of an agent, simulated by armlet's compiled loop.
 
-    The torque `tau = tau_max * action` is constant for one period. An observation is `[q, v, error]`, (2 n + m,). `terminated` is True if
-    the task is finished, the arm leaves its limits or the run diverges. `info` has the flags `reached` and `diverged`. `truncated` is
-    True at the horizon.
+    The torque `tau = tau_max * action` is constant for one period. An observation is `[q, v, error]`, (2 n + m,), with the m entries of the
+    task's error. `terminated` is True if the task is finished, the arm leaves its limits or the run diverges. `info` has the flags
+    `reached` and `diverged`. `truncated` is True at the horizon.
 
     Args:
         plant: a plant; an arm (then `RigidArm(arm)`); or a `Scenario`, which gives the plant, `tau_max`, `dt`, `t_end` and the
             joint motion. None: a planar arm of two joints in a horizontal plane, and a target for its tip.
         task: `Reach`, `Track`, or a subclass of `Task`; None: `Reach()`.
-        tau_max: torque of an action of 1, a number or (n,), N m or N (for a `VelocityArm`: velocity); None: the arm's effort limits.
+        tau_max: torque of an action of 1, a number or (n,), N m or N; None: the arm's effort limits. For a `VelocityArm` it is a velocity,
+            rad/s or m/s.
         dt: step of the integration by rk4, s; None: 2 ms.
         period: time for which an action is held, s.
         horizon: length of a run, s; None: 5 s.

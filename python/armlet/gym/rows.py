@@ -99,7 +99,7 @@ class Rows:
         self.states = Stepper(self.plant, rows, self.dt, self.steps)
         self.k = np.zeros(rows, dtype=np.int64)
         self.goal = np.zeros((rows, 0))
-        # One row of bounds per arm: numpy combines arrays of equal shape faster than it broadcasts a short row.
+        # One row of bounds per arm, so that numpy combines arrays of equal shape without broadcasting.
         self._each = _Bounds(*(np.tile(side, (rows, 1)) for side in (self.low, self.high, low, high, self.v_limit, self.tau_max)))
         self._apart = works_row_by_row(self.task)
         # Task errors after the last step and later resets; None if they are unknown.
@@ -138,7 +138,7 @@ class Rows:
         return reward, reached | left, self.k >= self.length, {"reached": reached, "diverged": diverged}
 
     def observe(self) -> Array:
-        """The observations of all rows, (B, 2 n + m), clipped to the observation space. Only a row whose run has ended can be outside."""
+        """The observations of all rows, (B, 2 n + m), clipped to the observation space. The error of the task has m entries."""
         errors = self._error() if self._errors is None else self._errors
         observed: Array = np.clip(np.concatenate([self.states.q, self.states.v, errors], axis=-1), self._each.low, self._each.high)
         return observed
@@ -152,7 +152,7 @@ class Rows:
 
 
 def _rows_with(flags: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """The rows of `flags` (B, n) with at least one true entry, (B,). If few entries are true, this is faster than `any` over short rows."""
+    """Whether each row of `flags` (B, n) has at least one true entry, (B,)."""
     found = np.zeros(len(flags), dtype=np.bool_)
     found[np.flatnonzero(flags) // flags.shape[1]] = True
     return found

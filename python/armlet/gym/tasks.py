@@ -31,12 +31,13 @@ Array: TypeAlias = NDArray[np.float64]
 class Task:
     """Base class of tasks. Derive your task from it. Each environment calls `prepare` once.
 
-    The reward of a step is `1 / (1 + (|e| / scale)^2) - effort * mean(action^2)`, without a unit: 1 at the target, 1/2 where `|e| = scale`.
+    The reward of a step is `1 / (1 + (|e| / scale)^2) - effort * mean(action^2)`, without a unit. `e` is the error. With `effort = 0` the
+    reward is 1 at the target and 1/2 where `|e| = scale`.
 
     Args:
         q0: centre of the initial configurations and of targets, (n,), rad or m; None: the middle of the limits.
         spread: a run starts at rest within `q0 +- spread`, rad or m.
-        scale: norm of the error at which the reward is 1/2, in the error's unit.
+        scale: norm of the error at which the reward is 1/2 with `effort = 0`, in the error's unit.
         effort: weight of the mean square of the action in the reward. A full action of all joints costs `effort` per step.
     """
 
@@ -106,14 +107,14 @@ def works_row_by_row(task: Task) -> bool:
 
 
 def _within(box: tuple[Array, Array], rng: np.random.Generator) -> Array:
-    """A random configuration in `box`. It equals the result of `rng.uniform` to the last bit, and takes less time."""
+    """A random configuration in `box`. It equals the result of `rng.uniform` to the last bit."""
     low, span = box
     drawn: Array = low + span * rng.random(len(low))
     return drawn
 
 
 def _norms(rows: Array) -> Array:
-    """Norms (B,) of rows (B, m), equal to numpy's to the last bit. For large B, adding columns is faster than sums over short rows."""
+    """Norms (B,) of rows (B, m), equal to numpy's to the last bit."""
     if rows.ndim != 2 or not 0 < rows.shape[1] < 8:
         return np.asarray(np.linalg.norm(rows, axis=-1), dtype=np.float64)
     first, *others = (rows * rows).T

@@ -29,7 +29,7 @@ Flags: TypeAlias = NDArray[np.bool_]
 
 @bordered
 class ArmVectorEnv(VectorEnv[Array, Array, Array]):
-    """`num_envs` arms that one call advances together. It replaces a `SyncVectorEnv` of `num_envs` `ArmEnv`s, and is faster.
+    """`num_envs` arms that one call advances together. It replaces a `SyncVectorEnv` of `num_envs` `ArmEnv`s.
 
     armlet compiles machine code for the plant, which uses SIMD instructions and several threads.
 

@@ -1,14 +1,17 @@
-"""The time derivative of an estimate of inertial parameters, from y = Y's.
+"""The time derivative a_hat_dot of an estimate of inertial parameters, from y = Y's. Y is the regressor, s the sliding variable, and ' the
+transpose.
 
-    all or a base set      a_hat' = Gamma y
-    natural metric         gamma G(a_hat)^-1 y,  G_kl = tr(P^-1 E_k P^-1 E_l) at P = P(a_hat), body by body  (Lee, Kwon and Park 2018)
-                           distance  d(P || P_hat) = log(|P_hat| / |P|) + tr(P_hat^-1 P) - 4
-    projection             a_hat' = Gamma (y - c g),  Z_k = R_k P_k R_k - 1 with R_k = (P_k^min)^-1/2,  N_k its negative part,
-                           f^2 = sum |N_k|^2,  g_j = sum tr(R_k N_k R_k E_j),
+    all parameters or a    a_hat_dot = Gamma y
+    base set
+    natural metric         a_hat_dot = gamma G(a_hat)^-1 y,  G_kl = tr(P^-1 E_k P^-1 E_l), body by body     (Lee, Kwon and Park 2018)
+                           distance  d(P || P_hat) = log(det P_hat / det P) + tr(P_hat^-1 P) - 4
+    projection             a_hat_dot = Gamma (y - c g),  Z_k = R_k P_k R_k - 1 with R_k = (P_k^min)^-1/2,  N_k the negative part of Z_k,
+                           f^2 = sum_k of the squared Frobenius norm of N_k,  g_j = sum_k tr(R_k N_k R_k E_j),
                            c = [min(1, 2 f) max(0, g'Gamma y) + 10 f^2] / g'Gamma g               (Pomet and Praly 1992)
 
-P is the pseudo-inertia of a body; for the planar PR arm it is [[A, B], [B, C]]. E_j is the P of a body whose parameter j is 1 and whose
-others are 0. P_k^min is the smallest body k, which an estimate must exceed.
+P is the pseudo-inertia of a body with the estimated parameters a_hat; for the planar PR arm it is [[A, B], [B, C]]. E_j is the P of a body
+whose parameter j is 1 and whose others are 0. P_k^min is the pseudo-inertia of the smallest body k. An estimate that starts above it may
+fall below it, but stays above half of it.
 """
 
 from collections.abc import Callable
@@ -48,7 +51,7 @@ def _negative(A: Array) -> Array:
 
 
 def natural_rate(estimate: Array, y: Array, gamma: Array) -> Array:
-    """The rates gamma G^-1 y of the estimates of all bodies, (10 bodies,). Here y = Y's, gamma (bodies,), G_kl = tr(P^-1 E_k P^-1 E_l).
+    """The rates gamma G^-1 y of the estimates of all bodies, (10 * bodies,). Here y = Y's, gamma (bodies,), G_kl = tr(P^-1 E_k P^-1 E_l).
 
     P is the pseudo-inertia of the estimate of a body. E_k is the pseudo-inertia of the parameter k alone.
     """
@@ -60,7 +63,7 @@ def natural_rate(estimate: Array, y: Array, gamma: Array) -> Array:
 
 
 def divergence(pi: Array, estimate: Array) -> Array:
-    """The distance d(P || P_hat) = log(|P_hat| / |P|) + tr(P_hat^-1 P) - 4 between the pseudo-inertias of pi and the estimate, by body."""
+    """The distance d(P || P_hat) = log(det P_hat / det P) + tr(P_hat^-1 P) - 4 of the pseudo-inertias of pi and the estimate, by body."""
     P, P_hat = _bodies(pi), _bodies(estimate)
     logs = np.linalg.slogdet(P_hat)[1] - np.linalg.slogdet(P)[1]
     return np.asarray(logs + np.trace(np.linalg.solve(P_hat, P), axis1=-2, axis2=-1) - 4.0)

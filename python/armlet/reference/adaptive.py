@@ -1,15 +1,18 @@
-"""Adaptive tracking, written from its equations; e = q_d - q, and C is the Coriolis matrix of the Christoffel symbols.
+"""Adaptive tracking, written from its equations; e = q_d - q, C is the Coriolis matrix of the Christoffel symbols, Y the regressor of the
+estimated parameters a_hat. ' is the transpose, and _dot the time derivative.
 
     v_r = v_d + Lambda e,  Lambda = Kd^-1 Kp,  s = v_r - v,  a_r = a_d + Lambda e_dot
     tau = Y(q, v, v_r, a_r) a_hat + Kp e + Kd e_dot, plus armature a_r if it is not estimated            (Slotine and Li 1987)
     a_hat_dot = Gamma w,  w = Y's, or a rate of `adaptation`
-    columns             inertial, then diag(a_r), diag(v_r), diag(tanh(v_r/v_s)), diag(exp(-(v_r/v_s)^2) tanh(v_r/v_s))
-    leakage             w = Y's - sigma (a_hat - a_0), e-modification with sigma |s|           (Ioannou 1984, Narendra 1987)
-    dead zone           w = 0 while |s| < s_0
-    composite           w = Y's + W'R e_W,  e_W = tau_W - W a_hat,  W' = Y(q, v, v, a) - lambda W,  tau_W' = tau - lambda tau_W
-                        a is the acceleration of the plant, and tau excludes armature a that is not estimated   (Slotine and Li 1989)
+    columns of Y        inertial, then diag(a_r), diag(v_r), diag(tanh(v_r/v_s)), diag(exp(-(v_r/v_s)^2) tanh(v_r/v_s))
+    leakage             w = Y's - sigma (a_hat - a_0), a_0 the centre; e-modification: sigma |s|   (Ioannou 1984, Narendra 1987)
+    dead zone           w = 0 while |s| is below the size of the zone
+    composite           w = Y's + W'R e_W,  e_W = tau_W - W a_hat,  W_dot = Y(q, v, v, v_dot) - lambda W,  tau_W_dot = tau - lambda tau_W
+                        R the weight, lambda the rate of the filters, v_dot the acceleration of the plant; tau excludes armature v_dot
+                        that is not estimated                                                              (Slotine and Li 1989)
     concurrent          w = Y's + sum_j W_j'R (tau_j - W_j a_hat) of stored samples                 (Chowdhary and Johnson 2010)
-    for every estimate  -V1' = s'(tau - (M a_r + C v_r + g + tau_f(v))) + (a - a_hat)'w, with M, C, g, tau_f of the plant
+    for every estimate  -V1_dot = s'(tau - (M a_r + C v_r + g + tau_f(v))) + (a - a_hat)'w
+                        with M, C, g, the friction torque tau_f and the true parameters a of the plant
 """
 
 from collections.abc import Iterable
@@ -153,7 +156,7 @@ class Adaptive(Law):
         return np.concatenate([self.projector @ arm.parameters, *(of_joints[kind] for kind in self.kinds)])
 
     def loss(self, terms: Terms, q: Array, v: Array, state: Array, plant: Any) -> float:
-        """The rate -V1', without the term of a projection."""
+        """The rate -V1_dot, without the term of a projection."""
         s, arm = terms["s"], plant.arm
         if self.plain:
             return float(s @ self.kd @ s)

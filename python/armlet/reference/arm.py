@@ -1,13 +1,14 @@
 """Kinematics and energies of trees of revolute and prismatic joints, from homogeneous transforms (Uicker 1967).
 
     T_i = T_parent(i) place_i exp(xi_i q_i),    dT_i/dq_j = dT_parent/dq_j place_i exp(xi_i q_i),  and T_i xi_i for j = i
-    kinetic   1/2 sum_i tr( T_i' P_i T_i'^T )   so   M_jk = sum_i tr( dT_i/dq_j  P_i  (dT_i/dq_k)^T )
-    potential -sum_i gravity . (T_i P_i e_4)
+    kinetic   1/2 sum_i tr( dT_i/dt P_i (dT_i/dt)^T )   so   M_jk = sum_i tr( dT_i/dq_j  P_i  (dT_i/dq_k)^T )
+    potential -sum_i gravity . (T_i P_i e_4),   e_4 = (0, 0, 0, 1)
+
+T_i is the pose of body i in the world, place_i the constant pose of joint i in its parent's body, and xi_i its twist, (4, 4). P_i is the
+pseudo-inertia of body i (see `inertia`), linear in its ten parameters. A link behind a fixed joint, with the pose X in its parent's body,
+adds X P X^T to this body. The exponential uses the half angle. It is analytic in q, so that every derivative can be a complex step.
 
 The centre of mass is the potential energy for unit gravity along each axis, divided by the mass. The gravity torque gives its Jacobian.
-
-P_i is the pseudo-inertia of body i (see `inertia`), linear in its ten parameters. A link behind a fixed joint adds X P X^T to its parent
-body. The exponential uses the half angle. It is analytic in q, so that every derivative can be a complex step.
 """
 
 from collections.abc import Mapping, Sequence
@@ -196,7 +197,7 @@ class Arm(Mechanism):
         return poses[body] @ offset, slopes[body] @ offset
 
     def file_joint_poses(self, q: ArrayLike) -> Array:
-        """The pose T_i of every joint, including mimic joints, (..., joints, 4, 4)."""
+        """The pose T_i of every moving joint, including mimic joints, (..., joints, 4, 4)."""
         (q,) = vectors(q, n=self.n)
         return np.array(np.stack(self._walk(q)[0], axis=-3))
 

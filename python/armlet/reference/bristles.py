@@ -1,7 +1,9 @@
-"""LuGre friction. Its state is the torque of the bristles, `w = sigma_0 z`, with the deflection z and the load L.
+"""LuGre friction. Its state is the torque of the bristles, `w = sigma_0 z`, with the deflection z.
 
-w' = sigma_0 (v - |v| w / h),   h = F_s + (F_s - F_c) expm1(-(v/v_s)^2) + mu |L|
-tau_f = w + (sigma_1/sigma_0) w' + sigma_2 v,   stored energy w^2 / (2 sigma_0)
+w_dot = sigma_0 (v - |v| w / h),   h = F_s + (F_s - F_c) expm1(-(v/v_s)^2) + mu |L|
+tau_f = w + (sigma_1/sigma_0) w_dot + sigma_2 v,   stored energy w^2 / (2 sigma_0)
+
+v is the velocity, and L the load of the joint. `armlet.LuGre` defines the parameters.
 """
 
 from typing import NamedTuple
@@ -32,7 +34,7 @@ class LuGre(NamedTuple):
         return level
 
     def rub(self, v: Array, w: Array, load: Array) -> tuple[Array, Array, float]:
-        """The friction torque tau_f (n,), the derivative w' (n,), and the lost power, W.
+        """The friction torque tau_f (n,), the derivative w_dot (n,), and the lost power, W.
 
         The state w = sigma_0 z is the torque of the bristles, for the velocity v and the load.
         """

@@ -3,8 +3,8 @@
     W = rows Y_b(q_k, v_k, a_k) / noise = U S V',   deviations = sqrt(diag((W'W)^-1)) = norms of the rows of V S^-1
     condition = S_1 / S_b of W after its columns are scaled to the length one                    (Gautier and Khalil 1992)
 
-The core accumulates `W'W` for its search and computes deviations from a triangular factor of `W`. Here they come from one dense
-decomposition.
+`armlet.excitation` accumulates `W'W` for its search and computes deviations from a triangular factor of `W`. Here they come from one dense
+decomposition. `Y_b` is the regressor of the base parameters, and `'` the transpose.
 """
 
 from typing import NamedTuple

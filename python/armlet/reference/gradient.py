@@ -2,7 +2,7 @@
 
     df/dp = (8 (f(p + d) - f(p - d)) - (f(p + 2 d) - f(p - 2 d))) / (12 d) + O(d^4)
 
-The code does not depend on laws or plants, and differentiates no program.
+f is the run and d the step. The code does not depend on laws or plants, and uses only values of f.
 """
 
 from collections.abc import Callable

@@ -1,13 +1,14 @@
 """A law with a momentum observer and a reaction to contact, written from its equations. M and g come from Lagrange's equations.
 
-r           (I + K T) r = K (p - w),  T the period of a sampled loop, 0 in a continuous loop
-w           p = M v,  w' = tau + dM/dt v - C v - g - tau_f + r, where dM/dt v replaces (C + C') v                     (De Luca et al. 2006)
+r           (1 + K T) r = K (p - w),  K the gain of the observer, T the period of a sampled loop, 0 in a continuous loop
+w           p = M v,  dw/dt = tau + dM/dt v - C v - g - tau_f + r                                                    (De Luca et al. 2006)
 contact     the first sample with some |r_i| above its threshold
-reaction    tau = g + K_c (y_c - y) + D_c (y_c' - y')
-stored      c' = 1, (y_c c)' = y, (r_c c)' = r in the period after the sample of contact, s' = 1 from then on
+reaction    tau = g + K_c (y_c - y) + D_c (dy_c/dt - dy/dt)
+stored      dc/dt = 1, d(y_c c)/dt = y, d(r_c c)/dt = r in the period after the sample of contact, ds/dt = 1 from then on
             y_c = (y_c c) / c,   r_c = (r_c c) / c
 
-y is q, or the motor positions theta for elastic joints.
+y is q, or the motor positions theta for elastic joints, and y_c its value at contact. r is the residual, and r_c its value at contact. K_c
+and D_c are stiffness and damping of the reaction, and tau_f is the friction torque.
 """
 
 from typing import Any

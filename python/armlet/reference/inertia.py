@@ -5,8 +5,9 @@
     possible: m > 0 and the principal moments about the centre of mass satisfy 0 < J_1 and J_3 < J_1 + J_2; equivalently P > 0
     nearest possible, in D P D with D = diag(1/l, 1/l, 1/l, 1):   (A + H)/2 + f 1,   A = D P D - f 1 = U H  (Higham 1988)
 
-Singular values give the polar factor H of A. The core clips eigenvalues of D P D instead. The order of the parameters of a body is m, m cx,
-m cy, m cz, Ixx, Ixy, Iyy, Ixz, Iyz, Izz. The inertia is about the origin of the body frame.
+m is the mass, c the centre of mass, I the inertia about the origin of the body frame, ' the transpose and 1 the unit matrix. l is a length,
+and f the smallest eigenvalue of the result. U H is the polar decomposition of A: U is orthogonal, and H follows from singular values. The
+core clips eigenvalues of D P D instead. The order of the parameters of a body is m, m cx, m cy, m cz, Ixx, Ixy, Iyy, Ixz, Iyz, Izz.
 """
 
 from typing import Any, NamedTuple
@@ -70,14 +71,14 @@ def is_possible(pi: ArrayLike) -> bool:
 
 
 def check_parameters(arm: Any, pi: ArrayLike | None = None) -> ParameterReport:
-    """Check whether the bodies of parameters (10 bodies,) are physically possible. None: the parameters of the arm."""
+    """Check whether the bodies of parameters (10 * bodies,) are physically possible. None: the parameters of the arm."""
     bodies = np.asarray(arm.parameters if pi is None else pi, dtype=np.float64).reshape(-1, 10)
     eigenvalues = np.asarray(np.linalg.eigvalsh(pseudo_inertia(bodies)), dtype=np.float64)
     return ParameterReport(eigenvalues, np.array([is_possible(body) for body in bodies]))
 
 
 def project_parameters(pi: ArrayLike, *, length: float = 0.1, floor: float = 1e-6) -> Array:
-    """The nearest possible parameters (10 bodies,). `length` is in m, and `floor` is relative to the largest eigenvalue of all bodies."""
+    """The nearest possible parameters (10 * bodies,). `length` is l, m. f is `floor` times the largest eigenvalue of all D P D."""
     bodies = np.array(pi, dtype=np.float64).reshape(-1, 10)
     D = np.array([1.0 / length] * 3 + [1.0])
     scaled = D[:, None] * pseudo_inertia(bodies) * D

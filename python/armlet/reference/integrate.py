@@ -6,7 +6,7 @@
     gbs            Gragg's modified midpoint rule with 2, 4, .., 2k substeps, extrapolated in h^2 (Bulirsch and Stoer 1966;
                    Hairer, Norsett, Wanner, Solving ODEs I, II.9)
 
-The extrapolation method is an independent check, because it has nothing in common with an embedded Runge-Kutta pair.
+y+ is the state after a step of length h. The extrapolation method has no formula in common with the Runge-Kutta pairs of the core.
 """
 
 from collections.abc import Callable, Iterable

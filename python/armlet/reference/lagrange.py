@@ -6,9 +6,10 @@
     tau   = M(q) a + C(q, v) v + g(q) + [damping v + friction sign(v)] - J'F
     Y(q, v, v_r, a_r)[:, k] = M_k a_r + C_k v_r + g_k                      (pi_k = 1, all other parameters 0)
 
-Subclasses write only M_k and U_k. Every derivative is a complex step, f'(x) = Im f(x + i h) / h (Martins, Sturdza and Alonso, 2003).
-It contains no subtraction, so h = 1e-30 causes no cancellation. There is no recursion over bodies. Friction is included only with
-`friction=True`; sign(0) = 0. The *unit energies* are M_k and U_k.
+pi are the parameters, F is an external wrench at a frame with the Jacobian J, and ' is the transpose. Subclasses write only M_k and U_k,
+the *unit energies*. Every derivative is a complex step, df/dx = Im f(x + i h) / h (Martins, Sturdza and Alonso, 2003). The formula has no
+subtraction, so h = 1e-30 causes no cancellation. There is no recursion over bodies. Friction is included only with `friction=True`;
+sign(0) = 0.
 """
 
 from copy import copy

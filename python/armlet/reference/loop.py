@@ -1,9 +1,10 @@
 """A closed loop as one initial value problem, whose additional states are the integrals of two balances.
 
-    y = [plant state, law state, w_1, w_2],   w_1' = s' Kd s, which theory predicts for -V1',   w_2' = P, the power that E receives
+    y = [plant state, law state, w_1, w_2],   dw_1/dt = the rate that theory predicts for -dV1/dt,   dw_2/dt = P, the power that E receives
     lyapunov_balance = V1(0) - V1(t) - w_1,   energy_balance = E(t) - E(0) - w_2
 
-The integrals and the trajectory use the same method and steps, so both balances are errors of the order of the method.
+V1 is the Lyapunov function of `adaptive`, and E the energy. The integrals and the trajectory use the same method and steps. So the energy
+balance is an error of the order of the method, and so is the Lyapunov balance of a continuous loop without projection and external force.
 In a sampled loop, tau and the rate of the law's state are constant between two samples (see `sampling`).
 """
 
@@ -50,7 +51,7 @@ def frame_load(arm: Any, frame: str) -> Callable[[Array, Array], Array]:
 
 
 class ClosedLoop:
-    """The right-hand side y' = f(t, y) of a plant with a law, and the monitors of its solution."""
+    """The right-hand side of dy/dt = f(t, y) of a plant with a law, and the monitors of its solution."""
 
     def __init__(
         self,

@@ -83,7 +83,8 @@ class Link:
         low, high = min(r, p), max(r, p)
         grid = np.linspace(low, high, 65 + int(64 * (high - low)))
         least = float((side * self.push(r, grid, tau)).min())
-        # Between grid points with the distance 1/64 the mean torque decreases by at most G/64^2/8. So only smaller minima are refined.
+        # Between grid points with the distance 1/64 rad, the mean torque falls by at most G/64^2/8, about 3e-5 G. So a least value above
+        # 1e-4 G shows that the torque is positive everywhere.
         if p == r or least <= 0.0 or least > 1e-4 * abs(self.G):
             return p == r or least > 0.0
         return lowest(lambda x: side * self.push(r, x, tau), low, high)[1] > 0.0
@@ -194,7 +195,7 @@ def torque_optimal_time(
     sg = 1.0 if thetaf > theta0 or (thetaf == theta0 and gravity_moment * np.sin(theta0) >= 0.0) else -1.0
     x0, x1, G = sg * theta0, sg * thetaf, abs(gravity_moment)
     up, down = (tau_max, -bottom) if sg > 0.0 else (-bottom, tau_max)
-    # Between two switches the adjoint psi'' = (d^2/4I^2 - G cos/I) psi has two zeros (Sturm).
+    # Between two switches, the adjoint psi with psi'' = (d^2/(4 I^2) - G cos/I) psi has two zeros (Sturm). d is the viscous friction.
     rate = G / inertia - (viscous / (2.0 * inertia)) ** 2
     bound = np.pi / np.sqrt(rate) if rate > 0.0 else np.inf
     load, slack = gravity_moment * np.sin(x0), coulomb + SLACK * max(up, down)

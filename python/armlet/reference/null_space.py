@@ -3,10 +3,14 @@
     G = S J W^-1/2 = U diag(s) V',  W = M (consistent) or 1 (static);  S scales the rows of position to a root mean square of one,
                                     and the rows of orientation also
     N' = W^1/2 (1 - V diag(min(1, (s/eps)^2)) V') W^-1/2,   L = S U diag(1 / max(s, eps)^2) U' S
-    tau_0 = K_n (q_n - q) + D_n (q_n' - v),   coupling: C v to the torque, L (x_d'' - J_dot v) to the wrench
+    tau_0 = K_n (q_n - q) + D_n (q_n_dot - v),   coupling: C v to the torque, L (x_d_ddot - J_dot v) to the wrench
 
-A moving rotation vector r has the angular velocity w = A r' and the angular acceleration w' = A r'' + A' r'. Here A = int_0^1 exp(s r) ds
-comes from Gauss-Legendre quadrature, and d exp(s r)/dt = [s A(s r) r']x exp(s r).
+J is the Jacobian of the task with the target x_d, s are singular values and eps their threshold. q_n is the posture, K_n and D_n are its
+stiffness and damping. ' is the transpose, _dot and _ddot are time derivatives.
+
+A moving rotation vector r has the angular velocity w = A r_dot and the angular acceleration w_dot = A r_ddot + A_dot r_dot. Here
+A = int_0^1 exp(u r) du comes from Gauss-Legendre quadrature, and d exp(u r)/dt = [u A(u r) r_dot]x exp(u r), where [..]x is the matrix of
+the cross product.
 """
 
 from dataclasses import dataclass, field
@@ -62,14 +66,14 @@ def clamped(J: Array, W: Array, rows: list[int], eps: float) -> tuple[Array, Arr
 
 
 def coupling(arm: Arm, at: Coordinates, q: Array, v: Array, acceleration: Array, eps: float) -> tuple[Array, Array]:
-    """The coupling torque C v (n,) and the coupling wrench L (x_d'' - J_dot v) (m,)."""
+    """The coupling torque C v (n,) and the coupling wrench L (x_d_ddot - J_dot v) (m,)."""
     _, L, _ = clamped(at.jacobian(q), arm.mass_matrix(q), at.rows, eps)
     J_dot = arm.jacobian_dot(q, v, at.frame)[at.rows]
     return arm.coriolis_matrix(q, v) @ v, L @ (acceleration - J_dot @ v)
 
 
 def rate_of_rotation(r: Array, rate: Array, acceleration: Array) -> tuple[Array, Array]:
-    """The angular velocity and the angular acceleration of the rotation exp(r), (3,) each, for r' = rate and r'' = acceleration."""
+    """The angular velocity and the angular acceleration of the rotation exp(r), (3,) each. `rate` is r_dot, `acceleration` is r_ddot."""
 
     def mean(scale: float) -> Array:
         """A(scale r), by quadrature over two halves. With twelve nodes per half, only rounding errors remain for rotations of some rad."""
@@ -87,7 +91,7 @@ def rate_of_rotation(r: Array, rate: Array, acceleration: Array) -> tuple[Array,
 
 
 def row_rates(rows: list[int], target: Array, rate: Array, acceleration: Array) -> tuple[Array, Array]:
-    """x_d' and x_d'' of the rows. For rows of orientation they are the angular velocity and the angular acceleration of the target."""
+    """x_d_dot and x_d_ddot of the rows. For rows of orientation they are angular velocity and angular acceleration of the target."""
     if max(rows) < 3:
         return rate, acceleration
     full = np.zeros((3, 6))

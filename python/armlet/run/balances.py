@@ -2,10 +2,11 @@
 
     E(t) - E(0) - int P dt = 0,   V1(0) - V1(t) - int s'Kd s dt = 0
 
-The exact solution of the loop fulfils the first equation, so its residual is the error of the integration method. It also fulfils the
-second one if the law acts at every instant, without input bounds and external forces. With coarse steps the residual can be as large as
-the energy. `E` is the energy in J, and `P` the power of the inputs in W. `V1` is the Lyapunov function and `s` the sliding variable of an
-adaptive law.
+`E` is the energy in J, and `P` the supplied power in W. `V1` is the Lyapunov function, `s` the sliding variable and `Kd` the damping gain
+of an adaptive law. The exact solution of the loop fulfils the first equation, so its residual is the error of the integration method. It
+also fulfils the second one for a continuous law without projection whose model has the structure of the plant, without input bounds and
+external forces. For options of the law that change the rate of `V1`, the integral includes their terms. With coarse steps the residual of
+the first equation can be as large as the energy.
 """
 
 from __future__ import annotations
@@ -82,8 +83,8 @@ class Balances:
 def warn_of_balances(caller: str, balances: Balances, ended: NDArray[np.bool_], undisturbed: bool) -> None:
     """Warn if a run reached its end, but the residual of a balance is too large for an accurate run.
 
-    `ended`: whether each run reached its end, `()` or `(B,)`. `undisturbed`: whether the theory predicts that the Lyapunov function never
-    rises. This requires a law that acts at every instant, without input bounds and external forces.
+    `ended`: whether each run reached its end, `()` or `(B,)`. `undisturbed`: whether the law acts at every instant, without input bounds
+    and external forces. Only then the theory predicts that the Lyapunov function never rises.
     """
     if _QUIET.get():
         return

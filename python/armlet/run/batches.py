@@ -27,7 +27,7 @@ __all__ = ["batch_of", "forces_of_runs", "in_pieces", "measured_by_records", "re
 #: Largest size of the records of one piece, bytes. A piece has at least LEAST runs, even if their records are larger.
 PIECE = 1 << 26
 LEAST = 64
-#: Least number of pieces of a batch with the argument `out`, if each piece has at least LEAST runs.
+#: Smallest number of pieces of a batch with the argument `out`. It is smaller if pieces would have fewer than LEAST runs.
 PARTS = 32
 STATES = ("v0", "theta0", "theta_dot0")
 
@@ -37,7 +37,7 @@ def forces_of_runs(force: Any, rows: int) -> Any:
     if _is_nested(force):
         return [list(steps) if isinstance(steps, list | tuple) else steps for steps in force]
     rows_of_numbers = isinstance(force, list | tuple) and bool(force) and isinstance(force[0], list | tuple | np.ndarray)
-    # A pair `(t_start, F)` has an entry `F` with a length. A row of numbers has none.
+    # A pair `(t_start, F)` has an entry with a length, `F`. A row of numbers has no such entry.
     if not (all(not isinstance(x, Sized) for x in force[0]) if rows_of_numbers else getattr(force, "ndim", 0) == 2):
         return force
     values = finite("simulate_batch", "force", _core.numbers("simulate_batch", "force", force, (rows, "k")))

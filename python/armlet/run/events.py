@@ -86,7 +86,7 @@ class Event:
     four points of every step. So the run can miss two crossings within a quarter of a step.
 
     Args:
-        kind, arguments: the kind of the monitored quantity, and its arguments. Use the class methods below, which set both.
+        kind, arguments: the kind of the event function, such as "joint", and its arguments. Use the class methods below, which set both.
         direction: > 0 locates rising crossings only, < 0 falling crossings only, and 0 both.
         stop: number of crossings after which the run ends (True is 1). 0 records the crossings, and the run continues.
         name: name of the event in `Run.events`.

@@ -1,11 +1,11 @@
 """The residuals and the contact of a `Guarded` law's observer, computed from the recorded state of the law.
 
-The state is `[inner law, w, R, c, s, y_c c, r_c c]`. `r` is the residual, `w` the momentum that the observer predicts, and `R` the
-integral of `r`. `c` is the duration of the sampling period that begins at the contact, s, and 0 before the contact. `s` is the time since
-the contact, s. `y_c` and `r_c` are the position and the residual at the contact.
+The state is `[inner law, w, R]`. A reaction adds `[c, s, y_c c, r_c c]`. `r` is the residual, `w` the momentum that the observer predicts,
+and `R` the integral of `r`. `c` is the duration of the sampling period that begins at the contact, s, and 0 before the contact. `s` is the
+time since the contact, s. `y_c` and `r_c` are the position and the residual at the contact.
 
-    sampled loop      r = (R_k - R_(k-1)) / (t_k - t_(k-1))
-    continuous loop   r = K (M v - w)
+    sampled loop      r = (R_k - R_(k-1)) / (t_k - t_(k-1)),   R_k the value at the record k
+    continuous loop   r = K (M v - w),   K the gain of the observer, M v the momentum
     contact           at the time t - s, with the residual r_c
 """
 
@@ -54,7 +54,7 @@ class Contact:
 
 
 def residuals(laws: Sequence[Any], t: Array, q: Array, v: Array, estimate: Array | None, sampled: bool) -> Array | None:
-    """Return the residuals at the records, (K, n) or (B, K, n), N m or N. Return None for laws without an observer and for one record."""
+    """Return the residuals at the K records, (K, n) or (B, K, n), N m or N. Return None for laws without an observer and if K = 1."""
     law = laws[0]
     if not isinstance(law, _core.Guarded) or estimate is None or estimate.ndim != q.ndim or q.shape[-2:-1] != t.shape[-1:] or len(t.T) < 2:
         return None

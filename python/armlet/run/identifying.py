@@ -31,7 +31,7 @@ __all__ = ["RunIdentification", "identify_from_runs"]
 SHOWN = ("q", "v")
 # Singular values below this fraction of the largest singular value count as zero, because they are rounding errors of the tangents.
 CUTOFF = 1e-10
-# Initial damping, and the damping at which the search ends because no step lowers the sum.
+# Initial damping, and the damping above which the search ends because no step lowers the sum.
 FIRST, LAST = 1e-3, 1e12
 
 
@@ -111,7 +111,7 @@ def identify_from_runs(
         plant: the plant with the initial values of the numbers; None: the plant of the first run.
         law: the law, one for all runs or a list with one per run; None: the laws of the runs.
         noise: standard deviations of the records by series, `{"q": 1e-4, "v": 1e-3}`, scalar or (n,), rad or m, rad/s or m/s. None
-            estimates them from the residuals, as the same fraction of the range of each joint.
+            estimates them from the residuals: one common fraction of the recorded range of each joint's position and velocity.
         iterations: largest number of steps of the search.
         tolerance: the search ends when a step lowers the sum by less than this fraction.
         keywords: keywords of `simulate` for every run, such as `dt`, `method`, `sample_time`, `tau_max`.

@@ -1,4 +1,5 @@
-"""The lines of a listed program, and their text. A line is one operation: `name = kind(operands)`."""
+"""The lines of a listed program, and their text. A *program* is straight-line code for a loop. A line is one operation,
+`name = kind(operands)`."""
 
 from __future__ import annotations
 
@@ -43,7 +44,7 @@ class Instruction(NamedTuple):
 
 
 class Listing(NamedTuple):
-    """The lines of a program at one stage, and one pair `(output, value)` per output."""
+    """The lines of a program at one stage of its compilation, and one pair `(output, value)` per output."""
 
     instructions: tuple[Instruction, ...]
     outputs: tuple[tuple[str, str], ...]

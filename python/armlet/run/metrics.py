@@ -10,7 +10,7 @@ error_rms              rad or m        sqrt(1/T int e^2 dt)
 error_peak             rad or m        max |e|
 error_final            rad or m        |e| at the end
 overshoot              1               distance of q beyond the farthest point of the reference, divided by the distance from q at the
-                                       start to the final reference. NaN if this is zero, or if the reference still moves at the end
+                                       start to the final reference. NaN if the divisor is zero, or if the reference moves at the end
 settling_time          s               the time after which |e| stays within the band for all joints; NaN if |e| is outside at the end
 position_error_rms,    m               root mean square, maximum and final value of the distance between the frame of each task and its
 position_error_peak,                   target (`Run.position_error`), one value per task; absent for laws without such tasks
@@ -23,9 +23,9 @@ energy_error           1               largest |energy_balance| as a fraction of
 completed              1               1 for a run that reached its end or an event that stops it, else 0
 =====================  ==============  ====================================================================================
 
-The settling time and the last four metrics are one number per run. If a run did not reach its end, all metrics except `completed` are
-NaN: its first part does not characterise the loop. A law without a reference in joint space (`Run.desired() is None`)
-requires the argument `reference`. Without it the errors, the overshoot and the settling time are NaN.
+The settling time and the last four metrics are one number per run. If a run reached neither its end nor an event that stops it, all metrics
+except `completed` are NaN. A law without a reference in joint space (neither a motion of the joints nor a joint target) requires the
+argument `reference`. Without it the errors, the overshoot and the settling time are NaN.
 """
 
 from __future__ import annotations
@@ -144,7 +144,7 @@ def metrics(
     - `lyapunov` has risen since the last record by more than `tolerance` times its largest value so far;
     - `|lyapunov_balance|` exceeds `tolerance` times the largest Lyapunov function so far;
     - `|energy_balance|` exceeds `tolerance` times the largest magnitude of the energy so far;
-    - `skewness` exceeds `tolerance`.
+    - `|skewness|`, the largest entry of the symmetric part of `dM/dt - 2 C`, exceeds `tolerance`.
 
     Args:
         run: the run, or the batch.
@@ -218,7 +218,7 @@ def metrics(
         missing = energy_error(run.monitors)
         found["energy_error"] = np.full(per_run, np.nan) if missing is None else missing
     for name, values in found.items():
-        # The metrics of a run that did not reach its end are NaN, because its first part does not characterise the loop.
+        # The metrics of an incomplete run are NaN, because its first part does not characterise the loop.
         found[name] = np.where(bad[..., None] if values.ndim > np.ndim(bad) else bad, np.nan, values)
     found["completed"] = completed.astype(np.float64)
     return Metrics({name: found[name] for name in ALL if name in found}, run.units, run.input_units)

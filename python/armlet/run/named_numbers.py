@@ -5,9 +5,10 @@ A *loop* is a plant, a law and a start. `"law.kp"` is an argument of the law, an
 `"arm.friction"` and `"arm.armature"` are the joint damping, friction and armature of the arm. `"law.motion.amplitude"` is an argument of
 the law's motion, and `"law.tasks.0.gain"` an argument of its first task. `"q0"`, `"v0"`, `"theta0"`, `"theta_dot0"` are the start.
 
-The *set-up* computes the inputs of the loop's programs from these numbers. The derivative of the inputs with respect to a number is a
-finite difference of fourth order. The results of a run are never differenced. The step `d` is 2^-10 times the number, rounded down to a
-power of two. The relative error is about 1e-12 if the set-up computes with the number, and 1e-13 if the set-up copies the number.
+The core runs a loop as machine code, its *programs*. The *set-up* computes the inputs of the programs from the numbers of the loop. The
+derivative of the inputs with respect to a number is a finite difference of fourth order. The results of a run are never differenced. The
+step is 2^-10 times the number, rounded down to a power of two. The relative error is about 1e-12 if the set-up computes with the number,
+and 1e-13 if the set-up copies the number.
 """
 
 from __future__ import annotations
@@ -55,7 +56,7 @@ RULES = (
     ((-1.0, -2.0, -3.0, -4.0), (-4.0, 3.0, -4 / 3, 1 / 4)),
 )
 STEP = 2.0**-10
-#: A number with fewer entries than FEW gets four separate loops per entry, because varying its entries together requires more loops.
+#: A number with fewer entries than FEW gets four separate loops per entry.
 FEW = 4
 #: The golden ratio minus 1. Its multiples modulo 1 are spread evenly over [0, 1].
 GOLDEN = (math.sqrt(5.0) - 1.0) / 2.0
@@ -85,7 +86,8 @@ class Varied:
             are (B, P, 4), and the runs of its rows follow one another.
         names: the names with their values, in the order of the P entries.
         codes: for each name, the `codes` of `Together`, or None if each entry has four separate loops. Empty means None for all names.
-        apart: a function that returns the same variations with separate loops for each entry. None if no entries vary together.
+        apart: a function that returns the loops for the same derivatives with four separate loops for each entry. None if no entries vary
+            together.
     """
 
     plants: Any
@@ -110,7 +112,7 @@ class Together:
     """Loops in which several entries of a number vary together. From them the core finds which inputs of the programs each entry changes.
 
     Attributes:
-        loops: the *probes*, in each of which about half of the entries vary, then four loops in which all entries vary.
+        loops: the *probes*, in each of which some of the entries vary, then four loops in which all entries vary.
         weights: for each entry, the weights of the four loops in its derivative.
         codes: for each entry, an integer. Bit b is set if the entry varies in probe b. All codes have the same number of set bits.
     """

@@ -190,8 +190,9 @@ def loop_program(
 ) -> LoopProgram:
     """Return the program that `simulate` runs for the loop of `plant` and `law`.
 
-    The program is `x_next = step(x, u, h)` for small loops with a fixed-step method. It is the rates `x' = f(x, u)` for larger loops and
-    for adaptive methods. The lines of every stage, evaluated in order, have the same results to the bit (`fma` rounds once).
+    The program is `x_next = step(x, u, h)` for small loops with a fixed-step method. It is the rates `x_dot = f(x, u)` for larger loops and
+    for adaptive methods. Here `x` is the state, `u` the other inputs, such as the desired motion and the gains, and `h` the step. The lines
+    of every stage, evaluated in order, have the same results to the bit (`fma` rounds once).
 
     Args:
         plant, law, method, sample_time, force, force_frame, tau_max: as for `simulate`.

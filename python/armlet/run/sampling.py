@@ -24,15 +24,15 @@ CHANNELS = ("q", "v", "theta", "theta_dot")
 class TorqueSensor:
     """The joint-torque sensors of an elastic arm in a sampled loop, `Sampling(torque_sensor=...)`.
 
-    `tau_f' = w_c (tau_J - tau_f)`, `reading = round((tau_f + bias + noise)/resolution) resolution`, with `tau_J = K (theta - q)`. The law
-    computes the link positions from the reading and the motors' encoders, as on light-weight arms: `q = theta - K^-1 reading`. `K` is the
-    joint stiffness of the law, so the joint torque that the law uses is the reading. The filters start in their steady state. They are
-    exact for a torque that is linear between samples.
+    `dtau_f/dt = w_c (tau_J - tau_f)`, `reading = round((tau_f + bias + noise)/resolution) resolution`, with `tau_J = K (theta - q)` for the
+    joint stiffness `K` of the plant. The law computes the link positions from the reading and the motors' encoders, as on light-weight
+    arms: `q = theta - K_l^-1 reading`. `K_l` is the joint stiffness of the law, so the joint torque that the law uses is the reading. The
+    filters start in their steady state. They are exact for a torque that is linear between samples.
 
     Args:
-        noise: standard deviation of the noise, N m.
-        bias: constant error of the reading, N m, scalar or (n,).
-        resolution: resolution of the reading, N m; 0 for an exact reading.
+        noise: standard deviation of the noise, N m or N.
+        bias: constant error of the reading, N m or N, scalar or (n,).
+        resolution: resolution of the reading, N m or N; 0 for an exact reading.
         bandwidth: bandwidth `w_c` of the first-order filter, rad/s; infinite for no filter.
 
     Raises:
@@ -74,12 +74,12 @@ class _Effects:
 @sealed
 @dataclass(frozen=True)
 class Sampling(_Effects):
-    """Sampling of a law with delay, jitter, noise, resolution and a rate limit: an argument `sample_time` of `simulate`.
+    """Sampling of a law with delay, jitter, noise, resolution and a rate limit, for the argument `sample_time` of `simulate`.
 
     The law is sampled at the times `k period + j`, with `j` uniform in [0, jitter]. The law receives the measurement of `sensor_delay`
-    samples before, with noise and resolution. Its output acts `delay` later, and is then held until the next output acts. Random numbers
-    depend only on the seed, the sample and the measured quantity. So the same seed repeats the run, and row i of a batch is the run with
-    `seed + i`.
+    samples before, with noise and rounded to the resolution. Its output acts `delay` later, and is then held until the next output acts.
+    Random numbers depend only on the seed, the sample and the measured quantity. So the same seed repeats the run, and row i of a batch is
+    the run with `seed + i`.
 
     Args:
         period: time between samples, s.
@@ -88,7 +88,8 @@ class Sampling(_Effects):
         sensor_delay: number of samples between the measurement and its use in the law.
         noise: standard deviations by measured quantity: "q" and "theta" in rad or m, "v" and "theta_dot" in rad/s or m/s.
         resolution: resolutions by measured quantity, in its unit, such as 2 pi / 2**14 rad of an encoder.
-        rate_limit: largest rate of change of the input, N m/s or N/s; the rate limiter starts at zero input.
+        rate_limit: largest rate of change of the input, N m/s or N/s, under velocity control rad/s^2 or m/s^2. The rate limiter starts at
+            zero input.
         torque_sensor: the `TorqueSensor` of an elastic arm, in place of encoders of the links.
         seed: seed of the random numbers, an integer >= 0.
 

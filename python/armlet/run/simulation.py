@@ -68,8 +68,8 @@ def simulate(
         dt: step of a fixed-step method, s. If `t_end` is not a multiple of `dt`, the last step is shorter. None means the period of
             `sample_time`. An adaptive method requires None.
         v0: initial velocity, (n,), rad/s or m/s; zero if None.
-        theta0, theta_dot0: initial motor positions and velocities of elastic arms, (n,), rad and rad/s. With None the spring torques
-            balance gravity, and the motors have the velocity of the links.
+        theta0, theta_dot0: initial motor positions and velocities of elastic arms, (n,), rad or m, rad/s or m/s. With None the spring
+            torques balance gravity, and the motors have the velocity of the links.
         method: "euler", "semi_implicit", "rk4" or "ros2" take fixed steps; "ros2" is implicit and L-stable. "dopri5",
             "dop853", "radau5" and "rodas4" are adaptive and use `rtol` and `atol`. "radau5" and "rodas4" are implicit, for stiff plants.
         rtol, atol: relative and absolute error per step of an adaptive method; None: 1e-8 and 1e-10. A fixed-step method requires None.
@@ -80,7 +80,7 @@ def simulate(
         force: external force, N or N m: None, a constant, a piecewise constant list `[(t_start, F), ...]`, or a function `F(t)`. The force
             acts at the law's frame, in the law's axes. A function is Python inside the loop, and slow.
         force_frame: name of another frame at which the force acts. The force is then (3,), or (6,) as [f; m], in world axes.
-        tau_max: largest magnitude of the input, at which it saturates, scalar or (n,), N m or N.
+        tau_max: largest magnitude of the input, at which it saturates, scalar or (n,), N m or N; rad/s or m/s under velocity control.
         monitors: compute and record the monitors: see `Run.monitors`. A monitor that is not finite ends the run.
         state_limit: largest magnitude of a position or velocity of links or motors, rad or m, rad/s or m/s. A larger value ends the run
             with `Status.DIVERGED`. `math.inf` sets no limit.
@@ -104,8 +104,8 @@ def simulate(
     Warns:
         UserWarning: a position is outside of the joint limits, such as an angle in degrees. Or the steps are too coarse for the loop.
             They are too coarse if the residual of the energy balance exceeds a tenth of the energy stored or exchanged. They also are if
-            the Lyapunov function of an undisturbed continuous law rises tenfold. `metrics(run)["energy_error"]` is the residual of the
-            energy balance as a fraction of the energy.
+            the Lyapunov function rises tenfold, for a law that acts at every instant without `tau_max` and `force`.
+            `metrics(run)["energy_error"]` is the residual of the energy balance as a fraction of the energy.
 
     Source: [HairerNorsettWanner1993, HairerWanner1996] for the methods; docs/plants_and_laws.md.
 
@@ -216,7 +216,7 @@ def simulate_batch(
             With keep="metrics", None means that the metrics use every accepted step.
         force: external force, N or N m. One force for all runs has the forms of `simulate`, except a function. One force per run is an
             array of constants (B, k), or a list of B lists `[(t_start, F), ...]`.
-        force_frame, tau_max: frame of the force, and largest input, N m or N, as for `simulate`.
+        force_frame, tau_max: frame of the force, and largest magnitude of the input, as for `simulate`.
         monitors, state_limit, check_limits: as for `simulate`. One warning counts the rows outside of the joint limits.
         threads: number of worker threads, 1 to 1024; None means ARMLET_NUM_THREADS, or else the number of cores. The batch uses at most
             one thread per group of runs that one SIMD register computes together.

@@ -1,4 +1,4 @@
-"""Files of runs: an npz archive with a JSON header and SHA-256 checksums, without pickle. A file is complete or absent.
+"""Files of runs: npz archives with a JSON header and SHA-256 checksums, without pickle. A file is complete or absent.
 
 The member `header` of the archive is the JSON header (UTF-8 bytes): format, version, kind, law, units, status, scalar stats, sha256. The
 other members are the arrays by name. Monitors, limits, array stats and events have the names `monitors/name`, `limits/name`, `stats/name`,

@@ -20,7 +20,7 @@ def needs_of(law: Mapping[str, Any]) -> tuple[str, ...]:
 
 
 def knowing(law: Mapping[str, Any], plant: Mapping[str, Any]) -> dict[str, Any]:
-    """The values of a law. Values that the law lacks and the plant has are copied from the plant, also for an inner law."""
+    """The values of a law. The entries of `KNOWN` that the law lacks are copied from the plant, also for an inner law."""
     keys = LAWS.kinds[law["kind"]].keys
     values = {key: value for key, value in law.items() if key != "kind"}
     values |= {ours: plant[theirs] for ours, theirs in KNOWN.items() if ours in keys and ours not in values}

@@ -115,7 +115,8 @@ class Scenario:
             data: the tables.
 
         Returns:
-            One line per error, with its path, the expected value and the actual value; none if the tables are valid.
+            One line per error, with its path. Most lines have the expected and the actual value. Errors between tables are listed only
+            if each table is valid.
         """
         found = list(SCENARIO.check(data, "$"))
         yield from found
@@ -183,7 +184,7 @@ class Scenario:
         return run
 
     def check(self) -> None:
-        """Build the loop and start it without a step. So every error of `run` in the arguments is raised.
+        """Build the loop and start it without a step, which raises the errors of invalid arguments.
 
         Raises:
             InputError: a value does not match other values.

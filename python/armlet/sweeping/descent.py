@@ -2,7 +2,7 @@
 
     minimise over u in [0, 1]^k   L(run with the values g(u))
 
-`g` maps `u` to the search intervals: it is the inverse distribution function of each path's entry. A path such as `law.kd[0]` is an entry
+`g` maps each number of `u` to the search interval of one path, on a linear or a logarithmic scale. A path such as `law.kd[0]` is an entry
 of the number `law.kd` of the loop, and its derivative is computed as in `armlet.gradient`. For any other path the scenario is built again
 with four slightly different values.
 """
@@ -78,7 +78,7 @@ class Descent:
         self.paid: list[float] = []
 
     def own(self) -> Array:
-        """Return the relative positions of the scenario's values in their intervals, (k,): 1/2 for a value outside of its interval."""
+        """Return the relative positions of the scenario's values in their k intervals, (k,): 1/2 for a value outside of its interval."""
         return np.array([_place(spec, _value(self.scenario, path)) for path, spec in self.space.items()])
 
     def evaluate(self, u: Array) -> tuple[float, Array]:

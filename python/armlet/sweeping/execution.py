@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 
 __all__ = ["SweepTable", "sweep"]
 
-# Largest number of integration steps of all cells of a chunk. For a small arm they take some tenths of a second.
+# Largest number of integration steps of all cells of a chunk. A chunk of 8 cells may have more.
 STEPS = 10_000_000
 
 

@@ -1,7 +1,7 @@
 """Search for gains with scipy's differential evolution [storn1997differential], with one batch per generation of candidates. For losses
 with a gradient, search with scipy's L-BFGS-B from several starts: see `descent`.
 
-    minimise over u in [0, 1]^k   max_c cost(metrics of the run with gains g(u) under condition c)
+    minimise over u in [0, 1]^k   max_c cost(metrics of the run with gains g(u) under condition c),   or the mean over c
 
 A *candidate* is one set of gains, and a *condition* is one set of other values under which each candidate runs. `g` maps `u` to the search
 intervals: "uniform" searches on a linear scale, and "log_uniform" on a logarithmic scale.
@@ -35,7 +35,7 @@ __all__ = ["Tuning", "tune"]
 
 Array: TypeAlias = NDArray[np.float64]
 
-#: Cost of a run that failed, or whose cost is NaN. It is larger than the cost of any other run.
+#: Cost of a run that failed, or whose cost is not finite.
 FAILED = 1e30
 
 
@@ -52,7 +52,7 @@ class Tuning:
         costs: the lowest cost after each generation. The first entry is the cost of the initial candidates. With gradients: the lowest cost
             after each iteration.
         tried: every candidate, in order: `cell`, a column per path, and `cost`.
-        runs: number of runs. With gradients each run has an adjoint run, which is not counted.
+        runs: number of runs. With gradients, the computations of the derivatives are not counted.
         method: the name of the search method.
         converged: whether the candidates met the tolerance before the last generation. With gradients: whether the search from every start
             converged.
@@ -120,10 +120,10 @@ def tune(
         scenario: the scenario, or the path of its file.
         vary: search intervals by path (`"law.kd[0]"`): `{"uniform": [low, high]}` or `{"log_uniform": [low, high]}`.
         cost: name of a metric's column (`"error_rms1"`, `"settling_time"`), or a function of the table of a generation. The table has the
-            columns of `sweep` and one row per run, and the function returns one number per row. A failed run and NaN have the highest cost.
+            columns of `sweep` and one row per run, and the function returns one number per row. A failed run, NaN and infinity cost 1e30.
             With gradients it is a loss of `armlet.gradient`: names such as `{"error_rms": 1.0, "tau_rms": 1e-4}`, or a function of a run.
         method: "differential_evolution" accepts any cost and searches the whole intervals. "gradient" follows the gradient of a loss from
-            several starts by scipy's L-BFGS-B. It requires far fewer runs for many values, and finds minima near its starts.
+            several starts by scipy's L-BFGS-B. It finds minima near its starts.
         over: conditions for each candidate, a grid as in `sweep`: `{"arm.masses[1]": [2.0, 3.0]}`. None runs each candidate once, with the
             values of the scenario.
         by: "worst": the cost of a candidate is the largest cost of its conditions. "mean": it is the mean cost of its conditions.
@@ -136,7 +136,7 @@ def tune(
         seed: seed of the search, and of noise and jitter in the runs.
         threads: number of threads, as for `simulate_batch`.
         progress: True writes the number of finished generations and the remaining time to standard error. A function is called with the
-            number of the generation and the lowest cost so far.
+            number of the generation and the lowest cost so far. With gradients the iterations of all starts are counted.
         **metrics: arguments of `armlet.metrics`: `band`, `settle`, `reference`, `frame`; not used with gradients.
 
     Returns:

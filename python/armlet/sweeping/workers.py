@@ -84,7 +84,7 @@ class _Work:
                 break
             key = (chunk.start, chunk.stop)
             starts = (TRIES if len(chunk) == 1 else TRIES - 1) - self.lost[key]
-            # The chunk is submitted as bytes, because Dask hashes every number of an object. For 4,000 cells this takes 35 ms per chunk.
+            # The chunk is submitted as bytes, because Dask hashes every number of an object.
             job = partial(_serve, os.getpid(), (self.name, *key), starts, pickle.dumps(chunk))
             try:
                 future = self.lanes.submit(job) if self.lanes else self.executor.submit(job)
