@@ -2,8 +2,10 @@
 
     tau = Y a_hat + Kp e + Kd e_dot,   a_hat_dot = Gamma Y's,   Y (A, B, C)' = M a_r + S v_r
 
-The checks are results of the theory. M' - 2S is skew-symmetric. V1 = s'Ms/2 + (a - a_hat)'Gamma^-1(a - a_hat)/2 never increases.
-V1(0) - V1(t) is the integral of s'Kd s. The error e goes to zero from every initial state and every initial estimate, also from zero.
+Here ' is the transpose, Y the regressor, S the Coriolis matrix, s the sliding variable, a = (A, B, C) the parameters and a_hat their
+estimate. The checks are results of the theory. dM/dt - 2S is skew-symmetric. V1 = s'Ms/2 + (a - a_hat)'Gamma^-1(a - a_hat)/2 never
+increases. V1(0) - V1(t) is the integral of s'Kd s. The error e goes to zero from every initial state and every initial estimate, also from
+zero.
 """
 
 from __future__ import annotations

@@ -1,9 +1,11 @@
 """System 3: Cartesian impedance of a 2R arm with elastic joints, by motor-inertia reduction.
 
     M a + C v + g = tau_J + J'F,   B theta_ddot + tau_J = tau,   tau_J = K_J (theta - q)
-    tau = (I - B B0^-1) tau_J + B B0^-1 (u - D0 theta_dot),   u = J'[K_m (x_d - x) - D_m J v] + g(q)
+    tau = (1 - B B0^-1) tau_J + B B0^-1 (u - D0 theta_dot),   u = J'[K_m (x_d - x) - D_m J v] + g(q)
 
-Vertical plane, gravity along -y. At equilibrium x_E = x_d + K_m^-1 F and tau_E = g(q_E) - J'F, if x_E is reachable and regular.
+B0 and D0 are the reduced inertia of the motors and its damping, F the external force at the tip x with the Jacobian J and the target x_d,
+and ' is the transpose. Vertical plane, gravity along -y. At equilibrium x_E = x_d + K_m^-1 F and tau_E = g(q_E) - J'F, if x_E is reachable
+and regular. Numbers such as E9 are errata of the exam (docs/exam.md).
 """
 
 from __future__ import annotations
@@ -286,7 +288,7 @@ def reduction(report: Report, arm: al.Arm, plant: al.ElasticArm) -> dict[str, Ar
     """Erratum E12: a small B0 is not sufficient; D0 must decrease with it. Damping of theta_dot - v gives smaller errors."""
     text = "a small B0 suffices"
     tied = distances(arm, plant, SHARES)
-    # If D0 is fixed, the motors' rate D0/B0 is proportional to 1/B0. The two smallest B0 would need most of the demo's computing time.
+    # If D0 is fixed, the motors' rate D0/B0 is proportional to 1/B0. The two smallest B0 are left out, because they require short steps.
     fixed = distances(arm, plant, SHARES[:6], motor_damping=2.0 * np.sqrt(B0 * K_J))
     relative = distances(arm, plant, SHARES, relative_damping=True)
     orders = np.diff(np.log(tied)) / np.log(0.25)

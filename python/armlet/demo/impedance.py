@@ -1,10 +1,11 @@
-"""Exercise 3: the equations of the rigid arm in Cartesian coordinates, checked along a run.
+"""Exercise 3 of the exam (docs/exam.md): the equations of the rigid arm in Cartesian coordinates, checked along a run.
 
     M_x x'' + S_x x' + g_x = J^-T tau + F                    (7),   g_x = J^-T g
     M_x x'' + (S_x + D_m) x' + K_m (x - x_d) = F             the target model
     M_x = J^-T M J^-1,   S_x = J^-T C(q, v) J^-1 - M_x J-dot J^-1
 
-The equation `B theta_ddot + tau_J = tau` of the elastic arm is also checked.
+' is the time derivative, ^-T the transposed inverse, F the force at the tip x with the target x_d, and (7) the number in the exam. The
+equation `B theta_ddot + tau_J = tau` of the elastic arm is also checked.
 """
 
 from __future__ import annotations

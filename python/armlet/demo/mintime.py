@@ -2,9 +2,9 @@
 
     I theta_ddot + G sin theta = tau,   |tau| <= tau_max,   theta from -pi/2 to pi/2 in the exam of `armlet demo`
 
-The checks are results of the theory. The symmetric bang-bang profile takes T = sqrt(4 pi I / tau_max) for every G <= 2 tau_max. For larger
-G no T is feasible. The optimum under full torque is faster, and its advantage grows with gravity. If the optimum is not certified, a motion
-that swings back first can be faster.
+The checks are results of the theory. For this motion, the shortest duration of the symmetric bang-bang profile is
+T = sqrt(4 pi I / tau_max) for every G <= 2 tau_max. For larger G no T is feasible. The optimum under full torque is faster, and its
+advantage grows with gravity. If the optimum is not certified, a motion that swings back first can be faster.
 """
 
 from __future__ import annotations
@@ -27,7 +27,8 @@ if TYPE_CHECKING:
 TITLE = "System 4: minimum time of one link under gravity, rest to rest"
 
 START, END = -math.pi / 2, math.pi / 2
-# Duration T of the profile divided by T of the optimum, for each G / tau_max, with the digits of the exam's corrected solution.
+# Shortest duration of the profile divided by the duration of the optimum, for each G / tau_max, with the digits of the exam's corrected
+# solution.
 RATIOS = {0.5: 1.2084, 1.0: 1.3853, 2.0: 1.6837}
 # Tolerance: a few rounding errors of square roots and quotients of order one.
 ROUNDING = 4e-15
@@ -146,7 +147,7 @@ def from_mass(report: Report) -> None:
 
 
 def opposes(start: float, end: float) -> bool:
-    """Whether gravity torque and inertial torque never have equal signs along the symmetric profile."""
+    """Whether gravity torque and inertial torque never have equal signs along the symmetric bang-bang profile."""
     motion = al.BangBang([start], [end], 1.0)
     t = np.linspace(0.0, 1.0, 2002)[:-1]
     states = [motion(x) for x in t]

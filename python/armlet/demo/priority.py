@@ -2,7 +2,9 @@
 
     v = J1# v1 + (J2 P1)# (v2 - J2 J1# v1),   P1 = I - J1# J1                                                    (5)
 
-The links are L, L, L/4, L/4. The primary task moves the tip of link 4, the secondary the tip of link 2. det J_E = L^4/16 sin q2 sin q4.
+The links are L, L, L/4, L/4. The primary task moves the tip of link 4 with the Jacobian J1 and the velocity v1, the secondary the tip of
+link 2. J_E has the rows of J1 and J2, and det J_E = L^4/16 sin q2 sin q4. `#` is the pseudo-inverse, and (5) the number in the exam
+(docs/exam.md), as are errata such as E1.
 """
 
 from __future__ import annotations
@@ -152,9 +154,9 @@ def trap(report: Report) -> None:
 
 
 def near(report: Report) -> None:
-    """Check that the exact map is discontinuous at an algorithmic singularity.
+    """Check that the velocities of the method "exact" are discontinuous at an algorithmic singularity.
 
-    The clamped map is bounded and keeps the primary task exact.
+    Those of "clamp" are bounded, and keep the primary task exact.
     """
     q = CASE_A + np.array([0.0, 0.0, 0.0, 1e-12])
     velocities = [ONES[0], np.zeros(2)]

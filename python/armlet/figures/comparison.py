@@ -32,13 +32,14 @@ def compare(runs: Sequence[Run], labels: Sequence[str] | None = None, *, fig: Fi
         fig: a matplotlib figure for the drawing; None makes one with pyplot.
 
     Returns:
-        The axes, an array (2, n): the errors in rad or m above, and the inputs in N m or N below. It is (1, n) if no run has inputs.
+        The axes, an array (2, n): the errors (or positions) above, rad or m, and the inputs below, N m or N, or rad/s or m/s under velocity
+        control. It is (1, n) if no run has inputs.
 
     Raises:
         InputError: there are no runs, the units of their joints differ, or the number of labels is not the number of runs.
         ImportError: matplotlib is not installed.
 
-    Source: docs/plants_and_laws.md.
+    Source: docs/scenarios.md.
 
     >>> import armlet as al
     >>> from matplotlib.figure import Figure

@@ -1,8 +1,9 @@
-"""The figure of a minimum-time problem of one link. It compares the symmetric profile with the optimum under full torque.
+"""The figure of a minimum-time problem of one link. It compares the symmetric bang-bang profile with the optimum under full torque.
 
     I theta_ddot + G sin theta = tau,   tau_min <= tau <= tau_max
 
-The switching curve contains the states from which a constant torque, one of the two limits, leads to rest at the goal `thetaf`:
+I is the inertia, G the gravity moment, and v = theta_dot. The switching curve contains the states from which a constant torque, one of the
+two limits, leads to rest at the goal `thetaf`:
 
     theta increases:  I v^2/2 = -tau_min (thetaf - theta) + G (cos theta - cos thetaf),  theta < thetaf
     theta decreases:  I v^2/2 =  tau_max (theta - thetaf) + G (cos theta - cos thetaf),  theta > thetaf
@@ -74,7 +75,10 @@ class MinimumTime:
         return result
 
     def _motions(self) -> list[tuple[str, str, tuple[Array, Array, Array, Array]]]:
-        """The name, the colour, and the arrays (t, theta, theta_dot, tau) in s, rad, rad/s and N m of every feasible motion."""
+        """The name, the colour, and the arrays (t, theta, theta_dot, tau), s, rad, rad/s and N m, of each drawn motion.
+
+        These are the symmetric bang-bang profile and the monotone optimum, if they are feasible, and a swing if it is the fastest motion.
+        """
         given = (self.theta0, self.thetaf, self.inertia, self.gravity_moment, self.tau_max)
         found = []
         report = bang_bang_time(*given, tau_min=self.tau_min)

@@ -1,7 +1,8 @@
-"""The figure of a program: its data flow from left to right, one column per depth.
+"""The figure of a program, the straight-line code of a loop: its data flow from left to right, one column per depth.
 
-A *line* is one operation of the program. A *node* of the figure is a line, an input, an output or an intermediate point of an edge.
-An edge to a distant column has such points, so that it passes around other nodes.
+A *line* is one operation of the program. Its *depth* is the length of the longest chain of lines that ends with it. A *node* of the figure
+is a line, an input, an output or an intermediate point of an edge. An edge to a distant column has such points, so that it passes around
+other nodes.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ __all__ = ["plot"]
 LIMIT = 300
 SWEEPS = 24
 SIGNS = {"add": "+", "sub": "−", "mul": "×", "div": "÷", "neg": "−", "fma": "×+", "fms": "×−", "fnma": "−×", "fnms": "−×−"}
-# The colours of groups of operations. The operations of a group take similar times.
+# The colours of groups of operations.
 GROUPS = {
     "sums": (COLOURS[0], {"add", "sub", "neg", "abs", "max", "min"}),
     "products": (COLOURS[2], {"mul"}),

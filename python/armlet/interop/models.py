@@ -117,8 +117,8 @@ def from_pinocchio(model: Any) -> Arm:
     """Make the arm of a `pinocchio.Model` with a fixed base: revolute, unbounded and prismatic joints, any axes, any tree.
 
     The arm has joint and frame names, placements, inertias, limits, armature, damping, friction and gravity. The entries of `q` are in
-    depth-first order, which differs from Pinocchio on branched robots. A continuous joint has one coordinate in armlet and two in
-    Pinocchio. A mimic joint (`buildModelFromUrdf(.., mimic=True)`) and its leader are one degree of freedom in both libraries.
+    depth-first order, which may differ from the order of Pinocchio on branched robots. A continuous joint has one coordinate in armlet and
+    two in Pinocchio. A mimic joint (`buildModelFromUrdf(.., mimic=True)`) and its leader are one degree of freedom in both libraries.
 
     Args:
         model: a `pinocchio.Model`.

@@ -5,8 +5,9 @@
                                             tau_J = K (theta - q) + D (theta_dot - v)
     velocity  x = [q]                       q' = u
 
-`tau_f` is the friction of `RigidArm(friction=True)`, otherwise zero. In a closed loop, `u = law(t, x) + d` with a disturbance `d`.
-The state of the law, such as an adaptive estimate, is the last part of x.
+`'` is the derivative. `tau_f` is the friction of `RigidArm(friction=True)`, otherwise zero. `B` and `F` are inertia and viscous friction of
+the motors, `K` and `D` stiffness and damping of the joints. In a closed loop, `u = law(t, x) + d` with a disturbance `d`. The state of the
+law, such as an adaptive estimate, is the last part of x.
 
 The linear system about `(x0, u0)` is `dx' = A dx + B du`. `A` and `B` of an arm with frames are exact (Carpentier and Mansard 2018).
 Derivatives of a closed-form arm (`pendulum`, `planar_pr`) and of the law are five-point differences

@@ -135,7 +135,7 @@ class LabPage:
         return handle
 
     def _label(self, handle: Any, plot: Plot) -> None:
-        """Set the title and the curves of `plot` for a chart, without points.
+        """Set the title and the curves of `plot` for a chart. Its data are one zero per curve until the next draw.
 
         Charts are never removed, because the server may still send data to a removed chart.
         """

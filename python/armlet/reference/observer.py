@@ -1,10 +1,13 @@
 """The momentum observer (De Luca et al. 2006), written from its equations.
 
-    p = M v,   b = tau + dM/dt v - C v - g - tau_f,   p' = b + tau_ext,   where dM/dt v replaces (C + C') v
-    r_k = (I + K dt)^-1 (r_(k-1) + K (p_k - p_(k-1) - b_(k-1) dt)),   with the tau since sample k-1 in b
-    motors of elastic joints   M = B,  b = tau = tau_m - tau_J
+    p = M v,   b = tau + dM/dt v - C v - g - tau_f,   dp/dt = b + tau_ext
+    r_k = (1 + K dt)^-1 (r_(k-1) + K (p_k - p_(k-1) - b_(k-1) dt)),   with the tau since sample k-1 in b
+    motors of elastic joints   M = B, the motor inertia,  b = tau, the motor torque minus the joint torque
     wrench                     F = (J')# r with singular values below eps clamped;  unexplained r - J'F
     contact                    the outermost joint with |r_i| above its threshold
+
+K is the gain, r the residual, tau_f the friction torque and tau_ext the external torque. J is the Jacobian of a frame, J' its
+transpose and A# the pseudo-inverse of A.
 """
 
 from typing import Any

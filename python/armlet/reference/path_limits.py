@@ -2,7 +2,7 @@
 
     limit(s) linear between knots;   p(s) = position(q(s)),   p' and p'' by central differences of fourth order in s
 
-The planner of the core computes p' = J q' and p'' = J q'' + (dJ/ds) q'.
+' is the derivative with respect to s. The core computes p' = J q' and p'' = J q'' + (dJ/ds) q' with the Jacobian J.
 """
 
 from collections.abc import Callable

@@ -1,12 +1,13 @@
 """PID control with gravity compensation and its options, written from the equations. M and g come from Lagrange's equations.
 
 u  = g + f + ahead + Kp e + Kd (v_d - v_f) + w - d,  tau = u, clipped to the limits        (Arimoto and Miyazaki 1984)
-w' = Ki e, but 0 if u exceeds a limit and w' has the sign of the excess
-y' = v_f = N (q - y);   f = damping v_d + friction tanh(v_d / v_s)
-s' = tau - g - f + d;   d = h (m v_f - s)
+dw/dt = Ki e, but 0 if u exceeds a limit and Ki e has the sign of the excess
+dy/dt = v_f = N (q - y), or v_f = v without a filter;   f = damping v_d + friction tanh(v_d / v_s)
+ds/dt = tau - g - f + d;   d = h (m v_f - s)
 ahead = M a_d, or m a_d with a disturbance observer
 
-N is the rate of the filter, h the bandwidth of the observer, and m the nominal inertia.
+e = q_d - q is the error, w the integral torque, v_f the filtered velocity, f the friction torque and d the estimated disturbance. N is the
+rate of the filter, h the bandwidth of the disturbance observer, and m the nominal inertia.
 """
 
 import numpy as np

@@ -7,7 +7,8 @@
     contact     tau_c of the wall and the stops (see `contact`)
     LuGre       friction of the joints of a RigidArm or of the motors of an ElasticArm; its state is last (see `bristles`)
 
-`rates` returns the time derivative of the state, `energy` the stored energy, and `power` the power of external inputs.
+`rates` returns the time derivative of the state, `energy` the stored energy, and `power` the power of the inputs minus the lost power. F is
+an external force at a frame with the Jacobian J, and ' the transpose.
 """
 
 from typing import Any, Protocol

@@ -1,16 +1,17 @@
 """Joint velocities for tasks with priorities, from matrices.
 
-    exact       q_dot = J1# p1_dot + (J2 P1)# (p2_dot - J2 J1# p1_dot),  P1 = I - J1# J1, level after level
+    exact       x = J_1# v_1 + (J_2 P_1)# (v_2 - J_2 J_1# v_1),  P_1 = 1 - J_1# J_1, level after level
                 here:  min |J_i (x + N y) - v_i|, min |y|,  N an orthonormal null basis of all rows above,
                 with  rank(rows down to i) - rank(rows above)  singular values of J_i N
-    clamp       A_i = J_i P_{i-1},  x += A_i+ (v_i - J_i x),  R_i = I - A_i+ A_i,  P_i = (P_{i-1} R_i^2 P_{i-1})^1/2
+    clamp       A_i = J_i P_{i-1},  x += A_i+ (v_i - J_i x),  R_i = 1 - A_i+ A_i,  P_i = (P_{i-1} R_i^2 P_{i-1})^1/2
                 A+ = A' phi(A A'),   phi(mu) = 1/max(mu, eps^2) on the eigenvalues
     damped      as clamp, but x += A_i' (A_i A_i' + lambda^2)^-1 (v_i - J_i x),  lambda = eps (1 - prod min(1, sigma/eps))
     chiaverini  x = sum_i N_i N_i' J_i+ v_i,  J_i+ as in clamp, N_i as in exact                            (Chiaverini 1997)
     sns         x = N z within bounds, with the largest scale of each level; joints are fixed at their bounds (see `saturation`)
-    weight      min v'Wv: the maps for J W^-1/2 compute y, and v = W^-1/2 y
+    weight      min x'Wx: the methods above compute y for the Jacobians J_i W^-1/2, and x = W^-1/2 y
 
-`diagnosis` computes the ranks.
+x are the joint velocities, J_i and v_i the Jacobian and the task velocity of level i, sigma the singular values of A_i, A' is the
+transpose of A and A# its pseudo-inverse. `diagnosis` computes the ranks.
 """
 
 from collections.abc import Sequence
@@ -34,7 +35,7 @@ class Solution(NamedTuple):
 
 
 def solve_exact(jacobians: Sequence[ArrayLike], velocities: Sequence[ArrayLike], rounding: float = 8 * EPS) -> Solution:
-    """Joint velocities by the priority map "exact", for the tasks J_i v = v_i of `jacobians` and `velocities`.
+    """Joint velocities by the method "exact", for the tasks J_i v = v_i of `jacobians` and `velocities`.
 
     Each level solves its least-squares problem in the null space of the levels above, with the smallest norm. `rounding` is the relative
     error of the Jacobians.
@@ -85,9 +86,10 @@ def damped_inverse(A: Array, eps: float) -> Array:
 def solve_clamp(
     jacobians: Sequence[ArrayLike], velocities: Sequence[ArrayLike], eps: float | Sequence[float] | None = None, damped: bool = False
 ) -> Solution:
-    """Joint velocities by the priority map "clamp", or "damped" if `damped`.
+    """Joint velocities by the method "clamp", or "damped" if `damped`.
 
-    The map is continuous, and equals "exact" if every singular value of the projected Jacobians is at least eps.
+    They depend continuously on the Jacobians, and equal those of "exact" if every singular value of the projected Jacobians is at least
+    eps.
     """
     blocks, targets, levels = _problem(jacobians, velocities, eps)
     n = blocks[0].shape[1]
@@ -107,7 +109,7 @@ def solve_clamp(
 def solve_chiaverini(
     jacobians: Sequence[ArrayLike], velocities: Sequence[ArrayLike], eps: float | Sequence[float] | None = None, rounding: float = 8 * EPS
 ) -> Solution:
-    """Joint velocities by the priority map "chiaverini": each level is solved alone, and its solution is then projected.
+    """Joint velocities by the method "chiaverini": each level is solved alone, and its solution is then projected.
 
     The projection is on the null space of the levels above. No projected Jacobian is inverted.
     """

@@ -1,4 +1,4 @@
-"""A standard test set of initial-value problems y' = f(t, y), each with its end state.
+"""A standard test set of initial-value problems dy/dt = f(t, y), each with its end state.
 
 - Arenstorf's orbit and the Pleiades: Hairer, Norsett and Wanner, Solving ODEs I, sections II.0 and II.10.
 - Van der Pol's equation, Robertson's reaction and HIRES: Hairer and Wanner, Solving ODEs II, section IV.10.

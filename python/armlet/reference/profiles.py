@@ -4,8 +4,9 @@
     along x = sg theta, sg the direction of motion:   tau(u) = k s''(u) + G sin x(u)
     excess(k) = max over u of max(tau - tau_max, tau_min - tau),   convex in k:  the durations with excess <= 0 are one interval
 
-The shape is an integral of s'', which is defined piece by piece. A grid and its refinement give the extremes over u, golden section gives
-the smallest excess, and bisection gives its zeros. With s'' = 4 and then -4 this is `bang_bang_time`, whose a is 4 k.
+T is the duration, I the inertia, G the gravity moment, and ' the derivative with respect to u. The shape is an integral of s'', which is
+defined piece by piece. A grid and its refinement give the extremes over u, golden section gives the smallest excess, and bisection gives
+its zeros. With s'' = 4 and then -4 this is `bang_bang_time`, whose a is 4 k.
 """
 
 from collections.abc import Callable, Sequence
@@ -23,7 +24,10 @@ Piece = tuple[float, float, Polynomial, Polynomial]
 
 
 class Profile(NamedTuple):
-    """The feasible durations, s, of the symmetric profile, and the feasible interval of a = inertia * acceleration, N m."""
+    """The feasible durations, s, of the symmetric bang-bang profile, and the feasible interval of a, N m.
+
+    a is the inertia times the acceleration of the first half. If no duration is feasible, the durations are NaN.
+    """
 
     feasible: bool
     t_min: float
@@ -35,7 +39,10 @@ class Profile(NamedTuple):
 
 
 class ProfileReport(NamedTuple):
-    """The feasible durations, s, and the feasible interval of k, N m. `missing`: the torque, N m, by which both limits must be widened."""
+    """The feasible durations, s, and the feasible interval of k, N m; NaN if none is feasible.
+
+    `missing` is the torque, N m, by which both limits must then be widened.
+    """
 
     feasible: bool
     t_min: float

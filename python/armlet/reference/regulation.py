@@ -3,8 +3,10 @@
 theta_d = q_d + K_J^-1 g(q_d): the motor positions at which the links are at rest at q_d
 MotorPD         tau = Kp (theta_d - theta) - Kd theta_dot + g(q_d)                                             (Tomei 1991)
        online   g(theta - K_J^-1 g(q_d)) replaces g(q_d)                              (De Luca, Siciliano and Zollo 2005)
-StateFeedback   tau = Kp (theta_d - theta) - Kd theta_dot + g(q_d) + Kt (g(q_d) - tau_J) - Ks tau_J'
+StateFeedback   tau = Kp (theta_d - theta) - Kd theta_dot + g(q_d) + Kt (g(q_d) - tau_J) - Ks dtau_J/dt
                 tau_J = K_J (theta - q)                                           (Albu-Schaeffer and Hirzinger 2001)
+
+K_J is the joint stiffness, and g the gravity torque.
 """
 
 import numpy as np

@@ -2,11 +2,11 @@
 
     rigid    r(q) = tau(q) - L(q),   L = g(q) - J'F - tau_c
     elastic  r(q, theta) = [K (theta - q) - L(q), tau(q, theta) - K (theta - q)]
-    y' = r(y) by implicit Euler steps that grow as r falls:   (1/s - dr/dy) dy = r        (pseudo-transient continuation)
+    dy/dt = r(y) by implicit Euler steps of lengths s that grow as r falls:   (1/s - dr/dy) dy = r       (pseudo-transient continuation)
     tau_E = L(q_E),   theta_E = q_E + K^-1 tau_E,   tau_c the torque of wall and stops
 
-tau(q) is the torque of the law at rest. The Jacobian dr/dy and the linear model of the loop are central differences, extrapolated in h^2
-(Richardson).
+tau(q) is the torque of the law at rest, K the joint stiffness, F the external force at a frame with the Jacobian J, and ' the transpose.
+The Jacobian dr/dy and the linear model of the loop are central differences with the step h, extrapolated in h^2 (Richardson).
 """
 
 from collections.abc import Callable
@@ -23,7 +23,7 @@ from .plant import ElasticArm, RigidArm
 
 
 class Equilibrium(NamedTuple):
-    """An equilibrium under a constant force. `reachable`: the arm reaches the pose x_d + K_m^-1 F. `spurious`: F and the spring differ."""
+    """An equilibrium under a constant force F, with the fields of `armlet.Equilibrium`."""
 
     q: Array
     theta: Array | None
@@ -53,7 +53,10 @@ def slope(f: Callable[[Array], Array], x: Array, h: float = 1e-2, columns: int =
 
 
 def descend(r: Callable[[Array], Array], y: Array) -> Array:
-    """The state to which the solution of y' = r(y) converges from y, by implicit Euler steps. The first one is about 0.1 rad."""
+    """The state to which the solution of dy/dt = r(y) converges from y, by implicit Euler steps.
+
+    If the solution is stable, no entry changes by more than about 0.1 in the first step.
+    """
     size = first = float(np.abs(r(y)).max())
     if size == 0.0:
         return y

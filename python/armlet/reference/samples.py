@@ -1,9 +1,11 @@
 """Samples for concurrent learning, written from the equations (Chowdhary and Johnson 2010; Parikh, Kamalapurkar and Dixon 2019).
 
 samples   W_j = Y(q_j, v_j, v_j, a_j), tau_j the torque without the torque of known rotors
-windows   W_j = [Y_M] + int Y_D dt,  [Y_M] the change of Y_M over the window,  M v = Y_M a,  g - C' v = Y_D a,
+windows   W_j = [Y_M] + int Y_D dt,  [Y_M] the change of Y_M over the window,  M v = Y_M pi,  g - C' v = Y_D pi,
           Y_D = Y(q, v, v, 0) - d/dt Y_M(q, v fixed);   Simpson's rule, and dM/dt v by differences
-selection two samples are exchanged   while this increases the smallest singular value of the stacked W_j
+selection a chosen sample is replaced by another sample   while this increases the smallest nonzero singular value of the stacked W_j
+
+Y is the regressor, pi are the parameters, and ' is the transpose.
 """
 
 from typing import Any
@@ -79,7 +81,10 @@ def smallest(W: Array, chosen: Any, rank: int) -> float:
 
 
 def select(W: Array, count: int) -> tuple[list[int], float]:
-    """The indices of `count` samples whose smallest singular value no exchange of two samples increases, and this value."""
+    """The indices of `count` samples, and singular value number `rank` of their stacked rows; `rank` is the rank of all rows.
+
+    Replacing one of these samples by another sample does not increase this value.
+    """
     rank = int(np.linalg.matrix_rank(stacked(W), tol=1e-6 * np.linalg.norm(stacked(W), 2)))
     chosen = list(range(count))
     best = smallest(W, chosen, rank)

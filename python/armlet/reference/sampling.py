@@ -2,10 +2,11 @@
 
     sample k at t_k = k T + j_k,  j_k uniform in [0, jitter];   x_m = round((x + sigma w_k)/step) step
     the law uses x_m of sample k - sensor_delay;  |tau_k - tau_(k-1)| <= rate_limit (t_k - t_(k-1));  tau_k acts from t_k + delay
-    torque sensor: tau_f' = w_c (tau_J - tau_f), tau_J linear between samples;  q_m = theta_m - K_law^-1 reading
+    torque sensor: dtau_f/dt = w_c (tau_J - tau_f), tau_J linear between samples;  q_m = theta_m - K_law^-1 reading
 
-Random numbers are splitmix64 (Steele, Lea and Flood 2014) of the integers k and channel, modulo 2^64. Normal numbers come from the method
-of Box and Muller (1958), as a complex exponential. Entry i of q, v, theta, theta_dot has the channels 4 i + 0, 1, 2, 3.
+x_m is the measurement of a quantity x with the noise sigma and the resolution step, and w_k is a standard normal number. Random numbers are
+splitmix64 (Steele, Lea and Flood 2014) of the seed and of the integers k and channel, modulo 2^64. Normal numbers come from the method of
+Box and Muller (1958), as a complex exponential. Entry i of q, v, theta, theta_dot has the channels 4 i + 0, 1, 2, 3.
 """
 
 from collections.abc import Callable, Mapping
@@ -25,7 +26,7 @@ TORQUE = 2**32
 
 
 class TorqueSensor(NamedTuple):
-    """A joint-torque sensor: standard deviation, bias (scalar or (n,)) and resolution, N m, and bandwidth of its filter, rad/s."""
+    """A joint-torque sensor: standard deviation, bias (scalar or (n,)) and resolution, N m or N, and bandwidth of its filter, rad/s."""
 
     noise: float = 0.0
     bias: ArrayLike = 0.0
@@ -34,7 +35,7 @@ class TorqueSensor(NamedTuple):
 
 
 class Sampling(NamedTuple):
-    """The sampling of a law: period, delay and jitter, s; noise and resolution by quantity; the largest rate of the input, N m/s."""
+    """The sampling of a law: period, delay and jitter, s; noise and resolution by quantity; the largest rate of the input, per s."""
 
     period: float
     delay: float = 0.0
@@ -70,9 +71,9 @@ def rounded(x: Array, step: float) -> Array:
 
 
 def lag(state: Array, before: Array, now: Array, turn: float) -> Array:
-    """The value y(1) of y' = turn (u - y) with y(0) = state, where u goes from `before` to `now` linearly.
+    """The value y(1) of dy/dx = turn (u - y) with y(0) = state, where u goes from `before` at x = 0 to `now` at x = 1 linearly.
 
-    It is the exponential of the 3 x 3 matrix of y, u and u', by scaling and squaring of a Taylor series.
+    It follows from the exponential of the 3 x 3 matrix of y, u and du/dx, by scaling and squaring of a Taylor series.
     """
     if not np.isfinite(turn):
         return now
@@ -151,7 +152,7 @@ class Clock:
         return parts.ravel()
 
     def _read(self, sensor: TorqueSensor, k: int, torque: Array, since: float) -> Array:
-        """A reading of the torque sensors, (n,), N m. The filters start in their steady state."""
+        """A reading of the torque sensors, (n,), N m or N. The filters start in their steady state."""
         self.filtered = lag(self.filtered, self.torque, torque, sensor.bandwidth * since) if k else torque
         self.torque = torque
         noise = np.array([sensor.noise * gaussian(self.sampling.seed, k, TORQUE + i) for i in range(self.n)])

@@ -6,7 +6,8 @@
     forward dynamics:  M a = tau - h(q, v),  so  da/dq = -M^-1 d tau/dq,  da/dv = -M^-1 d tau/dv,  da/dtau = M^-1
     linearisation:     d/dt [dq; dv] = [[0, 1], [da/dq, da/dv]] [dq; dv] + [[0], [M^-1]] dtau
 
-Both rules follow from T = T_parent place exp(xi q) and from M. T has degree one in q, cos q and sin q, and M is quadratic in T.
+Both rules follow from the pose of a body, T = T_parent place exp(xi q) (see `arm`), and from the mass matrix M. T has degree one in q,
+cos q and sin q, and M is quadratic in T. h(q, v) is the torque at zero acceleration.
 """
 
 from collections.abc import Callable

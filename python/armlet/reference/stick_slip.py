@@ -3,9 +3,10 @@
     A (v+ - v) = h (b - d v) - p,   |p_i| <= h F_i;   v+_i = 0 if |p_i| < h F_i, v+_i > 0 only at h F_i, v+_i < 0 only at -h F_i
     F_i = F_s + mu |L| at rest, F_c + (F_s - F_c) exp(-(v/v_s)^2) + mu |L| in motion
 
-A is the inertia of the joints or motors with friction, b their torque without friction, and d the viscous friction. The load L of an
-ElasticArm is its joint torque. The load of a RigidArm is tau - tau_f, with the friction of the previous step. Projected
-Gauss-Seidel iterations compute the impulses p. No event is located, and the steps have first order.
+v and v+ are the velocities before and after a step of length h. A is the inertia of the joints or motors with friction, b their torque
+without friction, and d the viscous friction. The load L of an ElasticArm is its joint torque. The load of a RigidArm is tau - tau_f, with
+the friction of the previous step. Projected Gauss-Seidel iterations compute the impulses p. No event is located, and the steps have first
+order.
 """
 
 from typing import Any, NamedTuple

@@ -3,7 +3,8 @@
     kp = m w^2,  kd = 2 z m w,  m = s max_q diag M(q),  s the largest generalised eigenvalue of (M(q), max_q diag M(q))
     limit for a sample time h: the w at which the spectral radius of exp([0 1; 0 0] h) - [h^2/2; h] [w^2 2 z w] / l is 1     (bisection)
 
-The core uses the closed form of the limit, from Jury's criterion.
+l is the smallest eigenvalue of diag(m)^-1 M(q) over the configurations, or 1 for computed torque. The core uses the closed form of the
+limit, from Jury's criterion.
 """
 
 from typing import NamedTuple

@@ -1,9 +1,10 @@
 """Cartesian coordinates of a frame: selected rows of position and orientation.
 
     e = x_d - p_WF for the letters x y z,   e = log(R_d R') for rx ry rz,  R_d = exp(target)
-    e_dot = -J v for positions;  J the corresponding rows of the geometric Jacobian in world axes
+    e_dot = -J v for positions and a constant target;  J the corresponding rows of the geometric Jacobian in world axes
 
-log comes from a unit quaternion: the eigenvector of Bar-Itzhack's matrix (2000) for the largest eigenvalue. It needs no special case at pi.
+p_WF and R are position and rotation matrix of the frame, x_d the target and ' the transpose. log comes from a unit quaternion: the
+eigenvector of Bar-Itzhack's matrix (2000) for the largest eigenvalue. This needs no special case at the angle pi.
 """
 
 import re

@@ -2,12 +2,14 @@
 
     frame           e = x_d - p,  log(R_d R')                       J: rows of the geometric Jacobian
     posture         e = q_d - q of chosen joints                    rows of the identity
-    centre of mass  e = c_d - c                                     sum_i dT_i/dq P_i e_4 / m
+    centre of mass  e = c_d - c                                     sum_i dT_i/dq P_i e_4 / mass (see `arm`)
     axis            e = B'r,  exp(r) a = d, |r| <= pi            B'J_w,  B = R [b1 b2], b1 and b2 perpendicular to the axis in the frame
     relative        e as for frame, with X = X_r^-1 X_f             from dX/dq = X_r^-1 dX_f/dq - X_r^-1 dX_r/dq X
     joint limits    e = clip(q, lower + m range, upper - m range) - q,  m the margin
 
-A direction d(t) has the angular velocity w = d x d' / d.d. Complex steps compute w' and dJ/dt, because each Jacobian here is analytic in q.
+K is the gain, a and d are the direction of the axis and its target in world axes, J_w the angular rows of the geometric Jacobian, X_f and
+X_r the poses of the frame and of the reference frame, and ' the transpose. The feed-forward of a direction d(t) is B' times its angular
+velocity w = d x d_dot / d.d. Complex steps compute w_dot and dJ/dt, because each Jacobian here is analytic in q.
 """
 
 from collections.abc import Sequence

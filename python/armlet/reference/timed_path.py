@@ -6,7 +6,8 @@
     or x(t) the cubic with these positions and speeds at both ends                           (path acceleration linear in time)
     q, q_s, q_ss of the path at s:   v = q_s s',  a = q_s s'' + q_ss s'^2
 
-The motion is at rest at the start before time 0, and at rest at the end after the last time.
+' is the time derivative, and q_s, q_ss are derivatives with respect to s. 0 and 1 are the ends of an interval of s. The motion is at rest
+at the start before time 0, and at rest at the end after the last time.
 """
 
 from collections.abc import Callable

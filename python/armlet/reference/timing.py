@@ -4,7 +4,8 @@
     spline by its second derivatives:  h_(k-1) M_(k-1) + 2 (h_(k-1) + h_k) M_k + h_k M_(k+1) = 6 (D_k/h_k - D_(k-1)/h_(k-1))
     ends: natural M_0 = 0;  clamped 2 h_0 M_0 + h_0 M_1 = 6 D_0/h_0;  not-a-knot h_1 M_0 - (h_0 + h_1) M_1 + h_0 M_2 = 0
 
-The planner of the core solves for first derivatives of the spline, and uses Newton-Euler recursions.
+L is the kinetic minus the potential energy, M_k the second derivative at the knot s_k, h_k = s_(k+1) - s_k and D_k = q_(k+1) - q_k. The
+core solves for first derivatives of the spline, and uses Newton-Euler recursions.
 """
 
 from collections.abc import Callable

@@ -1,10 +1,13 @@
 """Laws for tasks with priorities, whose input is the joint velocity or the torque.
 
-velocity:     q' = u,  u the priority map of  J_i u = x_d,i' + K_i e_i                       (closed-loop inverse kinematics)
-torque:       a the priority map of  J_i a = x_d,i'' + D_i (x_d,i' - J_i v) + K_i e_i - dJ_i/dt v,  and a = -c v below all tasks
+velocity:     v = u,  u by `priority` from  J_i u = w_i + K_i e_i                            (closed-loop inverse kinematics)
+torque:       a by `priority` from  J_i a = w_i_dot + D_i (w_i - J_i v) + K_i e_i - dJ_i/dt v,  and a = -c v below all tasks
               tau = M a + C v + g   (computed torque)
-limits (sns): v_min' <= u <= v_max'   so that a joint can stop before its limit, in the time h with the deceleration a_max
-              (v_min' - v)/h <= a <= (v_max' - v)/h   within +-a_max, in the time 4 h with the deceleration a_max / 2
+limits (sns): low <= u <= high   so that a joint can stop before its limit, in the time h with the deceleration a_max
+              (low - v)/h <= a <= (high - v)/h   within +-a_max; low and high for the time 4 h and the deceleration a_max / 2
+
+Task i has the Jacobian J_i, the error e_i, the target velocity w_i, the gain K_i and the damping D_i. c is `joint_damping`, h `horizon`,
+and low and high are the results of `saturation.joint_bounds`.
 """
 
 from collections.abc import Sequence

@@ -4,7 +4,8 @@ Drag a target out of reach and observe which task still reaches its target.
 
     v = J1# v1 + (J2 P1)# (v2 - J2 J1# v1),   P1 = I - J1# J1,   v_i = gain_i (x_i,d - x_i)
 
-The first priority is the tip of link 4. The second priority is the tip of link 2, the elbow.
+J1 and J2 are the Jacobians of the tasks, and # is the pseudo-inverse. The first priority is the tip of link 4. The second priority is the
+tip of link 2, the elbow.
 """
 
 from __future__ import annotations

@@ -2,8 +2,8 @@
 
     constants + state at t  ->  al.Simulator
 
-Gains, targets and forces are constants of a loop. When the user changes one of them, a new loop starts from the present state. `loop`
-builds it in tens of microseconds, so that a slider or the mouse can start a loop in every frame.
+Gains, targets and forces are constants of a loop. When the user changes one of them, `System.loop` builds a new loop, which starts from the
+present state. A slider or the mouse can start a loop in every frame.
 """
 
 from __future__ import annotations
