@@ -1,8 +1,9 @@
 """Joint paths along poses of a frame: lines, arcs, rounded corners and splines, by inverse kinematics at knots.
 
     q(s), s in [0, 1]:   not-a-knot cubic spline through knots (s_k, q_k) with X(q_k) = X_d(s_k)
-    error on a segment:  largest of nine samples + d/8,  d the largest second difference of the samples
-    a segment whose error exceeds the tolerance is halved; where the curve is smooth, the spline's error is of the order h^4
+    error on a segment:  largest of nine samples + d/8,   d the largest second difference of the samples
+
+A segment whose error exceeds the tolerance is halved. Where the curve is smooth, the spline's error is of the order h^4.
 
 Here X(q) is the pose of the frame, or the chosen coordinates of this pose. X_d(s) is the desired pose at the path position s. A segment of
 length h is between two knots. The error is the distance and the angle between X(q(s)) and X_d(s). Inverse kinematics starts from the
@@ -86,8 +87,8 @@ class CartesianPath:
         s: path positions of the knots, 0 to 1, `(K,)`.
         q: joint positions at the knots, rad or m, `(K, n)`. If `feasible` is False, they end at or before the place of the failure. If
             the first pose is not reachable, the only row is the initial guess.
-        error: largest distance, m, and angle, rad, between frame and curve, `(2,)`: the largest sample plus an estimate of the increase
-            between samples; NaN if not feasible.
+        error: largest distance, m, and angle, rad, between frame and curve, `(2,)`; NaN if not feasible. It is the largest sample plus an
+            estimate of the increase between samples.
         corners: indices of the knots at the poses. With `stops=path.corners[1:-1]`, `time_path` stops at all poses between the ends.
         length: length of the curve, m. A rotation by one radian counts as 0.1 m.
         feasible: whether the arm can follow the whole path.

@@ -1,7 +1,7 @@
 """Equilibria of an arm under a force, and stability limits of the control of elastic joints.
 
-Symbols: q are the link positions, theta the motor positions, g(q) the gravity torque, F the external force or wrench with the Jacobian J of
-its frame, and ' the transpose. An impedance law has the controlled coordinates x, their target x_d and the stiffness K. An elastic joint
+Symbols: q are the link positions, theta the motor positions, and g(q) the gravity torque. F is the external force or wrench, J the Jacobian
+of its frame, and ' the transpose. An impedance law has the controlled coordinates x, their target x_d and the stiffness K. An elastic joint
 has the stiffness K_J. B0 is the reduced motor inertia of the law.
 """
 
@@ -30,8 +30,8 @@ class Equilibrium:
 
     Attributes:
         q: joint positions, (n,), rad or m.
-        tau: input of the plant at the equilibrium, (n,), N m or N. It is g(q) - J'F minus the torques of a wall and of joint stops, with
-            the gravity torque g and the Jacobian J of the frame of F.
+        tau: input of the plant at the equilibrium, (n,), N m or N. It is g(q) - J'F minus the torques of a wall and of joint stops. g is
+            the gravity torque, and J the Jacobian of the frame of F.
         x: the controlled coordinates, (m,), m or rad; joint positions for a law of joints.
         theta: motor positions of elastic joints, (n,), rad or m; None for a rigid arm.
         estimate: the law's integral wrench, (m,), N and N m; None without `integral_gain`.
@@ -68,10 +68,10 @@ class ElasticLimits:
     Attributes:
         sample_time_max: the sample time at which the motor loop becomes unstable if the links are locked, s.
         stiffness_max: largest stable stiffness of a spring at each joint if the other joints are locked (Routh), (n,), N m/rad.
-        stiffness: the stiffness of the law that `stiffness_max` bounds, (n,), N m/rad: the diagonal of J'K J for a Cartesian stiffness K
-            with the Jacobian J, or of the joint stiffness.
-        stiffness_scale_max: largest factor of the law's stiffness for which the linearised loop is stable; inf if none up to 1e6 is
-            unstable, 0 if the loop is unstable without a factor.
+        stiffness: the stiffness of the law that `stiffness_max` bounds, (n,), N m/rad. It is the diagonal of J'K J for a Cartesian
+            stiffness K with the Jacobian J, or of the law's joint stiffness.
+        stiffness_scale_max: largest factor of the law's stiffness for which the linearised loop is stable. It is infinite if no factor up
+            to 1e6 is unstable, and 0 if the loop with the factor 1 is unstable.
         eigenvalues: eigenvalues of the closed loop, linearised at the equilibrium, complex, 1/s, sorted by real part.
         reduced_inertia_min: smallest reduced inertia B0 of each motor at `sample_time`, (n,), kg m^2; None without a sample time.
     """
@@ -90,8 +90,8 @@ def equilibrium(
 ) -> Equilibrium:
     """Find the equilibrium near `q0` under a constant force F: u(q) + J'F = g(q), tau = g(q) - J'F, theta = q + K_J^-1 tau.
 
-    Here u is the torque of the law, J the Jacobian of the frame of F, g the gravity torque, tau the input of the plant, theta the motor
-    positions, and K_J the stiffness of elastic joints. A wall and joint stops add their forces.
+    Here u is the torque of the law, J the Jacobian of the frame of F, and g the gravity torque. tau is the input of the plant, theta are
+    the motor positions, and K_J is the stiffness of elastic joints. A wall and joint stops add their forces.
 
     The equilibrium of an impedance law with the target x_d and the stiffness K is x_d + K^-1 F if that pose is reachable and regular. At a
     singular pose with an unbalanced spring, `spurious` is true. If small deviations from the equilibrium grow, `stable` is false. A law

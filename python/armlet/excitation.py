@@ -312,8 +312,8 @@ def exciting_motion(
         An `ExcitingMotion` with `duration`, `condition` and `deviations` of `arm.base_parameters(armature=armature, friction=friction)`.
 
     Raises:
-        InputError: an argument has a wrong type, shape or value, a joint is not bounded, or the torque limits are too small to hold the arm
-            in the middle of its range.
+        InputError: an argument has a wrong type, shape or value, or a joint is not bounded. It is also raised if the torque limits are too
+            small to hold the arm in the middle of its range.
         ImportError: scipy is not installed.
 
     Source: Swevers, Ganseman, Tukel, de Schutter and van Brussel, Optimal robot excitation and identification, IEEE T-RA 13, 1997.

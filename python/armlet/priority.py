@@ -41,8 +41,8 @@ class PriorityDiagnosis:
             do not use.
         lost: for each level, (k, rows_i): orthonormal directions of the command that no joint velocity in the null space of the higher
             levels produces.
-        losses: for each level, (rows_i,): the part along `lost` of the command `rhs` minus the task velocity that the higher levels cause,
-            in the unit of the task; None without `rhs`.
+        losses: for each level, (rows_i,), in the unit of the task: the part along `lost` of the remaining command; None without `rhs`. The
+            remaining command is `rhs` minus the task velocity that the higher levels cause.
         compatible: whether every loss is zero up to rounding, so that the whole command is feasible; None without `rhs`.
     """
 

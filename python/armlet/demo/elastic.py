@@ -3,9 +3,9 @@
     M a + C v + g = tau_J + J'F,   B theta_ddot + tau_J = tau,   tau_J = K_J (theta - q)
     tau = (1 - B B0^-1) tau_J + B B0^-1 (u - D0 theta_dot),   u = J'[K_m (x_d - x) - D_m J v] + g(q)
 
-B0 and D0 are the reduced inertia of the motors and its damping, F the external force at the tip x with the Jacobian J and the target x_d,
-and ' is the transpose. Vertical plane, gravity along -y. At equilibrium x_E = x_d + K_m^-1 F and tau_E = g(q_E) - J'F, if x_E is reachable
-and regular. Numbers such as E9 are errata of the exam (docs/exam.md).
+B0 and D0 are the reduced inertia of the motors and its damping. F is the external force at the tip x with the Jacobian J and the target
+x_d, and ' is the transpose. Vertical plane, gravity along -y. At equilibrium x_E = x_d + K_m^-1 F and tau_E = g(q_E) - J'F, if x_E is
+reachable and regular. Numbers such as E9 are errata of the exam (docs/exam.md).
 """
 
 from __future__ import annotations

@@ -32,8 +32,8 @@ def compare(runs: Sequence[Run], labels: Sequence[str] | None = None, *, fig: Fi
         fig: a matplotlib figure for the drawing; None makes one with pyplot.
 
     Returns:
-        The axes, an array (2, n): the errors (or positions) above, rad or m, and the inputs below, N m or N, or rad/s or m/s under velocity
-        control. It is (1, n) if no run has inputs.
+        The axes, an array (2, n): the errors (or positions) above, rad or m, and the inputs below, N m or N. Under velocity control the
+        inputs are in rad/s or m/s. The array is (1, n) if no run has inputs.
 
     Raises:
         InputError: there are no runs, the units of their joints differ, or the number of labels is not the number of runs.

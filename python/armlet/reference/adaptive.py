@@ -1,5 +1,4 @@
-"""Adaptive tracking, written from its equations; e = q_d - q, C is the Coriolis matrix of the Christoffel symbols, Y the regressor of the
-estimated parameters a_hat. ' is the transpose, and _dot the time derivative.
+"""Adaptive tracking, written from its equations; e = q_d - q, and C is the Coriolis matrix of the Christoffel symbols.
 
     v_r = v_d + Lambda e,  Lambda = Kd^-1 Kp,  s = v_r - v,  a_r = a_d + Lambda e_dot
     tau = Y(q, v, v_r, a_r) a_hat + Kp e + Kd e_dot, plus armature a_r if it is not estimated            (Slotine and Li 1987)
@@ -7,12 +6,14 @@ estimated parameters a_hat. ' is the transpose, and _dot the time derivative.
     columns of Y        inertial, then diag(a_r), diag(v_r), diag(tanh(v_r/v_s)), diag(exp(-(v_r/v_s)^2) tanh(v_r/v_s))
     leakage             w = Y's - sigma (a_hat - a_0), a_0 the centre; e-modification: sigma |s|   (Ioannou 1984, Narendra 1987)
     dead zone           w = 0 while |s| is below the size of the zone
-    composite           w = Y's + W'R e_W,  e_W = tau_W - W a_hat,  W_dot = Y(q, v, v, v_dot) - lambda W,  tau_W_dot = tau - lambda tau_W
-                        R the weight, lambda the rate of the filters, v_dot the acceleration of the plant; tau excludes armature v_dot
-                        that is not estimated                                                              (Slotine and Li 1989)
+    composite           w = Y's + W'R e_W,   e_W = tau_W - W a_hat,   W_dot = Y(q, v, v, v_dot) - lambda W,   tau_W_dot = tau - lambda tau_W
+                                                                                                           (Slotine and Li 1989)
     concurrent          w = Y's + sum_j W_j'R (tau_j - W_j a_hat) of stored samples                 (Chowdhary and Johnson 2010)
     for every estimate  -V1_dot = s'(tau - (M a_r + C v_r + g + tau_f(v))) + (a - a_hat)'w
-                        with M, C, g, the friction torque tau_f and the true parameters a of the plant
+
+Y is the regressor of the estimated parameters a_hat, ' the transpose, and _dot the time derivative. R is a weight, lambda the rate of the
+filters, and v_dot the acceleration of the plant. In the filter, tau excludes armature v_dot that is not estimated. In the last row, M, C,
+g, the friction torque tau_f and the true parameters a are those of the plant.
 """
 
 from collections.abc import Iterable

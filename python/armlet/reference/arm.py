@@ -4,7 +4,7 @@
     kinetic   1/2 sum_i tr( dT_i/dt P_i (dT_i/dt)^T )   so   M_jk = sum_i tr( dT_i/dq_j  P_i  (dT_i/dq_k)^T )
     potential -sum_i gravity . (T_i P_i e_4),   e_4 = (0, 0, 0, 1)
 
-T_i is the pose of body i in the world, place_i the constant pose of joint i in its parent's body, and xi_i its twist, (4, 4). P_i is the
+T_i is the pose of body i in the world. place_i is the constant pose of joint i in its parent's body, and xi_i its twist, (4, 4). P_i is the
 pseudo-inertia of body i (see `inertia`), linear in its ten parameters. A link behind a fixed joint, with the pose X in its parent's body,
 adds X P X^T to this body. The exponential uses the half angle. It is analytic in q, so that every derivative can be a complex step.
 

@@ -3,12 +3,12 @@
     lines:    p = p_0 + u dp,   R = R_0 (R_0' R_1)^u by the eigenvalues of R_0' R_1
     arcs:     p = m + R(n, phi) (a - m), a the start, n the normal of the plane, m the intersection of two perpendicular bisectors
     corners:  p = C + (1 - t)^2 (A - C) + t^2 (B - C), rotations along two geodesics and along one between them
-              C the corner, A and B the points of both lines at the blend distance from C
     spline:   natural cubic of positions and of quaternions, each the eigenvector of a matrix of R (Bar-Itzhack 2000)
-    q <- q + J^+ e,  e the error of position and rotation, J^+ the pseudo-inverse of the Jacobian
+    q <- q + J^+ e
 
-p and R are position and rotation matrix at the fraction u of a segment from p_0, R_0 to p_1, R_1. `armlet.cartesian_path` makes a joint
-spline whose knots depend on the error, and represents rotations by quaternions.
+p and R are position and rotation matrix at the fraction u of a segment from p_0, R_0 to p_1, R_1. C is a corner, A and B are the points of
+both lines at the blend distance from C. e is the error of position and rotation, and J^+ the pseudo-inverse of the Jacobian.
+`armlet.cartesian_path` makes a joint spline whose knots depend on the error, and represents rotations by quaternions.
 """
 
 from collections.abc import Sequence

@@ -1,8 +1,8 @@
 """Arms from Denavit-Hartenberg rows, and changes of arms: tools, payloads, locked joints.
 
     standard  T_i = Rz(theta) Tz(d) Tx(a) Rx(alpha),   modified  T_i = Rx(alpha) Tx(a) Rz(theta) Tz(d)       (q adds to theta, or to d)
-    payload   P_body += X P X',  X the pose of the frame in its body,  P the pseudo-inertia of the load in the axes of the frame
-              P = m [r; 1][r; 1]' + [[S, 0], [0, 0]],  m the mass, r the centre of mass,  S = tr(I)/2 1 - I, I the inertia about r
+    payload   P_body += X P X',   X the pose of the frame in its body,   P the pseudo-inertia of the load in the axes of the frame:
+              P = m [r; 1][r; 1]' + [[S, 0], [0, 0]],   m the mass, r the centre of mass,   S = tr(I)/2 1 - I, I the inertia about r
     locked    X, the pose of body k in its parent's body, is constant. Body k becomes a part of that body: P_parent += X P_k X'.
               A frame with the pose F in body k gets the pose X F.
 

@@ -1,13 +1,13 @@
 """Stability limits of the control of elastic joints at an equilibrium.
 
 sampled loop  links locked, torque constant for dt: the motors are a linear system with the state y = [theta, theta_dot] or, with a torque
-              sensor, [.., tau_f],  dtau_f/dt = w_c (K_J theta - tau_f);   tau = (1 - B B0^-1) tau_J - B B0^-1 D0 theta_dot
-              stable while the map of y over one sample under tau(y) has a spectral radius below 1
+              sensor, [.., tau_f],   dtau_f/dt = w_c (K_J theta - tau_f),   tau = (1 - B B0^-1) tau_J - B B0^-1 D0 theta_dot.
+              The loop is stable while the map of y over one sample under tau(y) has a spectral radius below 1.
 1-DoF limit   the largest k for which (M s^2 + K)(B0 s^2 + D0 s + K) - K^2 + K (k + d s) has no root in the right half-plane
 stiffness     the largest multiple of the law's stiffness for which the linear model of the loop at its equilibrium has no eigenvalue there
 
-theta are motor positions, B, B0 and D0 motor inertia, reduced inertia and its damping, K_J or K the joint stiffness, and tau_J the joint
-torque or the sensor's reading of it. M and d are inertia and damping of the link, and k is the stiffness of the spring at the link.
+theta are motor positions. B, B0 and D0 are motor inertia, reduced inertia and its damping. K_J or K is the joint stiffness, and tau_J the
+joint torque or the sensor's reading of it. M and d are inertia and damping of the link, and k is the stiffness of the spring at the link.
 """
 
 from collections.abc import Callable

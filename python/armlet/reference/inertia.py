@@ -5,9 +5,10 @@
     possible: m > 0 and the principal moments about the centre of mass satisfy 0 < J_1 and J_3 < J_1 + J_2; equivalently P > 0
     nearest possible, in D P D with D = diag(1/l, 1/l, 1/l, 1):   (A + H)/2 + f 1,   A = D P D - f 1 = U H  (Higham 1988)
 
-m is the mass, c the centre of mass, I the inertia about the origin of the body frame, ' the transpose and 1 the unit matrix. l is a length,
-and f the smallest eigenvalue of the result. U H is the polar decomposition of A: U is orthogonal, and H follows from singular values. The
-core clips eigenvalues of D P D instead. The order of the parameters of a body is m, m cx, m cy, m cz, Ixx, Ixy, Iyy, Ixz, Iyz, Izz.
+m is the mass, c the centre of mass, and I the inertia about the origin of the body frame. ' is the transpose and 1 the unit matrix. l is a
+length, and f the smallest eigenvalue of the result. U H is the polar decomposition of A: U is orthogonal, and H follows from singular
+values. The core clips eigenvalues of D P D instead. The order of the parameters of a body is m, m cx, m cy, m cz, Ixx, Ixy, Iyy, Ixz, Iyz,
+Izz.
 """
 
 from typing import Any, NamedTuple

@@ -4,7 +4,7 @@
     lyapunov_balance = V1(0) - V1(t) - w_1,   energy_balance = E(t) - E(0) - w_2
 
 V1 is the Lyapunov function of `adaptive`, and E the energy. The integrals and the trajectory use the same method and steps. So the energy
-balance is an error of the order of the method, and so is the Lyapunov balance of a continuous loop without projection and external force.
+balance is an error of the order of the method. The same is true of the Lyapunov balance of a continuous loop without projection and force.
 In a sampled loop, tau and the rate of the law's state are constant between two samples (see `sampling`).
 """
 

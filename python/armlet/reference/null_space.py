@@ -9,8 +9,8 @@ J is the Jacobian of the task with the target x_d, s are singular values and eps
 stiffness and damping. ' is the transpose, _dot and _ddot are time derivatives.
 
 A moving rotation vector r has the angular velocity w = A r_dot and the angular acceleration w_dot = A r_ddot + A_dot r_dot. Here
-A = int_0^1 exp(u r) du comes from Gauss-Legendre quadrature, and d exp(u r)/dt = [u A(u r) r_dot]x exp(u r), where [..]x is the matrix of
-the cross product.
+A = int_0^1 exp(u r) du comes from Gauss-Legendre quadrature, and d exp(u r)/dt = [u A(u r) r_dot]x exp(u r). [..]x is the matrix of the
+cross product.
 """
 
 from dataclasses import dataclass, field

@@ -10,8 +10,8 @@
     sns         x = N z within bounds, with the largest scale of each level; joints are fixed at their bounds (see `saturation`)
     weight      min x'Wx: the methods above compute y for the Jacobians J_i W^-1/2, and x = W^-1/2 y
 
-x are the joint velocities, J_i and v_i the Jacobian and the task velocity of level i, sigma the singular values of A_i, A' is the
-transpose of A and A# its pseudo-inverse. `diagnosis` computes the ranks.
+x are the joint velocities, J_i and v_i the Jacobian and the task velocity of level i, and sigma the singular values of A_i. A' is the
+transpose of A, and A# its pseudo-inverse. `diagnosis` computes the ranks.
 """
 
 from collections.abc import Sequence

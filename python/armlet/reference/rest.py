@@ -5,8 +5,8 @@
     dy/dt = r(y) by implicit Euler steps of lengths s that grow as r falls:   (1/s - dr/dy) dy = r       (pseudo-transient continuation)
     tau_E = L(q_E),   theta_E = q_E + K^-1 tau_E,   tau_c the torque of wall and stops
 
-tau(q) is the torque of the law at rest, K the joint stiffness, F the external force at a frame with the Jacobian J, and ' the transpose.
-The Jacobian dr/dy and the linear model of the loop are central differences with the step h, extrapolated in h^2 (Richardson).
+tau(q) is the torque of the law at rest, and K the joint stiffness. F is the external force at a frame with the Jacobian J, and ' the
+transpose. The Jacobian dr/dy and the linear model of the loop are central differences with the step h, extrapolated in h^2 (Richardson).
 """
 
 from collections.abc import Callable

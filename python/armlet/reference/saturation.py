@@ -5,9 +5,9 @@
     while s = 1 violates a bound   the joint with the smallest limit of s is added to F; of equal ones the fastest  (Flacco et al. 2015)
     at distance d from a limit     the largest u with  u dt <= d  and  u^2 <= 2 a d  (u > 0),  by bisection
 
-E_F are the rows of the unit matrix for the joints F, b_F their bounds, null(A) is an orthonormal null basis of A, and # the pseudo-inverse.
-dt is the sample time and a the braking deceleration. One SVD solves for all fixed joints. With a metric W the Jacobians are J W^-1/2, and
-`back` = W^-1/2 converts to joint velocities.
+E_F are the rows of the unit matrix for the joints F, and b_F their bounds. null(A) is an orthonormal null basis, A# the pseudo-inverse of
+A. dt is the sample time and a the braking deceleration. One SVD solves for all fixed joints. With a metric W the Jacobians are J W^-1/2,
+and `back` = W^-1/2 converts to joint velocities.
 """
 
 from typing import Any

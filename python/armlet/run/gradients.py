@@ -42,12 +42,12 @@ def gradient(
 ) -> tuple[Any, dict[str, Array]]:
     """Compute a loss of a closed loop, and its derivatives with respect to named numbers of the loop.
 
-    The loss `L` is a function of the records of one run. With the step `x_(k+1) = Phi(x_k, p)` of the state `x` and the numbers `p`, the
+    The loss `L` is a function of the records of one run. The state `x` has the steps `x_(k+1) = Phi(x_k, p)`, with the numbers `p`. The
     discrete adjoint `l_k` is computed backwards through all K steps of the run:
 
         l_K = L_x(K),   l_k = Phi_x' l_(k+1) + L_x(k),   dL/dp = x0_p' l_0 + sum Phi_p' l_(k+1) + L_p
 
-    A subscript x or p is a derivative, `L_x(k)` the derivative of the loss with respect to `x_k`, `x0` the initial state, and `'` the
+    A subscript x or p is a derivative, `L_x(k)` the derivative of the loss with respect to `x_k`. `x0` is the initial state, and `'` the
     transpose. The number of steps backwards does not depend on the number of parameters.
 
     Args:

@@ -5,7 +5,7 @@ Pull its tip, and reduce the stiffness of its joints and the inertia of its moto
     M a + C v + g = tau_J + J'F,   B theta_ddot + tau_J = tau,   tau_J = K_J (theta - q)
     tau = (1 - B B0^-1) tau_J + B B0^-1 (u - D0 theta_dot),   u = J'[K_m (x_d - x) - D_m J v] + g(q)
 
-B0 and D0 are the reduced inertia of the motors and its damping, x is the tip position with the target x_d and the Jacobian J, and ' the
+B0 and D0 are the reduced inertia of the motors and its damping. x is the tip position with the target x_d and the Jacobian J, and ' is the
 transpose. One slider sets each gain for both joints, or for both directions of the tip.
 """
 
