@@ -101,8 +101,8 @@ class Srdf:
             The arm between the two links.
 
         Raises:
-            InputError: the group is unknown or is not one chain, `root` or `tip` is given, or the URDF is not well formed.
-            ModelError: `load_urdf` refuses the robot. It is an InputError too.
+            InputError: the group is unknown or is not one chain, `root` or `tip` is given, or the file cannot be read.
+            ModelError: the URDF is not well formed.
         """
         name = "Srdf.arm"
         choice(name, "group", group, self.groups)
@@ -192,7 +192,7 @@ def _link(joint: ElementTree.Element, tag: str) -> str:
 
 
 def _tree(function: str, xml: str, root: str, error_type: type[InputError] = InputError) -> ElementTree.Element:
-    """Parse XML and return its root element. Texts with entities are refused. Errors: of the type `error_type`."""
+    """Parse XML and return its root element. Refuse text that declares a document type or entities. Errors have the type `error_type`."""
     if "<!DOCTYPE" in xml or "<!ENTITY" in xml:
         raise error_type(f"{function}: source declares a document type: expected XML without one")
     try:
