@@ -14,6 +14,18 @@ use std::time::{Duration, Instant};
 pub const SLICE: Duration = Duration::from_millis(20);
 
 /// The source of requests to stop.
+///
+/// ```
+/// use armlet_core::interrupt::{Interrupted, Watch, interruptible, look};
+/// use std::sync::Arc;
+/// use std::sync::atomic::{AtomicBool, Ordering};
+///
+/// let stop = Arc::new(AtomicBool::new(false));
+/// let work = || (0..100).for_each(|_| look());
+/// assert_eq!(interruptible(Watch::Flag(stop.clone()), work), Ok(()));
+/// stop.store(true, Ordering::Relaxed);
+/// assert_eq!(interruptible(Watch::Flag(stop), work), Err(Interrupted));
+/// ```
 #[derive(Clone, Debug)]
 pub enum Watch {
     /// A flag that another thread sets.
@@ -23,6 +35,17 @@ pub enum Watch {
 }
 
 /// The result of work that was stopped on request.
+///
+/// ```
+/// use armlet_core::interrupt::{Interrupted, Watch, interruptible, look};
+///
+/// // The function is called for the first time after 20 ms.
+/// let endless = || loop {
+///     look();
+/// };
+/// let result: Result<(), Interrupted> = interruptible(Watch::Poll(|| true), endless);
+/// assert_eq!(result, Err(Interrupted));
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Interrupted;
 

@@ -25,6 +25,17 @@ pub const TERMS: usize = 6;
 const SAME: f64 = 1e-12;
 
 /// The end conditions of a spline.
+///
+/// ```
+/// use armlet_core::motion::{Ends, Path};
+///
+/// let slopes = |ends| Path::slopes(&[0.0, 1.0, 2.0], &[0.0, 1.0, 0.0], 1, ends);
+/// assert_eq!(slopes(Ends::Clamped)?, [0.0, 0.0, 0.0]);
+/// assert!((slopes(Ends::Natural)?[0] - 1.5).abs() < 1e-15);
+/// // With three waypoints, the condition gives one parabola.
+/// assert_eq!(slopes(Ends::NotAKnot)?, [2.0, 0.0, -2.0]);
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Ends {
     /// Zero second derivative at both ends.

@@ -4,6 +4,17 @@ use super::{BangBang, Motion, Quintic, Sinusoid, Table, TimedPath};
 use nalgebra::DVector;
 
 /// Position, velocity and acceleration of a motion at one time, `(n,)` each.
+///
+/// ```
+/// use armlet_core::motion::{Motion, MotionSample, Quintic};
+/// use nalgebra::dvector;
+///
+/// let motion = Motion::from(Quintic::new(dvector![0.0], dvector![1.0], 2.0)?);
+/// // In the middle, the speed is 15/8 of the mean speed.
+/// let MotionSample { q, v, a } = motion.at(1.0);
+/// assert_eq!((q[0], v[0], a[0]), (0.5, 15.0 / 16.0, 0.0));
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct MotionSample {
     /// Position `q_d`, `(n,)`, rad or m.

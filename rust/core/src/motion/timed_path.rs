@@ -19,6 +19,19 @@ use crate::scalar::Real;
 use std::sync::Arc;
 
 /// A path with a timing: the time at which each path position is reached.
+///
+/// ```
+/// use armlet_core::motion::{Ends, Motion, Path, TimedPath};
+/// use std::sync::Arc;
+///
+/// let (line, _) = Path::waypoints(&[0.0, 2.0], 1, None, Ends::Natural)?;
+/// // The path speed ds/dt is 0.5 at both ends, and constant between them.
+/// let timed = TimedPath::new(Arc::new(line), vec![0.0, 1.0], vec![0.25, 0.25], vec![0.0])?;
+/// assert_eq!(timed.duration(), 2.0);
+/// let middle = Motion::from(timed).at(1.0);
+/// assert_eq!((middle.q[0], middle.v[0], middle.a[0]), (1.0, 1.0, 0.0));
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct TimedPath {
     path: Arc<Path>,
