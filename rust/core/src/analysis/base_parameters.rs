@@ -28,6 +28,16 @@ const ROWS: usize = 3;
 const BLOCK: usize = 16;
 
 /// The independent columns of a matrix `W`, found by rank decisions.
+///
+/// ```
+/// use armlet_core::analysis::base_parameters::independent_columns;
+///
+/// // The third column is the sum of the first two.
+/// let found = independent_columns(&mut [vec![1.0, 0.0], vec![0.0, 2.0], vec![1.0, 2.0]]);
+/// assert_eq!(found.columns, [0, 1]);
+/// assert!(found.projection.iter().zip([1.0, 0.0, 1.0, 0.0, 1.0, 1.0]).all(|(p, expected)| (p - expected).abs() < 1e-12));
+/// assert!(found.smallest_kept > 0.9 && found.largest_dropped < 1e-12);
+/// ```
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Independent {
     /// Indices of the independent columns, ascending.
@@ -104,6 +114,18 @@ fn snapped(x: f64) -> f64 {
 }
 
 /// The base parameters of an arm, and the rank decisions.
+///
+/// ```
+/// # use armlet_core::arm::Arm;
+/// use armlet_core::analysis::base_parameters::base_parameters;
+///
+/// // Of the ten parameters of a pendulum, three determine its motion.
+/// let base = base_parameters(&Arm::pendulum(2.0, 5.0)?.into(), false, false)?;
+/// assert_eq!((base.names.len(), base.count(), base.grouping().len()), (10, 3, 3));
+/// // The mass alone has no effect.
+/// assert!(base.unseen().contains(&base.names[0].as_str()));
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct BaseParameters {
     /// The independent columns, and the projection onto them.

@@ -11,6 +11,18 @@ use crate::spatial::pseudo_inertia::{Pseudo, is_positive_definite, parameters_of
 use crate::spatial::{Inertia, PARAMETERS, Vector, Vector3};
 
 /// The result of the check of one body's inertial parameters.
+///
+/// ```
+/// use armlet_core::analysis::consistency::check_parameters;
+///
+/// // A body of 1 kg. Each moment of inertia is at most the sum of the other two.
+/// let body = |izz: f64| [1.0, 0.0, 0.0, 0.0, 0.1, 0.0, 0.1, 0.0, 0.0, izz];
+/// let report = check_parameters(&body(0.1))?.remove(0);
+/// assert!(report.problem.is_empty());
+/// assert!(report.eigenvalues.iter().zip([0.05, 0.05, 0.05, 1.0]).all(|(l, expected)| (l - expected).abs() < 1e-12));
+/// assert!(!check_parameters(&body(0.3))?[0].problem.is_empty());
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct BodyReport {
     /// The four eigenvalues of the pseudo-inertia, ascending, in SI units.

@@ -106,6 +106,25 @@ pub fn stiffness_scale(plant: &PlantSpec, law: &LawSpec, wrench: &[f64; 6], forc
 }
 
 /// The limits of an elastic plant with a law, at an equilibrium.
+///
+/// ```
+/// # use armlet_core::{arm::Arm, dynamics::Model, plant::{ElasticSpec, PlantSpec}};
+/// # use armlet_core::law::{Gain, JointImpedanceSpec, LawSpec, PdGravitySpec, ReductionSpec};
+/// use armlet_core::analysis::elastic_limits::elastic_limits;
+/// # let model = Model::from(Arm::pendulum(2.0, 5.0)?);
+/// # let gain = |k: f64| Gain::scalar("gain", 1, k);
+/// # let plant = PlantSpec::from(ElasticSpec::new(model.clone(), gain(800.0)?, gain(0.4)?, None, None, None)?);
+/// # let outer = PdGravitySpec::new(model, vec![0.5], gain(60.0)?, gain(12.0)?)?;
+/// # let inner = ReductionSpec::new(1, gain(800.0)?, gain(0.4)?, gain(0.1)?, None, 0.7, false)?;
+///
+/// // A joint spring of 60 N m/rad, behind an elastic joint of 800 N m/rad.
+/// let law = LawSpec::from(JointImpedanceSpec { outer, inner });
+/// let limits = elastic_limits(&plant, &law, &[0.0; 6], None, &[0.5], Some(1e-3), f64::INFINITY)?;
+/// assert!(limits.stiffness == [60.0] && limits.stiffness_max[0] > 60.0);
+/// assert!(limits.sample_time_max > 1e-3 && limits.reduced_inertia_min[0] < 0.1);
+/// assert!(limits.eigenvalues.iter().all(|(real, _)| *real < 0.0) && limits.stiffness_scale_max > 1.0);
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct ElasticLimits {
     /// The sample time at which the motor loops with locked links become unstable, s.

@@ -22,6 +22,21 @@ use crate::motion::Motion;
 use crate::plant::PlantSpec;
 
 /// An equilibrium and its properties.
+///
+/// ```
+/// # use armlet_core::{arm::Arm, dynamics::Model, law::{Gain, LawSpec, PdGravitySpec}, plant::{PlantSpec, RigidSpec}};
+/// use armlet_core::analysis::equilibrium::equilibrium;
+/// # let model = Model::from(Arm::planar(&[0.5], None, None, None, [0.0, 0.0])?);
+/// # let tip = model.tree("arm")?.frame_index("link1")?;
+/// # let plant = PlantSpec::from(RigidSpec::new(model.clone()));
+///
+/// // The target is -0.05 rad. At q = 0, the force of 2 N at 0.5 m balances the spring of 20 N m/rad.
+/// let law = LawSpec::from(PdGravitySpec::new(model, vec![-0.05], Gain::scalar("kp", 1, 20.0)?, Gain::scalar("kd", 1, 4.0)?)?);
+/// let found = equilibrium(&plant, &law, &[0.0, 2.0, 0.0, 0.0, 0.0, 0.0], Some(tip), &[0.3])?;
+/// assert!(found.q[0].abs() < 1e-9 && (found.tau[0] + 1.0).abs() < 1e-6);
+/// assert!(found.stable && found.eigenvalues.len() == 2);
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct Equilibrium {
     /// Joint positions `(n,)`, rad or m.

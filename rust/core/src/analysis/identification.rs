@@ -24,6 +24,22 @@ use std::borrow::Cow;
 const BLOCK: usize = 256;
 
 /// The base parameters of a record, with their accuracy.
+///
+/// ```
+/// # use armlet_core::{arm::Arm, dynamics::Model};
+/// use armlet_core::analysis::identification::{IdentificationOptions, identify};
+///
+/// // Recorded samples of the pendulum 2 a + 5 sin(q) = tau. The model has other parameters.
+/// let q: Vec<f64> = (0..20).map(|k| (0.3 * f64::from(k)).sin()).collect();
+/// let a: Vec<f64> = (0..20).map(|k| (1.1 * f64::from(k)).cos()).collect();
+/// let tau: Vec<f64> = q.iter().zip(&a).map(|(q, a)| 2.0 * a + 5.0 * q.sin()).collect();
+/// let model = Model::from(Arm::pendulum(1.0, 3.0)?);
+/// let options = IdentificationOptions { cutoff: 1e-9, ..IdentificationOptions::default() };
+/// let found = identify(&model, [&q, &[0.0; 20], &a, &tau], &options)?;
+/// assert!(found.rank == 3 && found.residuals[0] < 1e-12);
+/// assert!(found.values.iter().any(|beta| (beta - 2.0).abs() < 1e-9));
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Identification {
     /// The choice of base parameters.
@@ -48,6 +64,22 @@ pub struct Identification {
 }
 
 /// The parameters to identify, and the weights of the record.
+///
+/// ```
+/// # use armlet_core::{arm::Arm, dynamics::Model};
+/// use armlet_core::analysis::identification::{IdentificationOptions, identify};
+/// # let model = Model::from(Arm::pendulum(2.0, 5.0)?);
+/// # let q: Vec<f64> = (0..30).map(|k| (0.3 * f64::from(k)).sin()).collect();
+/// # let v: Vec<f64> = (0..30).map(|k| (0.3 + 0.7 * f64::from(k)).sin()).collect();
+/// # let a: Vec<f64> = (0..30).map(|k| (1.1 * f64::from(k)).cos()).collect();
+///
+/// // The recorded torque has viscous friction of 0.3 N m s/rad and Coulomb friction of 0.1 N m.
+/// let tau: Vec<f64> = (0..30).map(|k| 2.0 * a[k] + 5.0 * q[k].sin() + 0.3 * v[k] + 0.1 * v[k].signum()).collect();
+/// let options = IdentificationOptions { friction: true, cutoff: 1e-9, ..IdentificationOptions::default() };
+/// let found = identify(&model, [&q, &v, &a, &tau], &options)?;
+/// assert!((found.values[3] - 0.3).abs() < 1e-9 && (found.values[4] - 0.1).abs() < 1e-9);
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Clone, Copy, Debug, Default)]
 pub struct IdentificationOptions<'a> {
     /// Whether to identify rotor inertias.

@@ -45,6 +45,20 @@ pub fn loop_slope(
 }
 
 /// The modes of a loop about an equilibrium.
+///
+/// ```
+/// # use armlet_core::{arm::Arm, dynamics::Model, law::{Gain, LawSpec, PdGravitySpec}, plant::{PlantSpec, RigidSpec}};
+/// use armlet_core::analysis::loop_slope::loop_modes;
+/// # let model = Model::from(Arm::pendulum(2.0, 5.0)?);
+/// # let plant = PlantSpec::from(RigidSpec::new(model.clone()));
+///
+/// let law = LawSpec::from(PdGravitySpec::new(model, vec![0.5], Gain::scalar("kp", 1, 4.0)?, Gain::scalar("kd", 1, 6.0)?)?);
+/// // About the target, the loop is 2 e'' + 6 e' + 4 e = 0.
+/// let modes = loop_modes(&plant, &law, &[0.5, 0.0], &[], &[0.0; 6], None)?;
+/// assert!(modes.stable && modes.free == 0);
+/// assert!((modes.eigenvalues[0].0 + 2.0).abs() < 1e-9 && (modes.eigenvalues[1].0 + 1.0).abs() < 1e-9);
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 pub struct Modes {
     /// The number of free motions: directions with `A d x = 0`, along which the loop has no restoring torque.
     pub free: usize,

@@ -26,6 +26,21 @@ use crate::status::Status;
 use nalgebra::{DMatrix, DVector};
 
 /// A plant at rest, with its law and an external wrench.
+///
+/// ```
+/// # use armlet_core::{arm::Arm, dynamics::Model, law::{Gain, LawSpec, PdGravitySpec}, plant::{PlantSpec, RigidSpec}};
+/// use armlet_core::analysis::rest::Rest;
+/// # let model = Model::from(Arm::pendulum(2.0, 5.0)?);
+/// # let plant = PlantSpec::from(RigidSpec::new(model.clone()));
+///
+/// let law = LawSpec::from(PdGravitySpec::new(model, vec![0.5], Gain::scalar("kp", 1, 20.0)?, Gain::scalar("kd", 1, 4.0)?)?);
+/// let rest = Rest { plant: &plant, law: &law, wrench: [0.0; 6], frame: None };
+/// assert!((rest.load(&[0.3]).0[0] - 5.0 * 0.3f64.sin()).abs() < 1e-12);
+/// let mut q = vec![0.0];
+/// rest.descend(&mut q)?;
+/// assert!((q[0] - 0.5).abs() < 1e-9);
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 pub struct Rest<'a> {
     /// The plant.
     pub plant: &'a PlantSpec,

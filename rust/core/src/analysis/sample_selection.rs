@@ -21,6 +21,17 @@ const ENTERING: usize = 4;
 const LEAVING: usize = 8;
 
 /// The selected samples.
+///
+/// ```
+/// use armlet_core::analysis::sample_selection::select;
+///
+/// // Four samples with n = 1 and p = 2. The first and the third determine both parameters best.
+/// let rows = [1.0, 0.0, 0.9, 0.1, 0.0, 1.0, 0.1, 0.1];
+/// let selection = select(&rows, 1, 2, 2)?;
+/// assert_eq!((selection.indices, selection.rank), (vec![0, 2], 2));
+/// assert!(selection.singular_value > 0.5);
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Selection {
     /// Indices of the chosen samples, increasing.

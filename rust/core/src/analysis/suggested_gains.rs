@@ -24,6 +24,17 @@ use std::fmt;
 pub const SAMPLES: usize = 512;
 
 /// Gains, and the limits that follow from them.
+///
+/// ```
+/// # use armlet_core::arm::Arm;
+/// use armlet_core::analysis::suggested_gains::suggest_gains;
+///
+/// // A bandwidth of 10 rad/s, critically damped, for an inertia of 2 kg m^2.
+/// let gains = suggest_gains(&Arm::pendulum(2.0, 5.0)?.into(), 10.0, 1.0, None)?;
+/// assert_eq!((gains.inertia.as_slice(), gains.lightest), (&[2.0][..], 1.0));
+/// assert_eq!((gains.kp(), gains.computed_torque()), (vec![200.0], (100.0, 20.0)));
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct SuggestedGains {
     /// Requested bandwidth, rad/s.

@@ -15,6 +15,20 @@ use crate::status::Status;
 const CHUNK: usize = 32;
 
 /// The results for `count` targets, with `k` solutions each.
+///
+/// ```
+/// # use armlet_core::{arm::Arm, kinematics::TaskFunction, status::Status};
+/// use armlet_core::analysis::inverse_kinematics::{IkBatch, IkOptions, IkRows, inverse_kinematics_batch};
+/// # let arm = Arm::planar(&[0.5, 0.4], None, None, None, [0.0, -9.81])?;
+///
+/// let tip = [TaskFunction::frame(&arm, "link2", "xy")?];
+/// // The second point is out of reach.
+/// let batch = IkBatch { functions: &tip, targets: &[vec![0.6, 0.3, 2.0, 0.0]], q0: &[0.1, 0.2], count: 2 };
+/// let IkRows { q, reached, status, .. } = inverse_kinematics_batch(&arm, &batch, 1, &IkOptions::default(), 1, &mut || false)?;
+/// assert_eq!((q.len(), reached), (4, vec![true, false]));
+/// assert_eq!(status, [Status::Success.code(), Status::Infeasible.code()]);
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct IkRows {
     /// Joint positions, `(count, k, n)`, the best first; NaN for missing solutions and for rows with the status `Diverged`.
@@ -44,6 +58,20 @@ struct ThreadRows<'a> {
 }
 
 /// The tasks of a batch, with `count` targets and starts.
+///
+/// ```
+/// # use armlet_core::{arm::Arm, kinematics::TaskFunction, status::Status};
+/// use armlet_core::analysis::inverse_kinematics::{IkBatch, IkOptions, inverse_kinematics_batch};
+/// # let arm = Arm::planar(&[0.5, 0.4], None, None, None, [0.0, -9.81])?;
+///
+/// // One target for three starts.
+/// let tip = [TaskFunction::frame(&arm, "link2", "xy")?];
+/// let starts = [0.1, 0.2, 0.5, -0.4, -0.3, 1.0];
+/// let batch = IkBatch { functions: &tip, targets: &[vec![0.6, 0.3]], q0: &starts, count: 3 };
+/// let found = inverse_kinematics_batch(&arm, &batch, 1, &IkOptions::default(), 1, &mut || false)?;
+/// assert_eq!(found.status, [Status::Success.code(); 3]);
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Clone, Copy, Debug)]
 pub struct IkBatch<'a> {
     /// The tasks.

@@ -27,6 +27,20 @@ use attempt::{StartResult, better};
 use newton::NewtonSearch;
 
 /// Options of a search.
+///
+/// ```
+/// # use armlet_core::{arm::Arm, kinematics::TaskFunction, status::Status};
+/// use armlet_core::analysis::inverse_kinematics::{IkOptions, inverse_kinematics};
+/// # let arm = Arm::planar(&[0.5, 0.4], None, None, None, [0.0, -9.81])?;
+/// # let goal = [(TaskFunction::frame(&arm, "link2", "xy")?, vec![0.6, 0.3])];
+///
+/// let options = IkOptions { tolerance: 1e-4, ..IkOptions::default() };
+/// let solution = inverse_kinematics(&arm, &goal, &[0.1, 0.2], &options)?;
+/// assert!(solution.status == Status::Success && solution.errors.iter().all(|e| e.abs() <= 1e-4));
+/// let one_step = IkOptions { max_iterations: 1, restarts: 0, ..options };
+/// assert_ne!(inverse_kinematics(&arm, &goal, &[0.1, 0.2], &one_step)?.status, Status::Success);
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct IkOptions {
     /// Tolerance, m or rad. A task is reached if no entry of its error is larger.
@@ -56,6 +70,19 @@ impl Default for IkOptions {
 }
 
 /// The result of a search.
+///
+/// ```
+/// # use armlet_core::{arm::Arm, kinematics::TaskFunction, status::Status};
+/// use armlet_core::analysis::inverse_kinematics::{IkOptions, inverse_kinematics};
+/// # let arm = Arm::planar(&[0.5, 0.4], None, None, None, [0.0, -9.81])?;
+///
+/// // The target is at 1.2 m, and the arm is 0.9 m long. The error of the stretched arm is 0.3 m.
+/// let goal = (TaskFunction::frame(&arm, "link2", "xy")?, vec![1.2, 0.0]);
+/// let solution = inverse_kinematics(&arm, &[goal], &[0.1, 0.2], &IkOptions::default())?;
+/// assert_eq!((solution.status, solution.reached), (Status::Infeasible, vec![false]));
+/// assert!((solution.errors[0] - 0.3).abs() < 1e-4 && solution.q.iter().all(|q| q.abs() < 0.02));
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct IkSolution {
     /// Joint positions, `(n,)`, rad or m.

@@ -28,6 +28,22 @@ use momentum::{Gained, Momentum};
 use std::ops::Range;
 
 /// The state of an observer. Each array has one row of `n` numbers per arm.
+///
+/// ```
+/// # use armlet_core::{arm::Arm, dynamics::Model, law::Gain};
+/// use armlet_core::analysis::momentum_observer::MomentumObserver;
+/// # let model = Model::from(Arm::pendulum(2.0, 0.0)?);
+///
+/// let observer = || MomentumObserver::new(model.clone(), Gain::scalar("gain", 1, 10.0)?, false);
+/// let (mut first, mut second) = (observer()?, observer()?);
+/// first.reset(&[0.0], &[0.0])?;
+/// // Without motor torque, the arm of 2 kg m^2 reaches 0.1 rad/s in 0.1 s. So the external torque is near 2 N m.
+/// first.update(&[0.005], &[0.1], &[0.0], 0.1)?;
+/// assert!((first.state().residual[0] - 10.0 * 0.2 / (1.0 + 10.0 * 0.1)).abs() < 1e-12);
+/// second.resume(first.state().clone())?;
+/// assert_eq!(second.state(), first.state());
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ObserverState {
     /// The residual `r`, an estimate of the external torque, N m or N.
