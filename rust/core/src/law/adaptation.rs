@@ -24,6 +24,26 @@ use crate::spatial::PARAMETERS;
 use crate::spatial::pseudo_inertia::{is_positive_definite, natural_rate};
 
 /// The adaptation law of the estimate, with its gain.
+///
+/// ```
+/// # use armlet_core::arm::{Arm, STANDARD_GRAVITY, example_urdf};
+/// # use armlet_core::dynamics::Model;
+/// # use armlet_core::motion::Motion;
+/// use armlet_core::law::{Adaptation, AdaptiveSpec, Gain};
+/// # let model = Model::from(Arm::from_urdf(example_urdf("planar_2r")?, "planar_2r", STANDARD_GRAVITY, None, None)?);
+/// # let gain = |n: usize, k: f64| Gain::scalar("gain", n, k);
+///
+/// let law = |adaptation, estimate| {
+///     let motion = Motion::hold(vec![0.3, 0.4])?;
+///     AdaptiveSpec::new(model.clone(), motion, gain(2, 50.0)?, gain(2, 10.0)?, adaptation, None, estimate)
+/// };
+/// let p = model.parameter_count();
+/// assert!(law(Adaptation::Euclidean(gain(p, 2.0)?), None).is_ok());
+/// // The natural metric has one gain per body, and requires an estimate that is physically possible.
+/// assert!(law(Adaptation::Natural(vec![0.1; 2]), Some(model.parameters())).is_ok());
+/// assert!(law(Adaptation::Natural(vec![0.1; 2]), None).is_err());
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub enum Adaptation {
     /// `Gamma`, of the size `p` of the estimate. Entry `i, j` has the units of parameter `i` times parameter `j` per joule.
@@ -85,6 +105,25 @@ impl AdaptiveSpec {
 
 /// A base set of `b` parameters: the independent columns of the regressor, and the linear map from all `p` parameters to the base
 /// parameters.
+///
+/// ```
+/// # use armlet_core::arm::Arm;
+/// # use armlet_core::dynamics::Model;
+/// # use armlet_core::motion::Motion;
+/// use armlet_core::analysis::base_parameters::base_parameters;
+/// use armlet_core::law::{Adaptation, AdaptiveSpec, Base, Gain};
+/// # let gain = |n: usize, k: f64| Gain::scalar("gain", n, k);
+///
+/// // A pendulum has ten parameters, and three of them determine its motion.
+/// let model = Model::from(Arm::pendulum(2.0, 5.0)?);
+/// let found = base_parameters(&model, false, false)?.independent;
+/// let base = Base { columns: found.columns, projection: found.projection };
+/// assert_eq!(base.project(&model.parameters()).len(), 3);
+/// let adaptation = Adaptation::Euclidean(gain(3, 2.0)?);
+/// let law = AdaptiveSpec::new(model, Motion::hold(vec![0.3])?, gain(1, 50.0)?, gain(1, 10.0)?, adaptation, Some(base), None)?;
+/// assert_eq!(law.parameter_sizes(), (1, 3));
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Base {
     /// Indices of the estimated parameters, `(b,)`.

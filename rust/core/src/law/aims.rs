@@ -5,6 +5,22 @@ use crate::kinematics::{Coordinates, TaskFunction};
 use crate::motion::Motion;
 
 /// The desired positions of the joints.
+///
+/// ```
+/// # use armlet_core::arm::Arm;
+/// # use armlet_core::dynamics::Model;
+/// use armlet_core::law::{ComputedTorqueSpec, Gain, JointReference, LawSpec, PdGravitySpec};
+/// use armlet_core::motion::{Motion, Quintic};
+/// # let model = Model::from(Arm::pendulum(2.0, 5.0)?);
+/// # let gain = |k: f64| Gain::scalar("gain", 1, k);
+///
+/// let held = LawSpec::from(PdGravitySpec::new(model.clone(), vec![0.5], gain(20.0)?, gain(4.0)?)?);
+/// assert_eq!(held.joint_reference(), Some(JointReference::Target(vec![0.5])));
+/// let motion = Motion::from(Quintic::new(vec![0.0], vec![0.5], 1.0)?);
+/// let moving = LawSpec::from(ComputedTorqueSpec::new(model, motion, gain(100.0)?, gain(20.0)?)?);
+/// assert_eq!(moving.joint_reference(), Some(JointReference::Motion));
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub enum JointReference {
     /// The motion of the law: the first of [`Definition::motions`](super::Definition::motions).
@@ -14,6 +30,22 @@ pub enum JointReference {
 }
 
 /// Rows of a frame's position that a law moves to a target.
+///
+/// ```
+/// # use armlet_core::arm::Arm;
+/// # use armlet_core::dynamics::Model;
+/// # use armlet_core::motion::Motion;
+/// use armlet_core::law::{CartesianImpedanceSpec, Gain, LawSpec};
+/// # let model = Model::from(Arm::planar(&[0.5, 0.4], None, None, None, [0.0, -9.81])?);
+/// # let gain = |k: f64| Gain::scalar("gain", 2, k);
+///
+/// let target = Motion::hold(vec![0.6, 0.3])?;
+/// let law = LawSpec::from(CartesianImpedanceSpec::new(model, target, gain(200.0)?, gain(20.0)?, "link2", "xy")?);
+/// let (aims, desired) = (law.aims(), law.desired::<f64>(0.0));
+/// assert_eq!((aims.len(), aims[0].rows.as_slice()), (1, &[0, 1][..]));
+/// assert_eq!(aims[0].places.iter().map(|&i| desired[i]).collect::<Vec<f64>>(), [0.6, 0.3]);
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Aim {
     /// Index of the frame.

@@ -9,6 +9,23 @@ use crate::trace::{Evaluation, Sym};
 
 /// A solver for many rows on the calling thread. Its buffers are kept between calls. Every row has the bits and the status of
 /// [`ArmSolver::solve`] on the same instruction set.
+///
+/// ```
+/// # use armlet_core::{arm::Arm, error::Result, kinematics::TaskFunction, priority::PriorityOptions, status::Status};
+/// use armlet_core::law::{ArmBatch, ArmSolver};
+/// # let arm = Arm::planar(&[0.5, 0.4], None, None, None, [0.0, -9.81])?;
+///
+/// let tip = TaskFunction::frame(&arm, "link2", "xy")?;
+/// let mut solver = ArmSolver::new(&arm, vec![tip], &PriorityOptions::default())?;
+/// let mut batch = ArmBatch::new(&solver, 2);
+/// let (mut v, mut status) = ([0.0; 4], [Status::Diverged; 2]);
+/// // Two rows of joint angles, and one velocity of the tip for both.
+/// batch.solve(&[0.3, 0.4, 0.5, 0.6], &[0.1, 0.0], &mut v, &mut status);
+/// assert_eq!(status, [Status::Success; 2]);
+/// solver.solve(&[0.5, 0.6], &[0.1, 0.0])?;
+/// assert!(v[2..].iter().zip(solver.solver().v()).all(|(row, single)| (row - single).abs() < 1e-12));
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Clone)]
 pub struct ArmBatch {
     program: Option<Evaluation>,

@@ -20,6 +20,23 @@ type Made = Option<(With, Option<Evaluation>)>;
 type SharedProgram = Arc<Mutex<Made>>;
 
 /// A solver for tasks of one arm. `solve` does not allocate.
+///
+/// ```
+/// # use armlet_core::{arm::Arm, kinematics::TaskFunction, priority::PriorityOptions};
+/// use armlet_core::law::ArmSolver;
+/// # let arm = Arm::planar(&[0.5, 0.4], None, None, None, [0.0, -9.81])?;
+///
+/// let tip = TaskFunction::frame(&arm, "link2", "xy")?;
+/// let mut solver = ArmSolver::new(&arm, vec![tip], &PriorityOptions::default())?;
+/// let q = [0.3, 0.4];
+/// solver.solve(&q, &[0.1, 0.0])?;
+/// let v = solver.solver().v().to_vec();
+/// let mut j = [0.0; 4];
+/// solver.jacobians(&q, &mut j);
+/// // J v is the commanded velocity of the tip, m/s.
+/// assert!((j[0] * v[0] + j[1] * v[1] - 0.1).abs() < 1e-12 && (j[2] * v[0] + j[3] * v[1]).abs() < 1e-12);
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct ArmSolver {
     stack: TaskStack,

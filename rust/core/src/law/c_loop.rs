@@ -4,6 +4,22 @@ use super::LawSpec;
 use crate::error::{Error, Result, positive};
 
 /// The sampled loop of armlet whose bits the C code reproduces.
+///
+/// ```
+/// # use armlet_core::arm::Arm;
+/// use armlet_core::law::{CLoop, Gain, LawSpec, PdGravitySpec};
+/// use armlet_core::trace::c::COptions;
+/// # let arm = Arm::pendulum(2.0, 5.0)?;
+///
+/// let law = PdGravitySpec::new(arm.into(), vec![0.5], Gain::scalar("kp", 1, 20.0)?, Gain::scalar("kd", 1, 4.0)?)?;
+/// let law = LawSpec::from(law);
+/// let files = |timing: &CLoop| law.export_c(&COptions::new("law"), timing);
+/// let limits = |tau_max: Vec<f64>| CLoop { tau_max: Some(tau_max), ..CLoop::default() };
+/// assert_ne!(files(&limits(vec![8.0]))?[1].text, files(&CLoop::default())?[1].text);
+/// // The arm has one joint, not two.
+/// assert!(files(&limits(vec![8.0, 8.0])).is_err());
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct CLoop {
     /// Step of the law's state, s. `None`: one step covers the time between two calls.

@@ -33,6 +33,24 @@ use crate::linalg::gain::{AnyGain, Gain, Multiply};
 use crate::scalar::Real;
 
 /// The filter and the weight of composite adaptation.
+///
+/// ```
+/// # use armlet_core::arm::Arm;
+/// # use armlet_core::dynamics::Model;
+/// # use armlet_core::motion::Motion;
+/// use armlet_core::law::{Adaptation, AdaptiveSpec, Gain, LawSpec};
+/// # let model = Model::from(Arm::pendulum(2.0, 5.0)?);
+/// # let gain = |n: usize, k: f64| Gain::scalar("gain", n, k);
+/// # let (motion, adaptation) = (Motion::hold(vec![0.3])?, Adaptation::Euclidean(gain(10, 2.0)?));
+///
+/// let law = AdaptiveSpec::new(model, motion, gain(1, 50.0)?, gain(1, 10.0)?, adaptation, None, None)?;
+/// // The filter has the rate 5 1/s.
+/// let law = law.composite(5.0, gain(1, 0.5)?)?;
+/// assert_eq!(law.composite.as_ref().map(|composite| composite.rate), Some(5.0));
+/// // The state has the estimate, the filtered regressor and the filtered torque.
+/// assert_eq!(LawSpec::from(law).initial_state().len(), 10 + 10 + 1);
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Composite {
     /// Rate `lambda` of the filter, 1/s, > 0.

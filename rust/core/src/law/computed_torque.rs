@@ -12,6 +12,22 @@ use crate::motion::Motion;
 use crate::scalar::Real;
 
 /// The computed-torque law of an arm, with validated parameters.
+///
+/// ```
+/// # use armlet_core::arm::Arm;
+/// # use armlet_core::dynamics::Model;
+/// # use armlet_core::motion::Motion;
+/// use armlet_core::law::{ComputedTorqueSpec, Gain, LawEvaluator, LawSpec};
+///
+/// // The pendulum 2 a + 5 sin(q) = tau.
+/// let model = Model::from(Arm::pendulum(2.0, 5.0)?);
+/// let (kp, kd) = (Gain::scalar("kp", 1, 100.0)?, Gain::scalar("kd", 1, 20.0)?);
+/// let law = LawSpec::from(ComputedTorqueSpec::new(model, Motion::hold(vec![0.5])?, kp, kd)?);
+/// let mut tau = [0.0];
+/// LawEvaluator::new(&law).input(0.0, &[&[0.3], &[0.1]], None, &mut tau);
+/// assert!((tau[0] - (2.0 * (100.0 * 0.2 - 20.0 * 0.1) + 5.0 * 0.3f64.sin())).abs() < 1e-12);
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct ComputedTorqueSpec {
     pub(crate) model: Model,

@@ -22,6 +22,28 @@ use crate::memory;
 use crate::scalar::Real;
 
 /// Stored samples, and their weighted sums.
+///
+/// ```
+/// # use armlet_core::arm::Arm;
+/// # use armlet_core::dynamics::Model;
+/// # use armlet_core::motion::Motion;
+/// use armlet_core::law::{Adaptation, AdaptiveSpec, Gain, LawSpec, Record};
+/// # let model = Model::from(Arm::pendulum(2.0, 5.0)?);
+/// # let gain = |n: usize, k: f64| Gain::scalar("gain", n, k);
+/// # let (motion, adaptation) = (Motion::hold(vec![0.0])?, Adaptation::Euclidean(gain(10, 2.0)?));
+/// # let law = AdaptiveSpec::new(model.clone(), motion, gain(1, 50.0)?, gain(1, 10.0)?, adaptation, None, None)?;
+///
+/// // One sample: at q = 0 and a = 1 rad/s^2, the torque is 2 N m.
+/// let stored = law.samples(Record { q: &[0.0], v: &[0.0], tau: &[2.0] }, &[1.0])?;
+/// let law = LawSpec::from(law.concurrent(stored, &gain(1, 1.0)?)?);
+/// let rate = |estimate: &[f64]| {
+///     let terms = law.terms_at(0.0, &[0.0, 0.0], estimate);
+///     terms.into_iter().find(|(name, ..)| *name == "estimate_rate").map_or(0.0, |(_, _, rate)| rate.iter().map(|x| x.abs()).sum::<f64>())
+/// };
+/// // At the target, only the stored sample changes the estimate. It agrees with the true parameters.
+/// assert!(rate(&[0.0; 10]) > 1.0 && rate(&model.parameters()) < 1e-12);
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Concurrent {
     /// Regressors `W_j` of all samples, `(N, n, p)`.
@@ -35,6 +57,24 @@ pub struct Concurrent {
 }
 
 /// A record of a motion at `K` instants: positions, velocities and torques, `(K, n)` each.
+///
+/// ```
+/// # use armlet_core::arm::Arm;
+/// # use armlet_core::dynamics::Model;
+/// # use armlet_core::motion::Motion;
+/// use armlet_core::law::{Adaptation, AdaptiveSpec, Gain, Record};
+/// # let model = Model::from(Arm::pendulum(2.0, 5.0)?);
+/// # let gain = |n: usize, k: f64| Gain::scalar("gain", n, k);
+/// # let (motion, adaptation) = (Motion::hold(vec![0.0])?, Adaptation::Euclidean(gain(10, 2.0)?));
+/// # let law = AdaptiveSpec::new(model, motion, gain(1, 50.0)?, gain(1, 10.0)?, adaptation, None, None)?;
+///
+/// // Two instants of a motion, with the accelerations that belong to the torques.
+/// let (q, a) = ([0.0f64, 0.4], [1.0, -0.5]);
+/// let tau = [0, 1].map(|k| 2.0 * a[k] + 5.0 * q[k].sin());
+/// let stored = law.samples(Record { q: &q, v: &[0.0, 0.2], tau: &tau }, &a)?;
+/// assert_eq!((stored.rows.len(), stored.torques.as_slice()), (2 * 10, &tau[..]));
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Clone, Copy, Debug)]
 pub struct Record<'a> {
     /// Positions, rad or m.
@@ -46,6 +86,25 @@ pub struct Record<'a> {
 }
 
 /// Windows of a record at evenly spaced instants.
+///
+/// ```
+/// # use armlet_core::arm::Arm;
+/// # use armlet_core::dynamics::Model;
+/// # use armlet_core::motion::Motion;
+/// use armlet_core::law::{Adaptation, AdaptiveSpec, Gain, Record, Windows};
+/// # let model = Model::from(Arm::pendulum(2.0, 5.0)?);
+/// # let gain = |n: usize, k: f64| Gain::scalar("gain", n, k);
+/// # let (motion, adaptation) = (Motion::hold(vec![0.0])?, Adaptation::Euclidean(gain(10, 2.0)?));
+/// # let law = AdaptiveSpec::new(model, motion, gain(1, 50.0)?, gain(1, 10.0)?, adaptation, None, None)?;
+///
+/// let t: Vec<f64> = (0..=10).map(|k| 0.05 * f64::from(k)).collect();
+/// let windows = Windows::of_times(&t, 0.2, false)?;
+/// assert!((windows.step - 0.05).abs() < 1e-12);
+/// // Each window begins half a window, 0.1 s, after the previous one.
+/// let rest = Record { q: &[0.0; 11], v: &[0.0; 11], tau: &[0.0; 11] };
+/// assert_eq!(law.window_samples(rest, windows)?.torques.len(), 4);
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Clone, Copy, Debug)]
 pub struct Windows {
     /// Time between two instants, s.
@@ -80,6 +139,23 @@ impl Windows {
 }
 
 /// `N` samples for concurrent learning.
+///
+/// ```
+/// # use armlet_core::arm::Arm;
+/// # use armlet_core::dynamics::Model;
+/// # use armlet_core::motion::Motion;
+/// use armlet_core::law::{Adaptation, AdaptiveSpec, Gain, Record, StoredRows};
+/// # let model = Model::from(Arm::pendulum(2.0, 5.0)?);
+/// # let gain = |n: usize, k: f64| Gain::scalar("gain", n, k);
+/// # let (motion, adaptation) = (Motion::hold(vec![0.0])?, Adaptation::Euclidean(gain(10, 2.0)?));
+/// # let law = AdaptiveSpec::new(model.clone(), motion, gain(1, 50.0)?, gain(1, 10.0)?, adaptation, None, None)?;
+///
+/// let StoredRows { rows, torques } = law.samples(Record { q: &[0.4], v: &[0.0], tau: &[3.0] }, &[1.0])?;
+/// // W pi is the torque of the true parameters: 2 a + 5 sin(q).
+/// let torque: f64 = rows.iter().zip(model.parameters()).map(|(w, pi)| w * pi).sum();
+/// assert!((torque - (2.0 + 5.0 * 0.4f64.sin())).abs() < 1e-12 && torques == [3.0]);
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct StoredRows {
     /// Regressors `W` of the samples, `(N, n, p)`, row-major.

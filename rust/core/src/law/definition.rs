@@ -9,6 +9,24 @@ use crate::plant::PlantKind;
 use crate::scalar::Real;
 
 /// A law with validated parameters.
+///
+/// ```
+/// # use armlet_core::arm::Arm;
+/// # use armlet_core::dynamics::Model;
+/// use armlet_core::law::{Gain, LawSpec, PidSpec};
+/// use armlet_core::motion::Motion;
+/// use armlet_core::plant::PlantKind;
+/// # let model = Model::from(Arm::pendulum(2.0, 5.0)?);
+/// # let gain = |k: f64| Gain::scalar("gain", 1, k);
+///
+/// // A law of any kind has these functions.
+/// let law = PidSpec::new(model, Motion::hold(vec![0.5])?, gain(20.0)?, Some(gain(3.0)?), gain(4.0)?)?;
+/// let law = LawSpec::from(law);
+/// assert_eq!((law.name(), law.plant(), law.model().n()), ("PID", PlantKind::Rigid, 1));
+/// // The state of this law is its integral.
+/// assert_eq!((law.motions(), law.initial_state()), (vec![&Motion::hold(vec![0.5])?], &[0.0][..]));
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 pub trait Definition {
     /// The name of the class in Python.
     fn name(&self) -> &'static str;
@@ -144,6 +162,21 @@ pub trait Build: Definition {
 }
 
 /// How a law can be evaluated.
+///
+/// ```
+/// # use armlet_core::arm::Arm;
+/// # use armlet_core::dynamics::Model;
+/// use armlet_core::law::{ExternalSpec, Gain, LawSpec, PdGravitySpec, Route};
+/// use armlet_core::plant::PlantKind;
+/// # let model = Model::from(Arm::pendulum(2.0, 5.0)?);
+/// # let gain = |k: f64| Gain::scalar("gain", 1, k);
+///
+/// let function = LawSpec::from(ExternalSpec::idle(&model, PlantKind::Rigid));
+/// let law = LawSpec::from(PdGravitySpec::new(model, vec![0.5], gain(20.0)?, gain(4.0)?)?);
+/// assert_eq!((law.route(), function.route()), (Route::Straight, Route::Outside));
+/// assert!(law.route().is_recordable() && !function.route().is_recordable());
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Route {
     /// The law executes the same operations for every state. Such a law can be recorded, and evaluated on dual numbers.
@@ -172,6 +205,22 @@ impl Route {
 }
 
 /// The arguments of a law at one instant.
+///
+/// ```
+/// # use armlet_core::arm::Arm;
+/// # use armlet_core::dynamics::Model;
+/// use armlet_core::law::{Gain, Instant, LawSpec, PdGravitySpec};
+/// # let model = Model::from(Arm::pendulum(2.0, 5.0)?);
+/// # let gain = |k: f64| Gain::scalar("gain", 1, k);
+///
+/// let law = LawSpec::from(PdGravitySpec::new(model, vec![0.5], gain(20.0)?, gain(4.0)?)?);
+/// let (q, v): (f64, f64) = (0.3, 0.1);
+/// let at = Instant { t: 0.0, desired: &law.desired::<f64>(0.0), trig: &[q.sin_cos()], x: &[q, v], z: &[] };
+/// let terms = law.terms(&at);
+/// assert_eq!(terms.iter().map(|(name, ..)| *name).collect::<Vec<_>>(), ["q_d", "e", "g", "tau"]);
+/// assert!((terms[3].2[0] - (20.0 * 0.2 - 4.0 * v + 5.0 * q.sin())).abs() < 1e-12);
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 pub struct Instant<'a> {
     /// Time, s.
     pub t: f64,

@@ -24,6 +24,24 @@ use crate::plant::PlantSpec;
 use crate::scalar::Real;
 
 /// Cartesian impedance of an arm with elastic joints, with validated parameters.
+///
+/// ```
+/// # use armlet_core::arm::Arm;
+/// # use armlet_core::dynamics::Model;
+/// # use armlet_core::motion::Motion;
+/// # use armlet_core::plant::{ElasticSpec, PlantSpec};
+/// use armlet_core::law::{CartesianImpedanceSpec, ElasticImpedanceSpec, Gain, ReductionSpec};
+/// # let model = Model::from(Arm::planar(&[0.5, 0.4], None, None, None, [0.0, -9.81])?);
+/// # let gain = |k: f64| Gain::scalar("gain", 2, k);
+/// # let elastic = |stiffness| ElasticSpec::new(model.clone(), gain(stiffness)?, gain(0.2)?, None, None, None).map(PlantSpec::from);
+///
+/// let outer = CartesianImpedanceSpec::new(model.clone(), Motion::hold(vec![0.7, 0.2])?, gain(60.0)?, gain(12.0)?, "link2", "xy")?;
+/// let inner = ReductionSpec::new(2, gain(2000.0)?, gain(0.2)?, gain(0.05)?, None, 0.7, false)?;
+/// let law = ElasticImpedanceSpec { outer, inner };
+/// // The storage function requires a plant with the stiffness of the law.
+/// assert!(law.has_storage(&elastic(2000.0)?) && !law.has_storage(&elastic(1500.0)?));
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct ElasticImpedanceSpec {
     /// The outer loop: the impedance law of the links.

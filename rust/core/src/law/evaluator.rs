@@ -55,6 +55,21 @@ impl<S: Real> BufferedLaw<S> {
 }
 
 /// A law that is evaluated at single instants, with its buffers. A call allocates nothing, except the call that records the program.
+///
+/// ```
+/// # use armlet_core::arm::Arm;
+/// # use armlet_core::dynamics::Model;
+/// use armlet_core::law::{Gain, LawEvaluator, LawSpec, PdGravitySpec};
+/// # let model = Model::from(Arm::pendulum(2.0, 5.0)?);
+///
+/// let law = PdGravitySpec::new(model, vec![0.5], Gain::scalar("kp", 1, 20.0)?, Gain::scalar("kd", 1, 4.0)?)?;
+/// let mut control = LawEvaluator::new(&LawSpec::from(law));
+/// let mut tau = [0.0];
+/// // The measured position is 0.3 rad, the velocity 0.1 rad/s.
+/// control.input(0.0, &[&[0.3], &[0.1]], None, &mut tau);
+/// assert!((tau[0] - (20.0 * 0.2 - 4.0 * 0.1 + 5.0 * 0.3f64.sin())).abs() < 1e-12);
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 pub struct LawEvaluator {
     direct: BufferedLaw<Float>,
     spec: LawSpec,

@@ -12,6 +12,30 @@ use std::sync::Arc;
 pub type Call = Arc<dyn Fn(f64, &[f64], &mut [f64]) -> bool + Send + Sync>;
 
 /// A law that is a function of the caller.
+///
+/// ```
+/// # use armlet_core::arm::Arm;
+/// # use armlet_core::dynamics::Model;
+/// # use nalgebra::dvector;
+/// # use std::sync::Arc;
+/// use armlet_core::law::{ExternalSpec, LawSpec};
+/// use armlet_core::plant::PlantKind;
+/// # use armlet_core::plant::{PlantSpec, RigidSpec};
+/// # use armlet_core::simulate::{Options, Problem, Sampling};
+///
+/// // An arm of 2 kg m^2 without gravity. The torque is 2 N m up to 0.5 s, then zero.
+/// let model = Model::from(Arm::pendulum(2.0, 0.0)?);
+/// let call = Arc::new(|t: f64, _x: &[f64], tau: &mut [f64]| {
+///     tau[0] = if t < 0.495 { 2.0 } else { 0.0 };
+///     true
+/// });
+/// let law = LawSpec::from(ExternalSpec { model: model.clone(), plant: PlantKind::Rigid, call });
+/// let plant = PlantSpec::from(RigidSpec::new(model));
+/// let options = Options { sampling: Some(Sampling::every(0.01)), ..Options::fixed(1.0, 0.01) };
+/// let run = Problem::from_rest(&plant, &law, &dvector![0.0], options)?.run()?;
+/// assert!((run.velocities()[100] - 0.5).abs() < 1e-12);
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Clone)]
 pub struct ExternalSpec {
     /// The model of the arm.

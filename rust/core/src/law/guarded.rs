@@ -30,6 +30,25 @@ use crate::motion::Motion;
 use crate::plant::PlantKind;
 
 /// The reaction of the law after contact.
+///
+/// ```
+/// # use armlet_core::arm::Arm;
+/// # use armlet_core::dynamics::Model;
+/// use armlet_core::law::{Gain, GuardedSpec, LawSpec, PdGravitySpec, Reaction};
+/// # let model = Model::from(Arm::pendulum(2.0, 5.0)?);
+/// # let gain = |k: f64| Gain::scalar("gain", 1, k);
+/// # let inner = LawSpec::from(PdGravitySpec::new(model.clone(), vec![0.5], gain(20.0)?, gain(4.0)?)?);
+///
+/// let guarded = |thresholds, reaction| {
+///     let observer = (model.clone(), gain(50.0)?, [vec![0.0], vec![0.0]]);
+///     GuardedSpec::new(inner.clone(), observer, thresholds, reaction, None)
+/// };
+/// let float = || Some(Reaction::Float(None));
+/// assert!(guarded(Some(vec![1.0]), float())?.reacts());
+/// // Without a reaction, the law only observes. A reaction requires thresholds.
+/// assert!(!guarded(Some(vec![1.0]), None)?.reacts() && guarded(None, float()).is_err());
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub enum Reaction {
     /// Hold the position at contact, with a stiffness and a damping of size `n`.
@@ -52,6 +71,30 @@ impl Reaction {
 }
 
 /// A law with its observer, with validated parameters.
+///
+/// ```
+/// # use armlet_core::arm::Arm;
+/// # use armlet_core::dynamics::Model;
+/// # use armlet_core::plant::{PlantSpec, RigidSpec};
+/// # use armlet_core::simulate::{Force, Options, Problem, Sampling};
+/// # use nalgebra::dvector;
+/// use armlet_core::law::{Gain, GuardedSpec, LawSpec, PdGravitySpec, Reaction};
+/// # let model = Model::from(Arm::planar(&[0.5], None, None, None, [0.0, 0.0])?);
+/// # let gain = |k: f64| Gain::scalar("gain", 1, k);
+/// # let plant = PlantSpec::from(RigidSpec::new(model.clone()));
+/// # let tip = model.tree("arm")?.frame_index("link1")?;
+///
+/// let inner = LawSpec::from(PdGravitySpec::new(model.clone(), vec![0.0], gain(20.0)?, gain(4.0)?)?);
+/// let observer = (model, gain(100.0)?, [vec![0.0], vec![0.0]]);
+/// let law = LawSpec::from(GuardedSpec::new(inner, observer, Some(vec![1.0]), Some(Reaction::Float(Some(gain(1.0)?))), None)?);
+/// // From 0.1 s on, a force of 20 N acts on the tip. After contact, the arm floats away instead of returning.
+/// let force = Force::steps(vec![0.1], vec![[0.0, 20.0, 0.0, 0.0, 0.0, 0.0]])?;
+/// let options = Options { sampling: Some(Sampling::every(1e-3)), ..Options::fixed(0.5, 1e-3) };
+/// let mut problem = Problem::from_rest(&plant, &law, &dvector![0.0], options)?;
+/// (problem.forces, problem.force_frame) = (vec![&force], Some(tip));
+/// assert!(problem.run()?.q[500] > 1.0);
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct GuardedSpec {
     /// The law before contact.

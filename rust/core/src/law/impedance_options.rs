@@ -18,6 +18,24 @@ use crate::scalar::Real;
 const LEAST_EPS: f64 = 1e-7;
 
 /// Options of a Cartesian impedance law, validated by [`super::CartesianImpedanceSpec::with`].
+///
+/// ```
+/// # use armlet_core::arm::Arm;
+/// # use armlet_core::dynamics::Model;
+/// # use armlet_core::motion::Motion;
+/// use armlet_core::law::{CartesianImpedanceSpec, Gain, ImpedanceOptions, LawEvaluator, LawSpec};
+/// # let model = Model::from(Arm::planar(&[0.5], None, None, None, [0.0, 0.0])?);
+/// # let gain = |k: f64| Gain::scalar("gain", 2, k);
+/// # let law = CartesianImpedanceSpec::new(model, Motion::hold(vec![0.5, 0.0])?, gain(200.0)?, gain(20.0)?, "link1", "xy")?;
+///
+/// // The law presses with 3 N along y. At most 2 N are permitted.
+/// let options = ImpedanceOptions { feedforward: Some(vec![0.0, 3.0]), wrench_max: Some(vec![2.0, 2.0]), ..ImpedanceOptions::default() };
+/// let law = LawSpec::from(law.with(options)?);
+/// let mut tau = [0.0];
+/// LawEvaluator::new(&law).input(0.0, &[&[0.0], &[0.0]], None, &mut tau);
+/// assert!((tau[0] - 0.5 * 2.0).abs() < 1e-12);
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct ImpedanceOptions {
     /// The posture control in the null space; `None` without it.

@@ -17,6 +17,17 @@ use crate::scalar::Real;
 use crate::scalar::hyperbolic::{decay, tanh};
 
 /// A kind of joint column. Each kind has one parameter per joint.
+///
+/// ```
+/// # use armlet_core::{arm::Arm, dynamics::Model};
+/// use armlet_core::law::{JointColumn, JointColumns};
+///
+/// let model = Model::from(Arm::pendulum(2.0, 5.0)?);
+/// let columns = JointColumns::new(1, &[JointColumn::Viscous, JointColumn::Coulomb], vec![0.05])?;
+/// assert!(columns.has(JointColumn::Coulomb) && !columns.has(JointColumn::Armature));
+/// assert_eq!(columns.names(&model), model.column_names(false, true)[10..]);
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum JointColumn {
     /// `a_r`: rotor inertia, kg m^2 or kg.
@@ -42,6 +53,23 @@ impl JointColumn {
 }
 
 /// The joint columns that are estimated.
+///
+/// ```
+/// # use armlet_core::arm::Arm;
+/// # use armlet_core::dynamics::Model;
+/// # use armlet_core::motion::Motion;
+/// use armlet_core::law::{Adaptation, AdaptiveSpec, Gain, JointColumn, JointColumns};
+/// # let model = Model::from(Arm::pendulum(2.0, 5.0)?);
+/// # let gain = |n: usize, k: f64| Gain::scalar("gain", n, k);
+///
+/// // Estimate the ten parameters of the body, the rotor inertia and the viscous friction.
+/// let columns = JointColumns::new(1, &[JointColumn::Armature, JointColumn::Viscous], vec![0.05])?;
+/// let p = model.parameter_count() + columns.count();
+/// let (motion, adaptation) = (Motion::hold(vec![0.5])?, Adaptation::Euclidean(gain(p, 2.0)?));
+/// let law = AdaptiveSpec::with_columns(model, motion, [gain(1, 50.0)?, gain(1, 10.0)?], adaptation, None, columns, None)?;
+/// assert_eq!((law.parameter_sizes(), law.parameter_names().len()), ((1, 12), 12));
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Clone, Debug, PartialEq, Default)]
 pub struct JointColumns {
     kinds: Vec<JointColumn>,

@@ -19,6 +19,20 @@ pub const HORIZON: f64 = 0.1;
 
 /// Limits that replace the limits of the arm. `None` uses the arm's limit; an arm has no acceleration limits. If only one of `v_min` and
 /// `v_max` is given, the other one is its negative.
+///
+/// ```
+/// # use armlet_core::{arm::Arm, dynamics::Model, priority::PriorityMethod};
+/// use armlet_core::law::{JointLimits, LimitOverrides};
+/// # let model = Model::from(Arm::pendulum(2.0, 5.0)?);
+///
+/// let given = LimitOverrides { v_max: Some(vec![2.0]), ..LimitOverrides::default() };
+/// let (mut lower, mut upper) = ([0.0], [0.0]);
+/// JointLimits::new(&model, &given)?.velocities(|_| 0.5, &mut lower, &mut upper);
+/// assert_eq!((lower, upper), ([-2.0], [2.0]));
+/// // Only the method `Sns` accepts limits.
+/// assert!(given.require_sns(PriorityMethod::Sns).is_ok() && given.require_sns(PriorityMethod::Clamp).is_err());
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct LimitOverrides {
     /// Least positions `(n,)`, rad or m.
@@ -56,6 +70,20 @@ impl LimitOverrides {
 }
 
 /// Limits of every joint; infinite where there is no limit.
+///
+/// ```
+/// # use armlet_core::{arm::Arm, dynamics::Model};
+/// use armlet_core::law::{JointLimits, LimitOverrides};
+/// # let model = Model::from(Arm::pendulum(2.0, 5.0)?);
+///
+/// let given = LimitOverrides { q_max: Some(vec![1.0]), v_max: Some(vec![2.0]), a_max: Some(vec![4.0]), ..LimitOverrides::default() };
+/// let limits = JointLimits::new(&model, &given)?;
+/// let (mut lower, mut upper) = ([0.0], [0.0]);
+/// // At 0.1 rad before the limit, the joint must be able to stop: v = sqrt(2 a_max d).
+/// limits.velocities(|_| 0.9, &mut lower, &mut upper);
+/// assert!((upper[0] - (2.0 * 4.0 * 0.1f64).sqrt()).abs() < 1e-12 && lower == [-2.0]);
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct JointLimits {
     q_min: Vec<f64>,

@@ -13,7 +13,6 @@
 mod adaptation;
 mod adaptive;
 mod aims;
-#[doc(hidden)]
 mod arm_batch;
 mod arm_solver;
 mod c_loop;
@@ -21,11 +20,9 @@ mod cartesian_impedance;
 mod composite;
 mod computed_torque;
 mod concurrent;
-#[doc(hidden)]
 mod decided;
 mod definition;
 mod elastic_impedance;
-#[doc(hidden)]
 mod evaluator;
 mod external;
 mod guarded;
@@ -53,43 +50,45 @@ mod storage;
 mod truth;
 
 pub use crate::linalg::gain::Gain;
-pub use adaptation::{Adaptation, AnyAdaptive, Base};
-pub use adaptive::{Adaptive, AdaptiveSpec};
+pub use adaptation::{Adaptation, Base};
+pub use adaptive::AdaptiveSpec;
 pub use aims::{Aim, JointReference};
 pub use arm_batch::ArmBatch;
 pub use arm_solver::ArmSolver;
 pub use c_loop::CLoop;
+pub use cartesian_impedance::CartesianImpedanceSpec;
 pub(crate) use cartesian_impedance::turn_rates;
-pub use cartesian_impedance::{CartesianImpedance, CartesianImpedanceSpec};
 pub use composite::Composite;
-pub use computed_torque::{ComputedTorque, ComputedTorqueSpec};
+pub use computed_torque::ComputedTorqueSpec;
 pub use concurrent::{Concurrent, Record, StoredRows, Windows};
-pub use decided::{Decided, RecordedSolver, Solve};
-pub use definition::{Build, Definition, Instant, Route, Term};
-pub use elastic_impedance::{ElasticImpedance, ElasticImpedanceSpec};
+pub(crate) use decided::{RecordedSolver, Solve};
+use definition::Build;
+pub use definition::{Definition, Instant, Route, Term};
+pub use elastic_impedance::ElasticImpedanceSpec;
 pub use evaluator::LawEvaluator;
-pub use external::{Call, External, ExternalSpec};
+pub use external::{Call, ExternalSpec};
 pub use guarded::{GuardedSpec, Reaction};
-pub use guarding::Guarded;
 pub use impedance_options::ImpedanceOptions;
-pub use inertia_reduction::{Reduction, ReductionSpec};
+pub use inertia_reduction::ReductionSpec;
 pub use isolation::{parents, touched};
 pub use joint_columns::{JointColumn, JointColumns};
-pub use joint_impedance::{JointImpedance, JointImpedanceSpec};
+pub use joint_impedance::JointImpedanceSpec;
 pub use joint_limits::{HORIZON, JointLimits, LimitOverrides};
 pub use level::Level;
-pub use lyapunov::Lyapunov;
-pub use motor_regulation::{MotorPdSpec, MotorRegulation, MotorRegulationSpec, StateFeedbackSpec};
+pub(crate) use lyapunov::Lyapunov;
+pub use motor_regulation::{MotorPdSpec, MotorRegulationSpec, StateFeedbackSpec};
 pub use null_space::{NULL_SPACE_EPS, NullProjection, NullSpaceSpec};
-pub use pd_gravity::{PdGravity, PdGravitySpec};
-pub use pid::{Pid, PidOptions, PidSpec};
-pub use priority_acceleration::{PriorityAcceleration, PriorityAccelerationSpec};
-pub use priority_velocity::{PriorityVelocity, PriorityVelocitySpec, with_limits};
+pub use pd_gravity::PdGravitySpec;
+pub use pid::{PidOptions, PidSpec};
+pub(crate) use priority_acceleration::PriorityAcceleration;
+pub use priority_acceleration::PriorityAccelerationSpec;
+pub(crate) use priority_velocity::PriorityVelocity;
+pub use priority_velocity::{PriorityVelocitySpec, with_limits};
 pub use projection::Projection;
-pub use projection_loss::ProjectionLoss;
+pub(crate) use projection_loss::ProjectionLoss;
 pub use restraint::{LeakageForm, Restraint};
 pub use sampled_reduction::LockedMotors;
-pub use storage::Storage;
+pub(crate) use storage::Storage;
 pub use truth::Truth;
 
 use crate::error::{Error, Result};
@@ -98,6 +97,21 @@ use crate::scalar::Real;
 use std::ops::{Deref, DerefMut};
 
 /// A law in a control loop.
+///
+/// ```
+/// # use armlet_core::arm::Arm;
+/// # use armlet_core::dynamics::Model;
+/// use armlet_core::law::{Gain, LawSpec, PdGravitySpec};
+/// # let model = Model::from(Arm::pendulum(2.0, 5.0)?);
+///
+/// let law = PdGravitySpec::new(model, vec![0.5], Gain::scalar("kp", 1, 20.0)?, Gain::scalar("kd", 1, 4.0)?)?;
+/// let law = LawSpec::from(law);
+/// let mut control = LawSpec::build::<f64>(|_| &law);
+/// let (q, v, mut tau): (f64, f64, _) = (0.3, 0.1, [0.0]);
+/// control.evaluate(&law.desired::<f64>(0.0), &[q.sin_cos()], &[q, v], &[], &mut tau, &mut []);
+/// assert!((tau[0] - (20.0 * 0.2 - 4.0 * v + 5.0 * q.sin())).abs() < 1e-12);
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 pub trait Law<S: Real> {
     /// Compute the plant's input `tau`, `(n,)`, and the rate `dz`, `(p,)`, of the law's state `z`, `(p,)`.
     ///

@@ -28,6 +28,15 @@ use crate::scalar::Real;
 pub const NULL_SPACE_EPS: f64 = 0.02;
 
 /// The metric in which a joint torque is projected into the null space.
+///
+/// ```
+/// use armlet_core::law::NullProjection;
+///
+/// assert_eq!(NullProjection::of_name("consistent")?, NullProjection::Consistent);
+/// assert_eq!(NullProjection::of_name("static")?, NullProjection::Static);
+/// assert!(NullProjection::of_name("dynamic").is_err());
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum NullProjection {
     /// The metric of the mass matrix. The projected torque does not accelerate the frame.
@@ -48,6 +57,27 @@ impl NullProjection {
 }
 
 /// A spring and a damper of the joints in the null space of an impedance law, with validated parameters.
+///
+/// ```
+/// # use armlet_core::arm::Arm;
+/// # use armlet_core::dynamics::Model;
+/// # use armlet_core::motion::Motion;
+/// use armlet_core::law::{CartesianImpedanceSpec, Gain, ImpedanceOptions, LawSpec, NullProjection, NullSpaceSpec};
+/// # let model = Model::from(Arm::planar(&[0.5, 0.4, 0.3], None, None, None, [0.0, 0.0])?);
+/// # let gain = |n: usize, k: f64| Gain::scalar("gain", n, k);
+/// # let law = CartesianImpedanceSpec::new(model, Motion::hold(vec![0.7, 0.6])?, gain(2, 200.0)?, gain(2, 20.0)?, "link3", "xy")?;
+///
+/// let posture = Motion::hold(vec![0.2, 0.6, 0.4])?;
+/// let null_space = NullSpaceSpec::new(3, posture, gain(3, 10.0)?, gain(3, 2.0)?, NullProjection::Static)?;
+/// let law = LawSpec::from(law.with(ImpedanceOptions { null_space: Some(null_space), ..ImpedanceOptions::default() })?);
+/// let terms = law.terms_at(0.0, &[0.3, 0.4, 0.5, 0.0, 0.0, 0.0], &[]);
+/// let term = |name: &str| terms.iter().find(|term| term.0 == name).map_or(vec![], |term| term.2.clone());
+/// let (j, torque) = (term("J"), term("null_torque"));
+/// // With the static projection, J times the projected torque is zero.
+/// assert!(torque.iter().any(|x| x.abs() > 0.1));
+/// assert!(j.chunks(3).all(|row| row.iter().zip(&torque).map(|(j, x)| j * x).sum::<f64>().abs() < 1e-12));
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct NullSpaceSpec {
     /// Desired posture `q_n`, `(n,)`, rad or m. For a fixed posture, use a motion with constant position.

@@ -26,6 +26,22 @@ use crate::scalar::Real;
 use crate::scalar::hyperbolic::tanh;
 
 /// PID control with gravity compensation, with validated parameters.
+///
+/// ```
+/// # use armlet_core::arm::Arm;
+/// # use armlet_core::dynamics::Model;
+/// # use armlet_core::motion::Motion;
+/// use armlet_core::law::{Gain, LawEvaluator, LawSpec, PidSpec};
+/// # let model = Model::from(Arm::pendulum(2.0, 5.0)?);
+/// # let gain = |k: f64| Gain::scalar("gain", 1, k);
+///
+/// let law = PidSpec::new(model, Motion::hold(vec![0.5])?, gain(20.0)?, Some(gain(3.0)?), gain(4.0)?)?;
+/// let mut tau = [0.0];
+/// // The integral torque, the state of the law, is 1.5 N m.
+/// LawEvaluator::new(&LawSpec::from(law)).input(0.0, &[&[0.3], &[0.1]], Some(&[1.5]), &mut tau);
+/// assert!((tau[0] - (20.0 * 0.2 - 4.0 * 0.1 + 1.5 + 5.0 * 0.3f64.sin())).abs() < 1e-12);
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct PidSpec {
     model: Model,
@@ -41,6 +57,23 @@ pub struct PidSpec {
 }
 
 /// The options of a PID law. Each is `(n,)` and positive, or `None` if it is not used.
+///
+/// ```
+/// # use armlet_core::arm::Arm;
+/// # use armlet_core::dynamics::Model;
+/// # use armlet_core::motion::Motion;
+/// use armlet_core::law::{Gain, LawSpec, PidOptions, PidSpec};
+/// # let model = Model::from(Arm::pendulum(2.0, 5.0)?);
+/// # let gain = |k: f64| Gain::scalar("gain", 1, k);
+///
+/// let law = PidSpec::new(model, Motion::hold(vec![0.5])?, gain(20.0)?, Some(gain(3.0)?), gain(4.0)?)?;
+/// let law = LawSpec::from(law.with(PidOptions { tau_max: Some(vec![6.0]), ..PidOptions::default() })?);
+/// // At q = 0, the law requires 10 N m. While the torque is at its limit, the integral does not change.
+/// let terms = law.terms_at(0.0, &[0.0, 0.0], &[0.0]);
+/// let term = |name: &str| terms.iter().find(|term| term.0 == name).map_or(f64::NAN, |term| term.2[0]);
+/// assert_eq!((term("u"), term("tau"), term("integral_rate")), (10.0, 6.0, 0.0));
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Clone, Debug, PartialEq, Default)]
 pub struct PidOptions {
     /// The largest torques, N m or N; infinity means no limit.

@@ -20,6 +20,26 @@ use crate::priority::{PriorityMethod, PriorityOptions, PrioritySolver};
 use crate::scalar::Real;
 
 /// Joint accelerations for tasks in order of priority, with validated parameters.
+///
+/// ```
+/// # use armlet_core::{arm::Arm, dynamics::Model, kinematics::TaskFunction, motion::Motion, priority::PriorityOptions};
+/// # use armlet_core::plant::{PlantSpec, RigidSpec};
+/// # use armlet_core::simulate::{Options, Problem};
+/// # use nalgebra::dvector;
+/// use armlet_core::law::{Gain, LawSpec, Level, LimitOverrides, PriorityAccelerationSpec};
+/// # let arm = Arm::planar(&[0.5, 0.4], None, None, None, [0.0, -9.81])?;
+///
+/// let tip = TaskFunction::frame(&arm, "link2", "xy")?;
+/// // K = 25 1/s^2 with critical damping: the error decays as (1 + 5 t) exp(-5 t).
+/// let levels = vec![Level::new(tip, Motion::hold(vec![0.6, 0.3])?, Gain::scalar("gain", 2, 25.0)?, None)?];
+/// let model = Model::from(arm);
+/// let law = PriorityAccelerationSpec::new(model.clone(), levels, PriorityOptions::default(), 1.0, &LimitOverrides::default())?;
+/// let (law, plant) = (LawSpec::from(law), PlantSpec::from(RigidSpec::new(model)));
+/// let run = Problem::from_rest(&plant, &law, &dvector![0.3, 0.9], Options::fixed(0.4, 1e-2))?.run()?;
+/// let error = |k: usize| { let (a, b) = (run.q[2 * k], run.q[2 * k] + run.q[2 * k + 1]); 0.6 - 0.5 * a.cos() - 0.4 * b.cos() };
+/// assert!((error(40) / error(0) - 3.0 * (-2.0f64).exp()).abs() < 1e-4);
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct PriorityAccelerationSpec {
     model: Model,
@@ -69,7 +89,7 @@ impl PriorityAccelerationSpec {
     }
 
     /// Create the law with a solver of the kind `P`; `None` if this kind does not support the law's method.
-    pub fn engine<P: Solve>(&self) -> Option<PriorityAcceleration<P>> {
+    pub(crate) fn engine<P: Solve>(&self) -> Option<PriorityAcceleration<P>> {
         P::of(self.solver().ok()?).map(|solver| self.with(solver))
     }
 

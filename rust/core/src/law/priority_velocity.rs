@@ -24,6 +24,23 @@ use crate::priority::{PriorityMethod, PriorityOptions, PrioritySolver};
 use crate::scalar::Real;
 
 /// Joint velocities for tasks in order of priority, with validated parameters.
+///
+/// ```
+/// # use armlet_core::{arm::Arm, dynamics::Model, kinematics::TaskFunction, motion::Motion, priority::PriorityOptions};
+/// use armlet_core::law::{Gain, LawSpec, Level, LimitOverrides, PriorityVelocitySpec};
+/// # let arm = Arm::planar(&[0.5, 0.4], None, None, None, [0.0, -9.81])?;
+///
+/// let tip = TaskFunction::frame(&arm, "link2", "xy")?;
+/// let levels = vec![Level::new(tip, Motion::hold(vec![0.6, 0.3])?, Gain::scalar("gain", 2, 5.0)?, None)?];
+/// let law = LawSpec::from(PriorityVelocitySpec::new(Model::from(arm), levels, PriorityOptions::default(), &LimitOverrides::default())?);
+/// assert_eq!(law.level_rows(), [2]);
+/// let terms = law.terms_at(0.0, &[0.3, 0.9], &[]);
+/// let term = |name: &str| terms.iter().find(|term| term.0 == name).map_or(vec![], |term| term.2.clone());
+/// // The velocity of the tip is 5 1/s times its error.
+/// let (e, j, v) = (term("e"), term("J"), term("tau"));
+/// assert!((0..2).all(|i| (j[2 * i] * v[0] + j[2 * i + 1] * v[1] - 5.0 * e[i]).abs() < 1e-12));
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct PriorityVelocitySpec {
     model: Model,
@@ -62,7 +79,7 @@ impl PriorityVelocitySpec {
     }
 
     /// Create the law with a solver of the kind `P`; `None` if this kind does not support the law's method.
-    pub fn engine<P: Solve>(&self) -> Option<PriorityVelocity<P>> {
+    pub(crate) fn engine<P: Solve>(&self) -> Option<PriorityVelocity<P>> {
         P::of(self.solver().ok()?).map(|solver| self.with(solver))
     }
 

@@ -32,6 +32,22 @@ const SWEEPS: usize = 6;
 const PR: usize = 3;
 
 /// The lower bounds `P_k^min` of the pseudo-inertias.
+///
+/// ```
+/// # use armlet_core::arm::Arm;
+/// # use armlet_core::dynamics::Model;
+/// # use armlet_core::motion::Motion;
+/// use armlet_core::law::{Adaptation, AdaptiveSpec, Gain, LawSpec, Projection};
+/// # let model = Model::from(Arm::pendulum(2.0, 5.0)?);
+/// # let gain = |n: usize, k: f64| Gain::scalar("gain", n, k);
+/// # let (motion, adaptation) = (Motion::hold(vec![0.0])?, Adaptation::Euclidean(gain(10, 2.0)?));
+///
+/// let law = AdaptiveSpec::new(model, motion, gain(1, 50.0)?, gain(1, 10.0)?, adaptation, None, None)?;
+/// // Every estimate keeps at least the inertia of 0.1 kg with a radius of gyration of 0.05 m. So it cannot start at zero.
+/// let law = law.projected(Projection::of_mass(10, 0.1, 0.05)?)?;
+/// assert!((LawSpec::from(law).initial_state()[0] - 0.1).abs() < 1e-12);
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Projection {
     width: usize,

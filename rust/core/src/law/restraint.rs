@@ -16,6 +16,26 @@ use crate::error::{Error, Result, finite};
 use crate::scalar::Real;
 
 /// The factor of `sigma` in the leakage.
+///
+/// ```
+/// # use armlet_core::arm::Arm;
+/// # use armlet_core::dynamics::Model;
+/// # use armlet_core::motion::Motion;
+/// use armlet_core::law::{Adaptation, AdaptiveSpec, Gain, LawSpec, LeakageForm};
+/// # let model = Model::from(Arm::pendulum(2.0, 5.0)?);
+/// # let gain = |n: usize, k: f64| Gain::scalar("gain", n, k);
+/// # let (motion, adaptation) = (Motion::hold(vec![0.0])?, Adaptation::Euclidean(gain(10, 2.0)?));
+/// # let law = AdaptiveSpec::new(model, motion, gain(1, 50.0)?, gain(1, 10.0)?, adaptation, None, None)?;
+///
+/// // The rate of the first parameter at rest at the target, where s = 0, for an estimate of ones.
+/// let rate = |form| -> armlet_core::error::Result<f64> {
+///     let law = LawSpec::from(law.clone().leaking(0.1, form, None)?);
+///     let terms = law.terms_at(0.0, &[0.0, 0.0], &[1.0; 10]);
+///     Ok(terms.iter().find(|term| term.0 == "estimate_rate").map_or(f64::NAN, |term| term.2[0]))
+/// };
+/// assert_eq!((rate(LeakageForm::Sigma)?, rate(LeakageForm::Error)?), (-2.0 * 0.1, 0.0));
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LeakageForm {
     /// The factor is one: sigma modification.
@@ -25,6 +45,25 @@ pub enum LeakageForm {
 }
 
 /// Leakage and dead zone of an adaptation.
+///
+/// ```
+/// # use armlet_core::arm::Arm;
+/// # use armlet_core::dynamics::Model;
+/// # use armlet_core::motion::Motion;
+/// use armlet_core::law::{Adaptation, AdaptiveSpec, Gain, LawSpec, LeakageForm, Restraint};
+/// # let model = Model::from(Arm::pendulum(2.0, 5.0)?);
+/// # let gain = |n: usize, k: f64| Gain::scalar("gain", n, k);
+/// # let (motion, adaptation) = (Motion::hold(vec![0.0])?, Adaptation::Euclidean(gain(10, 2.0)?));
+///
+/// let law = AdaptiveSpec::new(model, motion, gain(1, 50.0)?, gain(1, 10.0)?, adaptation, None, None)?;
+/// assert_eq!(law.restraint, Restraint::none());
+/// let law = law.leaking(0.1, LeakageForm::Sigma, None)?.resting_below(0.02)?;
+/// assert_eq!((law.restraint.leakage, law.restraint.dead_zone), (0.1, 0.02));
+/// // Within the dead zone, at |s| = 0.01 rad/s, the estimate does not change.
+/// let terms = LawSpec::from(law).terms_at(0.0, &[0.0, 0.01], &[1.0; 10]);
+/// assert!(terms.iter().any(|(name, _, rate)| *name == "estimate_rate" && rate.iter().all(|&x| x == 0.0)));
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Restraint {
     /// Leakage `sigma >= 0`; zero without leakage. `Gamma sigma` is in 1/s, and with `LeakageForm::Error` in 1/s per unit of `|s|`.

@@ -15,6 +15,16 @@ use crate::plant::ElasticSpec;
 use nalgebra::DMatrix;
 
 /// Motors with locked links and the inner loop of a law.
+///
+/// ```
+/// use armlet_core::law::LockedMotors;
+///
+/// // A motor of 0.4 kg m^2 at a spring of 800 N m/rad, reduced to 0.02 kg m^2, without a torque sensor.
+/// let motor = LockedMotors::single(0.4, 800.0, 0.02, 8.0, f64::INFINITY);
+/// let limit = motor.largest_sample_time();
+/// assert!(1e-4 < limit && limit < 1e-1);
+/// assert!(motor.radius(0.9 * limit) < 1.0 && motor.radius(1.1 * limit) > 1.0);
+/// ```
 pub struct LockedMotors {
     n: usize,
     /// The matrices of each group of coupled joints; equal groups are stored once.

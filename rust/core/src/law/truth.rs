@@ -25,6 +25,28 @@ impl AdaptiveSpec {
 }
 
 /// The true parameters of the plants in the lanes, for the derivative of the Lyapunov function.
+///
+/// ```
+/// # use armlet_core::arm::Arm;
+/// # use armlet_core::dynamics::Model;
+/// # use armlet_core::motion::Motion;
+/// # use armlet_core::plant::{PlantSpec, RigidSpec};
+/// use armlet_core::law::{Adaptation, AdaptiveSpec, Gain, LawSpec, LeakageForm, Truth};
+/// # let model = Model::from(Arm::pendulum(2.0, 5.0)?);
+/// # let gain = |n: usize, k: f64| Gain::scalar("gain", n, k);
+/// # let (motion, adaptation) = (Motion::hold(vec![0.0])?, Adaptation::Euclidean(gain(10, 2.0)?));
+/// # let plant = PlantSpec::from(RigidSpec::new(model.clone()));
+/// # let law = AdaptiveSpec::new(model.clone(), motion, gain(1, 50.0)?, gain(1, 10.0)?, adaptation, None, None)?;
+///
+/// let law = LawSpec::from(law.leaking(0.1, LeakageForm::Sigma, None)?);
+/// let (mut control, truth) = (LawSpec::build::<f64>(|_| &law), Truth::new(|_| &law, |_| &plant));
+/// let (x, z, mut tau, mut rate) = ([0.0, 0.2], model.parameters(), [0.0], [0.0; 10]);
+/// control.evaluate(&[0.0; 3], &[(0.0, 1.0)], &x, &z, &mut tau, &mut rate);
+/// // With the true parameters as estimate, the leakage adds nothing to the dissipation s Kd s.
+/// let dissipation = truth.map(|truth| control.dissipation_of(&truth, &x, &z));
+/// assert!(dissipation.is_some_and(|power| (power - 10.0 * 0.2 * 0.2).abs() < 1e-12));
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 pub struct Truth<S> {
     /// True values `a` of the estimated parameters, `(p,)`.
     parameters: Vec<S>,
