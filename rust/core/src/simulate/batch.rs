@@ -6,9 +6,9 @@
 use super::batch_rows::{self, BatchRuns, GroupRecorder};
 use super::columns::Columns;
 use super::general::General;
-use super::measures::Plan;
+use super::measures::{Measures, Plan};
 use super::monitors;
-use super::problem::{Division, Measures, Problem};
+use super::problem::{Division, Problem};
 use super::programs::{self, Structures};
 use super::rates_programs::Rates;
 use super::schedule::Times;
@@ -21,6 +21,24 @@ use crate::trace::pages::in_large_pages;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 /// The results of each run that a batch stores.
+///
+/// ```
+/// # use armlet_core::{arm::Arm, dynamics::Model, law::{Gain, LawSpec, PdGravitySpec}, plant::{PlantSpec, RigidSpec}};
+/// # use nalgebra::dvector;
+/// # let model = Model::from(Arm::pendulum(2.0, 0.0)?);
+/// # let law = PdGravitySpec::new(model.clone(), vec![0.0], Gain::scalar("kp", 1, 50.0)?, Gain::scalar("kd", 1, 20.0)?)?;
+/// # let (law, plant) = (LawSpec::from(law), PlantSpec::from(RigidSpec::new(model.clone())));
+/// use armlet_core::simulate::{Keep, Measures, Options, Problem, simulate_batch};
+///
+/// let mut problem = Problem::from_rest(&plant, &law, &dvector![0.0], Options::fixed(0.1, 0.01))?;
+/// // Two runs, from 1 rad and from 2 rad.
+/// problem.x0 = vec![1.0, 0.0, 2.0, 0.0];
+/// let runs = |keep| simulate_batch(problem.clone(), keep, 1, &mut || false);
+/// assert_eq!((runs(Keep::All)?.q.len(), runs(Keep::Final)?.q.len()), (2 * 11, 2));
+/// let measured = runs(Keep::Metrics(Measures::default()))?;
+/// assert_eq!((measured.q.len(), measured.metrics[1].0, measured.metrics[1].2.as_slice()), (2, "error_peak", &[1.0, 2.0][..]));
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub enum Keep {
     /// All records.

@@ -23,6 +23,23 @@ pub type Metric = (&'static str, Option<usize>, Vec<f64>);
 
 /// The records of a batch of `B` runs with `K` records. Arrays are row-major. After an interruption, the content of the arrays is
 /// undefined.
+///
+/// ```
+/// # use armlet_core::{arm::Arm, dynamics::Model, law::{Gain, LawSpec, PdGravitySpec}, plant::{PlantSpec, RigidSpec}, status::Status};
+/// # use nalgebra::dvector;
+/// # let model = Model::from(Arm::pendulum(2.0, 0.0)?);
+/// # let law = PdGravitySpec::new(model.clone(), vec![0.0], Gain::scalar("kp", 1, 2.0)?, Gain::not_negative("kd", vec![0.0])?)?;
+/// # let (law, plant) = (LawSpec::from(law), PlantSpec::from(RigidSpec::new(model.clone())));
+/// use armlet_core::simulate::{BatchRuns, Keep, Options, Problem, simulate_batch};
+///
+/// // The joint oscillates with q = q0 cos t, from 1 rad and from 2 rad.
+/// let mut problem = Problem::from_rest(&plant, &law, &dvector![0.0], Options::fixed(1.0, 0.01))?;
+/// problem.x0 = vec![1.0, 0.0, 2.0, 0.0];
+/// let BatchRuns { q, status, ended, .. } = simulate_batch(problem, Keep::Final, 1, &mut || false)?;
+/// assert_eq!((status, ended), (vec![Status::Success; 2], vec![1.0; 2]));
+/// assert!((q[0] - 1f64.cos()).abs() < 1e-9 && (q[1] - 2.0 * 1f64.cos()).abs() < 1e-9);
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Clone, Debug, Default)]
 pub struct BatchRuns {
     /// Times of the records, shape `(K,)`, s.

@@ -20,6 +20,21 @@ use std::sync::Arc;
 const CHUNK: usize = 64;
 
 /// Computes the steps of all rows. The caller stores the states.
+///
+/// ```
+/// # use armlet_core::arm::Arm;
+/// # use armlet_core::dynamics::Model;
+/// use armlet_core::plant::{PlantSpec, RigidSpec};
+/// use armlet_core::simulate::BatchStepper;
+///
+/// // Two arms of 2 kg m^2 without gravity, at rest, under 2 N m and 4 N m for 100 ms.
+/// let plant = PlantSpec::from(RigidSpec::new(Model::from(Arm::pendulum(2.0, 0.0)?)));
+/// let stepper = BatchStepper::new(&plant, 2, 1e-3)?;
+/// let mut x = [0.0; 4];
+/// let stopped = stepper.advance(&[2.0, 4.0], 100, 1, &mut || false, &mut x);
+/// assert!(!stopped && (x[0] - 0.005).abs() < 1e-12 && (x[2] - 0.01).abs() < 1e-12);
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 pub struct BatchStepper {
     plant: PlantSpec,
     law: LawSpec,

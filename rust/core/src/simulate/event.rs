@@ -11,6 +11,29 @@ use std::sync::Arc;
 pub type Signal = Arc<dyn Fn(f64, &[f64]) -> Option<f64> + Send + Sync>;
 
 /// The function `g` whose zero is the event.
+///
+/// ```
+/// # use armlet_core::{arm::Arm, dynamics::Model, law::{Gain, LawSpec, PdGravitySpec}, plant::{PlantSpec, RigidSpec}};
+/// # use nalgebra::dvector;
+/// # use std::{f64::consts::PI, sync::Arc, sync::atomic::AtomicBool};
+/// # let model = Model::from(Arm::pendulum(2.0, 0.0)?);
+/// # let law = PdGravitySpec::new(model.clone(), vec![0.0], Gain::scalar("kp", 1, 2.0)?, Gain::not_negative("kd", vec![0.0])?)?;
+/// # let (law, plant) = (LawSpec::from(law), PlantSpec::from(RigidSpec::new(model.clone())));
+/// use armlet_core::simulate::{Event, EventFunction, Options, Problem, RunObserver, simulate_observed};
+///
+/// // The joint oscillates with q = cos t.
+/// let functions = [
+///     EventFunction::Joint { joint: 0, value: 0.0, below: false },
+///     EventFunction::Function(Arc::new(|_, x| Some(x[0] - 0.5))),
+/// ];
+/// let events = functions.map(|function| Event { function, direction: 0.0, stop_after: 0 }).to_vec();
+/// let mut observer = RunObserver { events, ..RunObserver::default() };
+/// let problem = Problem::from_rest(&plant, &law, &dvector![1.0], Options::adaptive(2.0))?;
+/// simulate_observed(&problem, &AtomicBool::new(false), Some(&mut observer))?;
+/// let t = observer.crossings.t;
+/// assert!((t[0] - PI / 3.0).abs() < 1e-6 && (t[1] - PI / 2.0).abs() < 1e-6);
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Clone)]
 pub enum EventFunction {
     /// `g = q_i - value`, or `g = value - q_i` if `below` is true.
@@ -56,6 +79,24 @@ impl EventFunction {
 }
 
 /// An event of a run.
+///
+/// ```
+/// # use armlet_core::{arm::Arm, dynamics::Model, law::{Gain, LawSpec, PdGravitySpec}, plant::{PlantSpec, RigidSpec}, status::Status};
+/// # use nalgebra::dvector;
+/// # use std::{f64::consts::PI, sync::atomic::AtomicBool};
+/// # let model = Model::from(Arm::pendulum(2.0, 0.0)?);
+/// # let law = PdGravitySpec::new(model.clone(), vec![0.0], Gain::scalar("kp", 1, 2.0)?, Gain::not_negative("kd", vec![0.0])?)?;
+/// # let (law, plant) = (LawSpec::from(law), PlantSpec::from(RigidSpec::new(model.clone())));
+/// use armlet_core::simulate::{Event, EventFunction, Options, Problem, RunObserver, simulate_observed};
+///
+/// // The joint oscillates with q = cos t. Its first rising crossing of zero ends the run.
+/// let function = EventFunction::Joint { joint: 0, value: 0.0, below: false };
+/// let mut observer = RunObserver { events: vec![Event { function, direction: 1.0, stop_after: 1 }], ..RunObserver::default() };
+/// let problem = Problem::from_rest(&plant, &law, &dvector![1.0], Options::adaptive(8.0))?;
+/// let run = simulate_observed(&problem, &AtomicBool::new(false), Some(&mut observer))?;
+/// assert!(run.status == Status::Event && (run.ended - 1.5 * PI).abs() < 1e-6);
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Clone)]
 pub struct Event {
     /// The function whose zero is the event.
@@ -67,6 +108,27 @@ pub struct Event {
 }
 
 /// All crossings of a run, in order of time.
+///
+/// ```
+/// # use armlet_core::{arm::Arm, dynamics::Model, law::{Gain, LawSpec, PdGravitySpec}, plant::{PlantSpec, RigidSpec}};
+/// # use nalgebra::dvector;
+/// # use std::{f64::consts::PI, sync::atomic::AtomicBool};
+/// # let model = Model::from(Arm::pendulum(2.0, 0.0)?);
+/// # let law = PdGravitySpec::new(model.clone(), vec![0.0], Gain::scalar("kp", 1, 2.0)?, Gain::not_negative("kd", vec![0.0])?)?;
+/// # let (law, plant) = (LawSpec::from(law), PlantSpec::from(RigidSpec::new(model.clone())));
+/// use armlet_core::simulate::{Crossings, Event, EventFunction, Options, Problem, RunObserver, simulate_observed};
+///
+/// // The joint oscillates with q = cos t.
+/// let function = EventFunction::Joint { joint: 0, value: 0.0, below: false };
+/// let mut observer = RunObserver { events: vec![Event { function, direction: 0.0, stop_after: 0 }], ..RunObserver::default() };
+/// let problem = Problem::from_rest(&plant, &law, &dvector![1.0], Options::adaptive(6.0))?;
+/// simulate_observed(&problem, &AtomicBool::new(false), Some(&mut observer))?;
+/// let Crossings { index, t, x } = observer.crossings;
+/// assert!(index == [0, 0] && (t[1] - 1.5 * PI).abs() < 1e-6);
+/// // The states `[q, v]` at both crossings: first it falls, then it rises.
+/// assert!((x[1] + 1.0).abs() < 1e-6 && (x[3] - 1.0).abs() < 1e-6);
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Clone, Debug, Default)]
 pub struct Crossings {
     /// Index of the event of each crossing, shape `(m,)`.

@@ -10,6 +10,20 @@ pub type Wrench = [f64; 6];
 type WrenchSignal = Arc<dyn Fn(f64) -> Option<Wrench> + Send + Sync>;
 
 /// An external force during a run.
+///
+/// ```
+/// use armlet_core::simulate::Force;
+/// use std::sync::Arc;
+///
+/// // 5 N along x from 0.1 s to 0.3 s.
+/// let push = [5.0, 0.0, 0.0, 0.0, 0.0, 0.0];
+/// let steps = Force::steps(vec![0.1, 0.3], vec![push, [0.0; 6]])?;
+/// assert_eq!((steps.at(0.0), steps.at(0.2), steps.at(0.4)), ([0.0; 6], push, [0.0; 6]));
+/// assert_eq!(steps.breaks(), [0.1, 0.3]);
+/// let signal = Force::Signal(Arc::new(|t| Some([5.0 * t, 0.0, 0.0, 0.0, 0.0, 0.0])));
+/// assert_eq!(signal.at(0.5)[0], 2.5);
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Clone)]
 pub enum Force {
     /// The wrench is `values[i]` from time `starts[i]` on. Before the first time it is zero.

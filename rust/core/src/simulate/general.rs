@@ -7,9 +7,10 @@ use super::monitors;
 use super::problem::{Division, Ended, Fixed, Problem};
 use super::rates_loop::{RatesLoop, Solved, Source};
 use super::rates_programs::Rates;
+use super::run_observer::RunObserver;
 use super::sink::Sink;
 use super::stop::Stop;
-use super::watching::{RunObserver, Watching};
+use super::watching::Watching;
 use crate::integrate::{Adaptive, FixedStep, MethodKind, Tolerance, WithAdaptive, WithSteps};
 use crate::scalar::{Float, Real};
 

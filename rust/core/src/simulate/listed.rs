@@ -19,6 +19,23 @@ use crate::trace::{engine, form, program};
 use std::collections::BTreeSet;
 
 /// The listing of one program of a loop.
+///
+/// ```
+/// # use armlet_core::{arm::Arm, dynamics::Model, law::{Gain, LawSpec, PdGravitySpec}, plant::{PlantSpec, RigidSpec}};
+/// # use nalgebra::dvector;
+/// # let model = Model::from(Arm::pendulum(2.0, 0.0)?);
+/// # let law = PdGravitySpec::new(model.clone(), vec![0.0], Gain::scalar("kp", 1, 50.0)?, Gain::scalar("kd", 1, 20.0)?)?;
+/// # let (law, plant) = (LawSpec::from(law), PlantSpec::from(RigidSpec::new(model.clone())));
+/// use armlet_core::simulate::{Options, Problem, list_loop};
+///
+/// let problem = Problem::from_rest(&plant, &law, &dvector![1.0], Options::fixed(1.0, 0.01))?;
+/// let listed = list_loop(&problem, false, None)?;
+/// let operations = listed.parts.iter().find(|(part, _)| *part == listed.part).map_or(0, |&(_, operations)| operations);
+/// assert!(operations > 10);
+/// let simplified = listed.stages.iter().find(|(stage, _)| *stage == "simplified");
+/// assert!(simplified.is_some_and(|(_, listing)| listing.lines.len() >= operations));
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 pub struct Listed {
     /// The name of the program among the programs of the loop.
     pub part: String,

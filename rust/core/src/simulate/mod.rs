@@ -17,7 +17,6 @@ mod attempt_programs;
 mod balances;
 mod batch;
 mod batch_rows;
-#[doc(hidden)]
 mod batch_stepper;
 mod bound;
 mod closed_loop;
@@ -32,7 +31,6 @@ mod gradient;
 mod gripping;
 mod key;
 mod layout;
-#[doc(hidden)]
 mod listed;
 mod listed_names;
 mod log;
@@ -43,7 +41,6 @@ mod monitors;
 mod motor_loop;
 mod notes;
 mod outside;
-#[doc(hidden)]
 mod priority_batch;
 mod problem;
 mod program_loop;
@@ -54,6 +51,7 @@ mod rates_loop;
 mod rates_programs;
 mod recorded;
 mod redo;
+mod run_observer;
 mod running_rates;
 mod sampler;
 mod sampling;
@@ -67,7 +65,6 @@ mod sums;
 mod switching;
 mod torque_sensing;
 mod typed;
-#[doc(hidden)]
 mod watching;
 #[doc(hidden)]
 mod world;
@@ -85,14 +82,17 @@ pub use gradient::{
     Parameter, Parameters, RecordParts, Rows, Shared, adjoint, adjoint_of_rows, record_parts, sensitivities, sensitivities_of_rows,
 };
 pub use listed::{Listed, list_loop, watch_steps};
+pub use measures::Measures;
 pub use outside::outside;
 pub use priority_batch::{solve_rows, solve_stacks, solve_stacks_by};
-pub use problem::{Measures, Options, Problem};
+pub use problem::{Options, Problem};
+#[doc(hidden)]
 pub use rates_loop::{Solved, recorded_loop};
+pub use run_observer::{Guard, Polynomials, RunObserver, Switched};
 pub use sampling::{CHANNELS, Sampling};
 pub use schedule::Times;
 pub use single::{Run, simulate, simulate_observed};
 pub use stepper::{Stepping, require_fixed_steps, stepper};
 pub use stop::{Poller, Stop};
-pub use watching::{Guard, Polynomials, RunObserver, Switched};
+#[doc(hidden)]
 pub use world::Exogenous;

@@ -4,6 +4,7 @@ use super::adaptive_steps::{Clock, Outcome, Segments};
 use super::bound::Bound;
 use super::fixed_steps::Faults;
 use super::force::Force;
+use super::measures::Measures;
 use super::monitors;
 use super::sampling::Sampling;
 use super::schedule::{Schedule, Times};
@@ -15,6 +16,23 @@ use crate::memory;
 use crate::plant::{PlantKind, PlantSpec};
 
 /// The options of a run.
+///
+/// ```
+/// # use armlet_core::{arm::Arm, dynamics::Model, law::{Gain, LawSpec, PdGravitySpec}, plant::{PlantSpec, RigidSpec}};
+/// # use nalgebra::dvector;
+/// # let model = Model::from(Arm::pendulum(2.0, 0.0)?);
+/// # let law = PdGravitySpec::new(model.clone(), vec![0.0], Gain::scalar("kp", 1, 2.0)?, Gain::not_negative("kd", vec![0.0])?)?;
+/// # let (law, plant) = (LawSpec::from(law), PlantSpec::from(RigidSpec::new(model.clone())));
+/// use armlet_core::simulate::{Method, Options, Problem};
+///
+/// // The joint oscillates with q = cos t.
+/// let tight = Options { method: Method::Dop853, rtol: 1e-12, atol: 1e-12, ..Options::adaptive(1.0) };
+/// for (options, error) in [(Options::fixed(1.0, 0.1), 1e-5), (tight, 1e-10)] {
+///     let run = Problem::from_rest(&plant, &law, &dvector![1.0], options)?.run()?;
+///     assert!((run.q[run.q.len() - 1] - 1f64.cos()).abs() < error);
+/// }
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct Options {
     /// End time of the run, s. The run starts at time 0.
@@ -47,28 +65,26 @@ impl Options {
     }
 }
 
-/// The metrics that the user requests.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Measures {
-    /// The settling band, as a fraction of the largest error so far of all joints with the same unit.
-    pub settle: f64,
-    /// The settling band of each joint, shape `(n,)`, rad or m. It replaces `settle`.
-    pub band: Option<Vec<f64>>,
-    /// The relative tolerance of the monitors, dimensionless.
-    pub tolerance: f64,
-    /// The reference position of the joints, shape `(n,)`, rad or m. It replaces the reference of the law.
-    pub reference: Option<Vec<f64>>,
-    /// Name of a frame. Its distance from its position at the joints' reference is measured, instead of the errors of the law's tasks.
-    pub frame: Option<String>,
-}
-
-impl Default for Measures {
-    fn default() -> Self {
-        Measures { settle: 0.02, band: None, tolerance: 1e-6, reference: None, frame: None }
-    }
-}
-
 /// Runs with the same options. They differ in their initial states, and may differ in plants, laws and forces.
+///
+/// ```
+/// # use armlet_core::{arm::Arm, dynamics::Model, law::{Gain, LawSpec, PdGravitySpec}, plant::{PlantSpec, RigidSpec}};
+/// # use nalgebra::dvector;
+/// # let model = Model::from(Arm::pendulum(2.0, 0.0)?);
+/// # let law = PdGravitySpec::new(model.clone(), vec![0.0], Gain::scalar("kp", 1, 50.0)?, Gain::scalar("kd", 1, 20.0)?)?;
+/// # let (law, plant) = (LawSpec::from(law), PlantSpec::from(RigidSpec::new(model.clone())));
+/// use armlet_core::simulate::{Options, Problem};
+///
+/// let mut problem = Problem::from_rest(&plant, &law, &dvector![1.0], Options::fixed(0.1, 0.01))?;
+/// assert_eq!((problem.runs(), problem.run()?.t.len()), (1, 11));
+/// // Each row of `x0` is the initial state of one run.
+/// problem.x0 = vec![1.0, 0.0, 2.0, 0.0];
+/// assert_eq!(problem.runs(), 2);
+/// // A step must be positive.
+/// problem.options.dt = Some(-0.01);
+/// assert!(problem.validate().is_err());
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct Problem<'a> {
     /// The plants: one for all runs, or one per run.

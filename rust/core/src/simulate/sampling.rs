@@ -21,6 +21,22 @@ pub(super) const ON_TIME: f64 = 1e-9;
 pub const CHANNELS: [&str; 4] = ["q", "v", "theta", "theta_dot"];
 
 /// The settings of a sampled law.
+///
+/// ```
+/// # use armlet_core::{arm::Arm, dynamics::Model, law::{Gain, LawSpec, PdGravitySpec}, plant::{PlantSpec, RigidSpec}};
+/// # use nalgebra::dvector;
+/// # let model = Model::from(Arm::pendulum(2.0, 0.0)?);
+/// # let law = PdGravitySpec::new(model.clone(), vec![0.0], Gain::scalar("kp", 1, 50.0)?, Gain::scalar("kd", 1, 20.0)?)?;
+/// # let (law, plant) = (LawSpec::from(law), PlantSpec::from(RigidSpec::new(model.clone())));
+/// use armlet_core::simulate::{Options, Problem, Sampling};
+///
+/// // The law is evaluated every 10 ms. Its output acts 20 ms later.
+/// let sampling = Sampling { delay: 0.02, ..Sampling::every(0.01) };
+/// let options = Options { sampling: Some(sampling), ..Options::fixed(0.1, 0.01) };
+/// let run = Problem::from_rest(&plant, &law, &dvector![1.0], options)?.run()?;
+/// assert_eq!((run.tau[0], run.tau[1], run.tau[2]), (0.0, 0.0, -50.0));
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Sampling {
     /// The sample period `T`, s.

@@ -16,6 +16,25 @@ const BYTES_PER_RECORD: u128 = 160;
 const LOOK: usize = 1 << 12;
 
 /// The times of the records of a run.
+///
+/// ```
+/// # use armlet_core::{arm::Arm, dynamics::Model, law::{Gain, LawSpec, PdGravitySpec}, plant::{PlantSpec, RigidSpec}};
+/// # use nalgebra::dvector;
+/// # let model = Model::from(Arm::pendulum(2.0, 0.0)?);
+/// # let law = PdGravitySpec::new(model.clone(), vec![0.0], Gain::scalar("kp", 1, 50.0)?, Gain::scalar("kd", 1, 20.0)?)?;
+/// # let (law, plant) = (LawSpec::from(law), PlantSpec::from(RigidSpec::new(model.clone())));
+/// use armlet_core::simulate::{Options, Problem, Times};
+///
+/// let t = |times| {
+///     let options = Options { times, ..Options::fixed(1.0, 0.01) };
+///     Problem::from_rest(&plant, &law, &dvector![1.0], options)?.run().map(|run| run.t)
+/// };
+/// assert_eq!(t(Times::Every(50))?.len(), 3);
+/// assert_eq!(t(Times::At(vec![0.25, 0.755]))?, [0.25, 0.755]);
+/// // The run ends at 1 s.
+/// assert!(t(Times::At(vec![2.0])).is_err());
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub enum Times {
     /// The start, the ends of every `k`-th accepted step, and the end of the run.

@@ -8,10 +8,10 @@ use super::monitors::{self, Monitors};
 use super::problem::{Division, Ended, Problem};
 use super::programs::{self, Structures};
 use super::rates_programs::Rates;
+use super::run_observer::RunObserver;
 use super::schedule::require_memory;
 use super::sink::Sink;
 use super::stop::Stop;
-use super::watching::RunObserver;
 use crate::error::{Error, Result, all_finite};
 use crate::memory::{self, append};
 use crate::plant::{FrictionTorque, Rubbed};
@@ -19,6 +19,24 @@ use crate::status::Status;
 use std::ops::Range;
 
 /// The records of one run with `K` records. Arrays are row-major, and time is the first axis.
+///
+/// ```
+/// # use armlet_core::{arm::Arm, dynamics::Model, law::{Gain, LawSpec, PdGravitySpec}, plant::{PlantSpec, RigidSpec}, status::Status};
+/// # use nalgebra::dvector;
+/// # let model = Model::from(Arm::pendulum(2.0, 0.0)?);
+/// # let law = PdGravitySpec::new(model.clone(), vec![0.0], Gain::scalar("kp", 1, 2.0)?, Gain::not_negative("kd", vec![0.0])?)?;
+/// # let (law, plant) = (LawSpec::from(law), PlantSpec::from(RigidSpec::new(model.clone())));
+/// use armlet_core::simulate::{Options, Problem};
+///
+/// // The joint oscillates with q = cos t.
+/// let run = Problem::from_rest(&plant, &law, &dvector![1.0], Options::fixed(1.0, 0.01))?.run()?;
+/// assert_eq!((run.status, run.t.len(), run.steps), (Status::Success, 101, 100));
+/// assert!((run.positions()[100] - 1f64.cos()).abs() < 1e-9 && (run.velocities()[100] + 1f64.sin()).abs() < 1e-9);
+/// // The energy changes by the supplied energy.
+/// let balance = run.monitor("energy_balance").unwrap_or_default();
+/// assert!(balance.len() == 101 && balance.iter().all(|error| error.abs() < 1e-9));
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Clone, Debug, Default)]
 pub struct Run {
     /// Times of the records, shape `(K,)`, s.

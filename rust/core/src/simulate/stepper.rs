@@ -13,6 +13,26 @@ use crate::scalar::{Float, Real};
 use crate::status::Status;
 
 /// A loop with one step per call, for every number type.
+///
+/// ```
+/// # use armlet_core::{arm::Arm, dynamics::Model, law::{Gain, LawSpec, PdGravitySpec}, plant::{PlantSpec, RigidSpec}, status::Status};
+/// # use nalgebra::dvector;
+/// # let model = Model::from(Arm::pendulum(2.0, 0.0)?);
+/// # let law = PdGravitySpec::new(model.clone(), vec![0.0], Gain::scalar("kp", 1, 2.0)?, Gain::not_negative("kd", vec![0.0])?)?;
+/// # let (law, plant) = (LawSpec::from(law), PlantSpec::from(RigidSpec::new(model.clone())));
+/// use armlet_core::simulate::{Options, Problem, stepper};
+///
+/// // The joint oscillates with q = cos t.
+/// let options = Options { monitors: false, ..Options::fixed(1.0, 0.01) };
+/// let mut stepping = stepper(&Problem::from_rest(&plant, &law, &dvector![1.0], options)?)?;
+/// for _ in 0..100 {
+///     assert_eq!(stepping.step(None, None), Status::Success);
+/// }
+/// let (mut x, mut tau) = ([0.0; 2], [0.0]);
+/// stepping.read(&mut x, &mut tau);
+/// assert!(stepping.steps() == 100 && (x[0] - 1f64.cos()).abs() < 1e-9);
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 pub trait Stepping: Send {
     /// Advance by one step. `tau`: the input of the plant, shape `(n,)`, in the unit of [`Run::tau`](super::Run::tau). If it is `None`, the
     /// law computes the input. `push`: the wrench instead of the problem's force. A step that diverges changes neither state nor input. All

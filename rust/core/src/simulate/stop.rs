@@ -10,6 +10,28 @@ const SLICE: Duration = Duration::from_millis(20);
 const CALLS_PER_CLOCK: u32 = 16;
 
 /// The regular check of a run.
+///
+/// ```
+/// # use armlet_core::{arm::Arm, dynamics::Model, law::{Gain, LawSpec, PdGravitySpec}, plant::{PlantSpec, RigidSpec}, status::Status};
+/// # use nalgebra::dvector;
+/// # use std::sync::atomic::AtomicBool;
+/// # let model = Model::from(Arm::pendulum(2.0, 0.0)?);
+/// # let law = PdGravitySpec::new(model.clone(), vec![0.0], Gain::scalar("kp", 1, 50.0)?, Gain::scalar("kd", 1, 20.0)?)?;
+/// # let (law, plant) = (LawSpec::from(law), PlantSpec::from(RigidSpec::new(model.clone())));
+/// use armlet_core::simulate::{Options, Problem, Stop, simulate};
+///
+/// struct Never;
+/// impl Stop for Never {
+///     fn requested(&self) -> bool {
+///         false
+///     }
+/// }
+/// let problem = Problem::from_rest(&plant, &law, &dvector![1.0], Options::fixed(1.0, 1e-3))?;
+/// assert_eq!(simulate(&problem, &Never)?.status, Status::Success);
+/// // Another thread can set this flag.
+/// assert_eq!(simulate(&problem, &AtomicBool::new(true))?.status, Status::Interrupted);
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 pub trait Stop {
     /// Whether the run must stop.
     fn requested(&self) -> bool;
@@ -22,6 +44,20 @@ impl Stop for AtomicBool {
 }
 
 /// Calls `poll` on the thread of the run, at most once per 20 ms. So Ctrl-C requires no other thread.
+///
+/// ```
+/// use armlet_core::simulate::{Poller, Stop};
+///
+/// let mut polls = 0;
+/// let mut poll = || {
+///     polls += 1;
+///     polls == 2
+/// };
+/// let stop = Poller::new(&mut poll);
+/// while !stop.requested() {}
+/// // The second call requested the stop, after 40 ms.
+/// assert_eq!(polls, 2);
+/// ```
 pub struct Poller<'a> {
     poll: RefCell<&'a mut dyn FnMut() -> bool>,
     questions: Cell<u32>,

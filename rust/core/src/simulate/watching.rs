@@ -8,9 +8,8 @@
 
 use super::adaptive_steps::{Cut, Watcher};
 use super::assembly::Watched;
-use super::event::{Crossings, Event};
+use super::run_observer::{Guard, RunObserver};
 use super::switching::{Probe, Switching};
-use crate::error::{Error, Result as CoreResult};
 use crate::integrate::events::crossing;
 use crate::integrate::solve::node;
 use crate::integrate::{Adaptive, System};
@@ -24,66 +23,6 @@ const CHECKS_PER_STEP: usize = 4;
 /// After this number of successive mode changes at practically the same time, a step is accepted in full, without a change of its length.
 const MOST_SWITCHES: usize = 8;
 const PROGRESS: f64 = 1e-14;
-
-/// The polynomials of the steps of a run, given by their values at the Chebyshev points of each step.
-#[derive(Clone, Debug, Default)]
-pub struct Polynomials {
-    pub degree: usize,
-    /// The end of each step, s.
-    pub ends: Vec<f64>,
-    /// The values, shape `(steps, degree + 1, states)`. The states are the states of plant and law.
-    pub nodes: Vec<f64>,
-}
-
-/// Identifies a function whose change of sign changes the mode of a contact: the penetration depth or the push.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Guard {
-    /// The index of the contact. The wall is first, then the stops.
-    pub contact: usize,
-    pub by_push: bool,
-}
-
-/// The modes of all contacts from the time `t`, s, on.
-#[derive(Clone, Debug)]
-pub struct Switched {
-    pub t: f64,
-    /// The function that changed its sign. `None` if the modes are computed from the state at `t`.
-    pub by: Option<Guard>,
-    pub touches: Vec<Touch>,
-}
-
-/// The requests for events and polynomials of a run, and their results.
-#[derive(Default)]
-pub struct RunObserver {
-    /// The modes of the contacts at the start and after each change.
-    pub contacts: Option<Vec<Switched>>,
-    pub events: Vec<Event>,
-    pub crossings: Crossings,
-    pub polynomials: Option<Polynomials>,
-    /// The error after which no more results are stored, because the memory is full.
-    pub full: Option<Error>,
-}
-
-impl RunObserver {
-    /// Store the modes of the contacts from time `t` on.
-    fn keep_contacts(&mut self, t: f64, by: Option<Guard>, touches: &[Touch]) {
-        self.keep(|observer| {
-            let Some(contacts) = &mut observer.contacts else { return Ok(()) };
-            if contacts.len() == contacts.capacity() {
-                memory::more(contacts, contacts.len().max(1))?;
-            }
-            contacts.push(Switched { t, by, touches: memory::collected(touches.iter().copied())? });
-            Ok(())
-        });
-    }
-
-    /// Store a result, unless the memory is already full.
-    fn keep(&mut self, answer: impl FnOnce(&mut Self) -> CoreResult<()>) {
-        if self.full.is_none() {
-            self.full = answer(self).err();
-        }
-    }
-}
 
 /// The last evaluation of an event function.
 #[derive(Clone, Copy, Debug, Default)]

@@ -12,7 +12,7 @@ use crate::simulate::assembly::assemble;
 use crate::simulate::closed_loop::ClosedLoop;
 use crate::simulate::problem::Problem;
 use crate::simulate::recorded::{inputs, instant};
-use crate::simulate::watching::Guard;
+use crate::simulate::run_observer::Guard;
 use crate::trace::adjoint::adjoint;
 use crate::trace::function::Recorded;
 use crate::trace::sym::{self, Sym};

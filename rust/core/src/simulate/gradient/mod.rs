@@ -52,6 +52,27 @@ use timeline::Timeline;
 pub type Parameter = Vec<(usize, f64)>;
 
 /// The parameters of a run, listed name by name, with the number of parameters of each name.
+///
+/// ```
+/// # use armlet_core::{arm::Arm, dynamics::Model, law::{Gain, LawSpec, PdGravitySpec}, plant::{PlantSpec, RigidSpec}};
+/// # use nalgebra::dvector;
+/// # use std::sync::atomic::AtomicBool;
+/// # let model = Model::from(Arm::pendulum(2.0, 0.0)?);
+/// # let law = PdGravitySpec::new(model.clone(), vec![0.0], Gain::scalar("kp", 1, 2.0)?, Gain::not_negative("kd", vec![0.0])?)?;
+/// # let (law, plant) = (LawSpec::from(law), PlantSpec::from(RigidSpec::new(model.clone())));
+/// use armlet_core::simulate::{Options, Parameters, Problem, Times, sensitivities};
+///
+/// // The joint oscillates with q = cos w t, with w = sqrt(kp / 2). The derivative with respect to kp is that of two laws.
+/// let stiffer = LawSpec::from(PdGravitySpec::new(model, vec![0.0], Gain::scalar("kp", 1, 3.0)?, Gain::not_negative("kd", vec![0.0])?)?);
+/// let options = Options { times: Times::At(vec![1.0]), monitors: false, ..Options::fixed(1.0, 0.01) };
+/// let mut problem = Problem::from_rest(&plant, &law, &dvector![1.0], options)?;
+/// (problem.laws, problem.x0) = (vec![&law, &stiffer], vec![1.0, 0.0, 1.0, 0.0]);
+/// let kp = vec![(0, -1.0), (1, 1.0)];
+/// let parameters = Parameters { all: &[kp], sizes: &[1], shared: &[] };
+/// let q = &sensitivities(&problem, parameters, &AtomicBool::new(false))?[0];
+/// assert!((q[0] + 1f64.sin() / 4.0).abs() < 1e-8);
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Clone, Copy, Debug)]
 pub struct Parameters<'a> {
     /// The parameters of all names.
@@ -158,7 +179,8 @@ fn prepare<'a>(problem: &'a Problem<'a>, parameters: Parameters, stop: &dyn Stop
 }
 
 /// Return the derivatives of the records of run 0 of `problem`, at the times of its options. Each part that [`record_parts`] names has an
-/// array of shape `(records, numbers, parameters)`, in the units of the record per unit of the parameter.
+/// array of shape `(records, numbers, parameters)`, in the units of the record per unit of the parameter. The options must have
+/// `Times::At`, and no monitors.
 ///
 /// Errors: `Input` for a parameter, method, law or plant without a derivative, `Solve` if the run ends early or has no derivative (at a
 /// grazed contact).

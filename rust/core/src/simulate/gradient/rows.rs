@@ -14,6 +14,28 @@ use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, OnceLock};
 
 /// The runs to be differentiated: run 0 of each problem, with its parameters.
+///
+/// ```
+/// # use armlet_core::{arm::Arm, dynamics::Model, law::{Gain, LawSpec, PdGravitySpec}, plant::{PlantSpec, RigidSpec}};
+/// # use nalgebra::dvector;
+/// # let model = Model::from(Arm::pendulum(2.0, 0.0)?);
+/// # let law = PdGravitySpec::new(model.clone(), vec![0.0], Gain::scalar("kp", 1, 2.0)?, Gain::not_negative("kd", vec![0.0])?)?;
+/// # let (law, plant) = (LawSpec::from(law), PlantSpec::from(RigidSpec::new(model.clone())));
+/// use armlet_core::simulate::{Options, Problem, Rows, Times, sensitivities_of_rows};
+/// # let stiffer = LawSpec::from(PdGravitySpec::new(model, vec![0.0], Gain::scalar("kp", 1, 3.0)?, Gain::not_negative("kd", vec![0.0])?)?);
+/// # let options = Options { times: Times::At(vec![1.0]), monitors: false, ..Options::fixed(1.0, 0.01) };
+/// # let mut problem = Problem::from_rest(&plant, &law, &dvector![1.0], options)?;
+///
+/// // Two rows, from 1 rad and from 2 rad. Each row has a run with kp and a run with kp + 1.
+/// problem.laws = vec![&law, &stiffer, &law, &stiffer];
+/// problem.x0 = vec![1.0, 0.0, 1.0, 0.0, 2.0, 0.0, 2.0, 0.0];
+/// let parameters = [vec![vec![(0, -1.0), (1, 1.0)]], vec![vec![(0, -1.0), (1, 1.0)]]];
+/// let rows = Rows::of(&problem, &parameters, &[1])?;
+/// let q = &sensitivities_of_rows(&rows, 1, &mut || false)?[0];
+/// // q = q0 cos(sqrt(kp / 2) t), with kp = 2 and t = 1 s.
+/// assert!((q[0] + 1f64.sin() / 4.0).abs() < 1e-8 && (q[1] + 1f64.sin() / 2.0).abs() < 1e-8);
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 pub struct Rows<'a> {
     problems: Vec<Problem<'a>>,
     parameters: &'a [Vec<Parameter>],
@@ -27,8 +49,8 @@ fn part<T: Clone>(all: &[T], row: usize, each: usize) -> Vec<T> {
 
 impl<'a> Rows<'a> {
     /// Divide a problem into rows with the same number of runs. The problem has one plant or one per run, and one law or one per run. It
-    /// has no force, one force, or one per row. `sizes` lists the number of parameters of each name. Errors: [`Error::WrongShape`] for
-    /// another number of plants, laws or forces.
+    /// has no force, one force, or one per row. `parameters` has one list per row, in runs of the row. `sizes` lists the number of
+    /// parameters of each name. Errors: [`Error::WrongShape`] for another number of plants, laws or forces.
     pub fn of(problem: &Problem<'a>, parameters: &'a [Vec<Parameter>], sizes: &'a [usize]) -> Result<Self> {
         let (rows, runs) = (parameters.len(), problem.runs());
         let width = runs.checked_div(rows).unwrap_or(0);

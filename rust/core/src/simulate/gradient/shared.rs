@@ -11,6 +11,31 @@ use crate::error::{Error, Result};
 use std::ops::Range;
 
 /// Parameters that vary in the same runs: one for each code, from index `first` on. Each [`Parameter`](super::Parameter) lists its runs.
+///
+/// ```
+/// # use armlet_core::{arm::Arm, dynamics::Model, plant::{PlantSpec, RigidSpec}};
+/// # use armlet_core::law::{Gain, LawSpec, PdGravitySpec};
+/// # use nalgebra::dvector;
+/// # use std::sync::atomic::AtomicBool;
+/// use armlet_core::simulate::{Options, Parameters, Problem, Shared, Times, sensitivities};
+/// # let model = Model::from(Arm::planar(&[0.5, 0.4], None, None, None, [0.0, 0.0])?);
+/// # let plant = PlantSpec::from(RigidSpec::new(model.clone()));
+/// # let kd = Gain::scalar("kd", 2, 2.0)?;
+/// # let pd = |kp: Gain| PdGravitySpec::new(model.clone(), vec![0.3, 0.4], kp, kd.clone()).map(LawSpec::from);
+/// # let law = |a, b| Gain::diagonal("kp", vec![a, b]).and_then(pd);
+///
+/// // Run 0 has the gains. In runs 1 and 2 one gain varies, in run 3 both vary.
+/// let laws = [law(8.0, 5.0)?, law(9.0, 5.0)?, law(8.0, 6.0)?, law(9.0, 6.0)?];
+/// # let options = Options { times: Times::At(vec![0.5]), monitors: false, ..Options::fixed(0.5, 0.01) };
+/// let mut problem = Problem::from_rest(&plant, &laws[0], &dvector![0.0, 0.0], options)?;
+/// (problem.laws, problem.x0) = (laws.iter().collect(), vec![0.0; 16]);
+/// let shared = [Shared { first: 0, probes: 1..3, codes: vec![0b01, 0b10] }];
+/// let together = Parameters { all: &[vec![(3, 1.0)], vec![(3, 1.0)]], sizes: &[2], shared: &shared };
+/// let apart = Parameters { all: &[vec![(0, -1.0), (1, 1.0)], vec![(0, -1.0), (2, 1.0)]], sizes: &[2], shared: &[] };
+/// let q = |parameters| sensitivities(&problem, parameters, &AtomicBool::new(false)).map(|parts| parts[0].clone());
+/// assert!(q(together)?.iter().zip(q(apart)?).all(|(a, b)| (a - b).abs() < 1e-12));
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Shared {
     /// The index of the first parameter of this group.

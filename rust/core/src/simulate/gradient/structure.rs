@@ -15,7 +15,7 @@ use crate::plant::Touch;
 use crate::simulate::assembly::assemble;
 use crate::simulate::key::{Common, Key, MOST_NUMBERS};
 use crate::simulate::problem::Problem;
-use crate::simulate::watching::Guard;
+use crate::simulate::run_observer::Guard;
 use crate::trace::cache::Cache;
 use crate::trace::function::KEPT_OPERATIONS;
 use crate::trace::sym::{self, Sym};

@@ -5,11 +5,11 @@ use crate::interrupt::look;
 use crate::memory::append;
 use crate::plant::Touch;
 use crate::simulate::problem::{Division, Problem};
+use crate::simulate::run_observer::{Guard, RunObserver, Switched};
 use crate::simulate::sampling::Sampling;
 use crate::simulate::schedule::{Schedule, Times};
 use crate::simulate::single::simulate_observed;
 use crate::simulate::stop::Stop;
-use crate::simulate::watching::{Guard, RunObserver, Switched};
 use crate::status::Status;
 
 /// A time `t` counts as the end of a step if `|t - end| / h` is below this limit, dimensionless. `h` is the step size.
