@@ -156,6 +156,20 @@ pub trait Law<S: Real> {
 macro_rules! laws {
     ($($(#[$doc:meta])* $law:ident($definition:ty),)*) => {
         /// A law of any kind, with the interface [`Definition`].
+        ///
+        /// ```
+        /// # use armlet_core::{arm::Arm, dynamics::Model, law::Gain};
+        /// use armlet_core::law::{LawSpec, PdGravitySpec};
+        /// # let model = Model::from(Arm::pendulum(2.0, 5.0)?);
+        ///
+        /// let law = PdGravitySpec::new(model, vec![0.5], Gain::scalar("kp", 1, 20.0)?, Gain::scalar("kd", 1, 4.0)?)?;
+        /// let law = LawSpec::from(law);
+        /// assert_eq!(law.name(), "PDGravity");
+        /// // At q = 0, the spring of 20 N m/rad has a torque of 10 N m. With three times the stiffness, it has 30 N m.
+        /// let torque = |law: &LawSpec| law.terms_at(0.0, &[0.0, 0.0], &[]).pop().map(|(_, _, tau)| tau);
+        /// assert_eq!((torque(&law), law.with_stiffness(3.0).and_then(|law| torque(&law))), (Some(vec![10.0]), Some(vec![30.0])));
+        /// # Ok::<(), armlet_core::error::Error>(())
+        /// ```
         #[derive(Clone, Debug, PartialEq)]
         pub enum LawSpec {
             $($(#[$doc])* $law($definition),)*

@@ -67,6 +67,22 @@ impl ObserverState {
 }
 
 /// The observer of one arm, or of several equal arms.
+///
+/// ```
+/// # use armlet_core::{arm::Arm, dynamics::Model, law::Gain};
+/// use armlet_core::analysis::momentum_observer::MomentumObserver;
+///
+/// // An arm of 2 kg m^2 without gravity and without motor torque. An external torque of 2 N m accelerates it with 1 rad/s^2.
+/// let mut observer = MomentumObserver::new(Model::from(Arm::pendulum(2.0, 0.0)?), Gain::scalar("gain", 1, 10.0)?, false)?;
+/// observer.set_thresholds(vec![0.5])?;
+/// for k in 0..=100 {
+///     let t = 0.01 * f64::from(k);
+///     observer.update(&[0.5 * t * t], &[t], &[0.0], 0.01)?;
+/// }
+/// assert!((observer.state().residual[0] - 2.0).abs() < 1e-3);
+/// assert_eq!(observer.contacts()?, [Some(0)]);
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 pub struct MomentumObserver {
     model: Model,
     /// Gain `K` as passed by the caller.
