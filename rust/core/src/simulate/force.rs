@@ -47,9 +47,13 @@ impl std::fmt::Debug for Force {
 }
 
 impl Force {
-    /// Return a force with the wrenches `values` from the increasing times `starts`, s. Errors: [`Error::Input`] if times do not increase,
-    /// or if a number is not finite.
+    /// Return a force with the wrenches `values` from the increasing times `starts`, s. Errors: [`Error::Input`] if the numbers of times
+    /// and wrenches differ, if times do not increase, or if a number is not finite.
     pub fn steps(starts: Vec<f64>, values: Vec<Wrench>) -> Result<Self> {
+        if values.len() != starts.len() {
+            let problem = format!("has the wrong number of wrenches: expected {}, one per time, got {}", starts.len(), values.len());
+            return Err(Error::input("force", problem));
+        }
         finite("force", &starts)?;
         if let Some(i) = (1..starts.len()).find(|&i| starts[i] <= starts[i - 1]) {
             let (last, bad) = (starts[i - 1], starts[i]);
@@ -80,5 +84,19 @@ impl Force {
             },
             Force::Signal(call) => call(t).unwrap_or([f64::NAN; 6]),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn steps_require_one_wrench_per_time() {
+        for wrenches in [1, 3] {
+            let error = Force::steps(vec![0.0, 1.0], vec![[0.0; 6]; wrenches]).unwrap_err().to_string();
+            assert_eq!(error, format!("force has the wrong number of wrenches: expected 2, one per time, got {wrenches}"));
+        }
+        assert!(Force::steps(vec![0.0, 1.0], vec![[0.0; 6]; 2]).is_ok());
     }
 }
