@@ -135,6 +135,9 @@ where
     fn rate_of(&self, i: usize) -> Option<usize> {
         self.system.rate_of(i)
     }
+    fn is_reversed(&self) -> bool {
+        self.system.is_reversed()
+    }
     fn pairs(&self) -> Pairs {
         self.system.pairs()
     }

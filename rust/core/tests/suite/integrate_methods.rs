@@ -105,6 +105,14 @@ fn symplectic_euler_keeps_its_invariant() {
     assert!(SemiImplicit::new::<f64, _>(&twin::<Circle>(), Circle::start(), 0.0).is_err());
 }
 
+/// The system of the method is a [`Linearised`], which must report that its time is reversed.
+#[test]
+fn symplectic_euler_integrates_in_reversed_time() {
+    let found = order(|h| fixed_error::<Rewound>("semi_implicit", 2.0, h), 1.0 / 1024.0);
+    // The tolerance is as in `methods_have_their_order`.
+    assert!((found - 1.0).abs() < 0.1, "{found}");
+}
+
 #[test]
 fn jacobians_by_duals_match_central_differences() {
     let (mut system, x, t, eps) = (twin::<Chain>(), Chain::start(), 0.3, 1e-6);

@@ -15,6 +15,9 @@ pub trait Problem {
     fn rate_of(_i: usize) -> Option<usize> {
         None
     }
+    fn is_reversed() -> bool {
+        false
+    }
     /// The number of attempts at jumps after which the run ends.
     fn chatter_budget() -> u64 {
         u64::MAX
@@ -37,6 +40,9 @@ impl<P: Problem, S: Real> System<S> for Of<P> {
     }
     fn rate_of(&self, i: usize) -> Option<usize> {
         P::rate_of(i)
+    }
+    fn is_reversed(&self) -> bool {
+        P::is_reversed()
     }
     fn chatter_budget(&self) -> u64 {
         P::chatter_budget()
@@ -160,6 +166,30 @@ impl Problem for Oscillator {
 impl Exact for Oscillator {
     fn exact(t: f64) -> Vec<f64> {
         vec![t.cos(), -t.sin()]
+    }
+}
+
+/// The oscillator in reversed time: its position changes with minus its velocity.
+pub struct Rewound;
+impl Problem for Rewound {
+    const N: usize = 2;
+    fn f<S: Real>(_: S, x: &[S], dx: &mut [S]) {
+        dx[0] = -x[1];
+        dx[1] = x[0];
+    }
+    fn start() -> Vec<f64> {
+        Oscillator::start()
+    }
+    fn rate_of(i: usize) -> Option<usize> {
+        Oscillator::rate_of(i)
+    }
+    fn is_reversed() -> bool {
+        true
+    }
+}
+impl Exact for Rewound {
+    fn exact(t: f64) -> Vec<f64> {
+        Oscillator::exact(-t)
     }
 }
 
