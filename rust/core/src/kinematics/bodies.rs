@@ -5,8 +5,8 @@
 //! `z` is the joint axis, `o` the origin of the joint, and `p` the origin of the frame. `w` is the angular velocity of the body, and the
 //! prime is the time derivative.
 
+use super::Pose;
 use super::jacobian::of_frame;
-use super::{Pose, from_parent, place_body};
 use crate::arm::{BASE, Tree};
 use crate::scalar::Real;
 use crate::spatial::{Matrix, Matrix3, Vector, Vector3};
@@ -95,18 +95,7 @@ impl<S: Real> Bodies<S> {
 
     /// Compute the velocities of the placed bodies at joint rates `v`, `(n,)`.
     pub(super) fn set_moving(&mut self, v: &[S]) {
-        let base = || (Pose::identity(), (Vector3::zero(), Vector3::zero()));
-        let mut last = base();
-        for i in 0..self.needed {
-            let body = &self.tree.bodies[i];
-            let (parent, (w, u)) = from_parent(body.parent, i, last, |p| (self.poses[p], self.motion[p]), base);
-            let ((trig, q), rate) = (self.tree.position(i, &self.trig, &self.q), self.tree.rate(i, v));
-            let pose = place_body(body, &parent, trig, q);
-            let swept = w.cross_add(pose.origin - parent.origin, u);
-            let z = pose.z();
-            self.motion[i] = if body.revolute { (z.scale_add(rate, w), swept) } else { (w, z.scale_add(rate, swept)) };
-            last = (pose, self.motion[i]);
-        }
+        super::place_moving(&self.tree, (&self.trig, &self.q), v, &mut self.poses[..self.needed], &mut self.motion);
     }
 
     /// The pose of a frame, and its velocity if `moving` is true. Otherwise the velocity is zero.

@@ -5,7 +5,7 @@
 //! velocities `o'` and `p'` of the joint origin and of the frame origin. Matrices are `(6, n)` or `(3, n)`, row-major. If a joint follows
 //! another joint, its leader, then its column times the multiplier is added to the leader's column.
 
-use super::{Pose, from_parent, place_body};
+use super::Pose;
 use crate::arm::{BASE, Tree};
 use crate::scalar::Real;
 use crate::spatial::{ANGULAR, LINEAR, Lift, Matrix, Matrix3, Vector, Vector3};
@@ -85,19 +85,7 @@ pub fn jacobian_dot<S: Real>(
     frame: usize,
     j: &mut [S],
 ) {
-    let base = || (Pose::identity(), (Vector3::zero(), Vector3::zero()));
-    let mut last = base();
-    for i in 0..needed(tree, frame) {
-        let body = &tree.bodies[i];
-        let (parent, (w, u)) = from_parent(body.parent, i, last, |p| (poses[p], motion[p]), base);
-        let ((trig, q), rate) = (tree.position(i, trig, q), tree.rate(i, v));
-        let pose = place_body(body, &parent, trig, q);
-        let swept = w.cross_add(pose.origin - parent.origin, u);
-        let z = pose.z();
-        motion[i] = if body.revolute { (z.scale_add(rate, w), swept) } else { (w, z.scale_add(rate, swept)) };
-        poses[i] = pose;
-        last = (pose, motion[i]);
-    }
+    super::place_moving(tree, (trig, q), v, &mut poses[..needed(tree, frame)], motion);
     let (_, p) = of_frame(tree, poses, frame);
     j.fill(S::zero());
     let mut i = tree.frames[frame].body;

@@ -105,3 +105,27 @@ pub fn place<S: Real>(tree: &Tree<S>, trig: &[(S, S)], q: &[S], poses: &mut [Pos
         poses[i] = last;
     }
 }
+
+/// Compute the poses and the velocities of the first `poses.len()` bodies at joint rates `v`. `motion` has the angular velocity of each
+/// body, rad/s, and the velocity of its origin, m/s, in world axes.
+fn place_moving<S: Real>(
+    tree: &Tree<S>,
+    (trig, q): (&[(S, S)], &[S]),
+    v: &[S],
+    poses: &mut [Pose<S>],
+    motion: &mut [(Vector3<S>, Vector3<S>)],
+) {
+    let base = || (Pose::identity(), (Vector3::zero(), Vector3::zero()));
+    let mut last = base();
+    for i in 0..poses.len() {
+        let body = &tree.bodies[i];
+        let (parent, (w, u)) = from_parent(body.parent, i, last, |p| (poses[p], motion[p]), base);
+        let ((trig, q), rate) = (tree.position(i, trig, q), tree.rate(i, v));
+        let pose = place_body(body, &parent, trig, q);
+        let swept = w.cross_add(pose.origin - parent.origin, u);
+        let z = pose.z();
+        motion[i] = if body.revolute { (z.scale_add(rate, w), swept) } else { (w, z.scale_add(rate, swept)) };
+        poses[i] = pose;
+        last = (pose, motion[i]);
+    }
+}
