@@ -10,17 +10,10 @@
 //! dropped term is below 5e-17 at pi/4. No operation is fused, so a SIMD lane has the same bits as a single number.
 
 use crate::scalar::Real;
-use std::f64::consts::FRAC_2_PI;
+use crate::scalar::trig::{PIO2, ROUND, TWO_OVER_PI};
 
-// The number pi/2 in three parts. The first two parts have 33 significant bits, so n times each of them is exact for |n| < 2^20.
-const PART_1: f64 = 1.570_796_326_734_125_6;
-const PART_2: f64 = 6.077_100_506_303_965_976_6e-11;
-const PART_3: f64 = 2.022_266_248_795_950_6e-21;
 /// The largest angle for the reduction in three parts. Beyond it the parts lose digits, and the standard library computes the sine.
 const REDUCTION_LIMIT: f64 = 8.0e5;
-/// The number 1.5 * 2^52. Adding it to a number rounds this number to the nearest integer, which is then in the low bits. Subtracting it
-/// again returns the integer.
-const ROUND: f64 = 6_755_399_441_055_744.0;
 
 /// Return `a` if `flag` is 1 and `b` if `flag` is 0, without a branch. A branch could not be predicted for random angles.
 #[inline(always)]
@@ -44,37 +37,40 @@ const SINE: [f64; 6] =
 const COSINE: [f64; 6] =
     [1.0 / 20_922_789_888_000.0, -1.0 / 87_178_291_200.0, 1.0 / 479_001_600.0, -1.0 / 3_628_800.0, 1.0 / 40_320.0, -1.0 / 720.0];
 
+/// Compute `(sin r / r - 1) / z` and `cos r` with `z = r^2`, for `|r| <= pi/4`.
 #[inline(always)]
-fn kernels<S: Real>(r: S) -> (S, S) {
+fn kernels<S: Real>(z: S) -> (S, S) {
     let k = S::splat;
-    let z = r * r;
     let (mut s, mut c) = (k(SINE[0]), k(COSINE[0]));
     for i in 1..6 {
         s = k(SINE[i]) + z * s;
         c = k(COSINE[i]) + z * c;
     }
-    (r + r * z * (k(-1.0 / 6.0) + z * s), k(1.0) - (k(0.5) * z - z * z * (k(1.0 / 24.0) + z * c)))
+    (k(-1.0 / 6.0) + z * s, k(1.0) - (k(0.5) * z - z * z * (k(1.0 / 24.0) + z * c)))
+}
+
+/// Compute `sin r` and `cos r` for `|r| <= pi/4`.
+#[inline(always)]
+fn sin_cos_small<S: Real>(r: S) -> (S, S) {
+    let z = r * r;
+    let (s, c) = kernels(z);
+    (r + r * z * s, c)
 }
 
 /// Compute `sin r / r` and `cos r` for `|r| <= pi/4`.
 #[inline(always)]
 pub(super) fn sinc_cos_small<S: Real>(r: S) -> (S, S) {
-    let k = S::splat;
     let z = r * r;
-    let (mut s, mut c) = (k(SINE[0]), k(COSINE[0]));
-    for i in 1..6 {
-        s = k(SINE[i]) + z * s;
-        c = k(COSINE[i]) + z * c;
-    }
-    (k(1.0) + z * (k(-1.0 / 6.0) + z * s), k(1.0) - (k(0.5) * z - z * z * (k(1.0 / 24.0) + z * c)))
+    let (s, c) = kernels(z);
+    (S::splat(1.0) + z * s, c)
 }
 
 /// Reduce the angle `x = n pi/2 + r` to `r` and `n`, for `|x| <= REDUCTION_LIMIT`.
 #[inline(always)]
 fn reduce(x: f64) -> (f64, i64) {
-    let shifted = x * FRAC_2_PI + ROUND;
+    let shifted = x * TWO_OVER_PI + ROUND;
     let n = shifted - ROUND;
-    (((x - n * PART_1) - n * PART_2) - n * PART_3, (shifted.to_bits() as i64).wrapping_sub(ROUND.to_bits() as i64))
+    (((x - n * PIO2[0]) - n * PIO2[1]) - n * PIO2[2], (shifted.to_bits() as i64).wrapping_sub(ROUND.to_bits() as i64))
 }
 
 /// `sin x` and `cos x` of a finite angle, to about one unit in the last place.
@@ -84,7 +80,7 @@ pub fn sin_cos(x: f64) -> (f64, f64) {
         return x.sin_cos();
     }
     let (r, n) = reduce(x);
-    let (s, c) = kernels(r);
+    let (s, c) = sin_cos_small(r);
     let (s, c) = if n & 1 == 0 { (s, c) } else { (c, -s) };
     if n & 2 == 0 { (s, c) } else { (-s, -c) }
 }
@@ -106,9 +102,9 @@ fn odd<S: Real>(n: S) -> S::Mask {
 #[inline(always)]
 pub fn sine<S: Real>(x: S) -> Sine<S> {
     let k = S::splat;
-    let n = round(x * k(FRAC_2_PI));
-    let r = ((x - n * k(PART_1)) - n * k(PART_2)) - n * k(PART_3);
-    let (s, c) = kernels(r);
+    let n = round(x * k(TWO_OVER_PI));
+    let r = ((x - n * k(PIO2[0])) - n * k(PIO2[1])) - n * k(PIO2[2]);
+    let (s, c) = sin_cos_small(r);
     let size = S::select(odd(n), c, s);
     // The sine (or the cosine that replaces it) is negative in the last two of four quarters.
     let half = round(k(0.5) * n - k(0.25));
@@ -118,7 +114,7 @@ pub fn sine<S: Real>(x: S) -> Sine<S> {
         return near;
     }
     let each = |f: fn(f64) -> f64| S::from_lanes(|lane| f(x.lane(lane)));
-    Sine { sin: S::select(far, each(f64::sin), near.sin), quarter: S::select(far, each(|x| (x * FRAC_2_PI).floor()), near.quarter) }
+    Sine { sin: S::select(far, each(f64::sin), near.sin), quarter: S::select(far, each(|x| (x * TWO_OVER_PI).floor()), near.quarter) }
 }
 
 /// Whether `floor((quarter + shift) / 4)` is larger at `b` than at `a`.
@@ -166,7 +162,7 @@ mod tests {
                 assert_eq!(sine(x).sin, s);
                 // `n pi/2` is the multiple of pi/2 nearest to `x`. `beyond` is negative if `x` is below this multiple: it is the sine or
                 // cosine of the standard library, with a sign.
-                let n = (x * FRAC_2_PI).round();
+                let n = (x * TWO_OVER_PI).round();
                 let beyond = [x.sin(), -x.cos(), -x.sin(), x.cos()][(n as i64).rem_euclid(4) as usize];
                 assert_eq!(sine(x).quarter, if beyond < 0.0 { n - 1.0 } else { n }, "{x}");
             }
