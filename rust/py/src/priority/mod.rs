@@ -16,4 +16,4 @@ pub use diagnosis::{diagnose_priority, velocity_bounds};
 pub use solution::{PrioritySolution, residual_list, status_member};
 pub use solve::solve_priority;
 pub use solver::{_restore_arm_solver, PrioritySolver};
-pub use stack::{Keywords, MOST_LEVELS, method_name, per_joint};
+pub use stack::{Keywords, method_name, per_joint};

@@ -2,10 +2,11 @@
 
 use super::arm_solver::{ArmPrioritySolver, for_arm};
 use super::solution::{residual_list, status_member};
-use super::stack::{Keywords, MOST_LEVELS, Stack, items, method_name, per_joint, require_size};
+use super::stack::{Keywords, Stack, items, method_name, per_joint, require_size};
 use crate::arrays::{self, copied, count, new_vector, number, of_shape, optional_number, out_slice, shown, whole};
 use crate::errors::{Failure, entry, input_error};
 use crate::seal::{Sealed, seal_new};
+use crate::task::MOST_LEVELS;
 use armlet_core::priority::{DEFAULT_ROUNDING, PriorityOptions, PrioritySolver as Core};
 use armlet_macros::entered;
 use pyo3::prelude::*;

@@ -7,13 +7,11 @@ use crate::arrays::{self, Axis, Form, Looked, PIECE, SCALAR, numbers, of_shape, 
 use crate::broadcast::{common_shape, stretch};
 use crate::errors::{Failure, input_error};
 use crate::interrupts::long;
+use crate::task::MOST_LEVELS;
 use armlet_core::memory;
 use armlet_core::priority::{PriorityMethod, PriorityOptions};
 use pyo3::prelude::*;
 use std::borrow::Cow;
-
-/// The largest number of joints, of levels, and of rows of all levels. The buffers of a solver grow with `(n + rows)^2`.
-pub const MOST_LEVELS: usize = 4096;
 
 /// Return the entries of a list, tuple or other iterable of arrays, one per level.
 pub fn items<'py>(function: &str, name: &str, value: &Bound<'py, PyAny>) -> Result<Vec<Bound<'py, PyAny>>, Failure> {

@@ -7,7 +7,6 @@ use crate::arrays::{Axis, Form, Looked, SCALAR, copied, items, owned, require_fi
 use crate::errors::{Failure, entry, input_error};
 use crate::kept::{Kept, made_of_arguments};
 use crate::motion::Motion;
-use crate::priority::MOST_LEVELS;
 use armlet_core::arm::Arm;
 use armlet_core::error::Error;
 use armlet_core::kinematics::TaskFunction;
@@ -16,6 +15,10 @@ use armlet_core::motion::Motion as CoreMotion;
 use armlet_macros::entered;
 use pyo3::prelude::*;
 use pyo3::types::{PyString, PyTuple};
+
+/// The largest number of tasks of a solver or a law, and of joints, of levels, and of rows of all levels. The buffers of a solver grow with
+/// `(n + rows)^2`.
+pub const MOST_LEVELS: usize = 4096;
 
 /// A function that makes the task function for an arm.
 type OnArm = Box<dyn Fn(&Arm) -> Result<TaskFunction, Error> + Send + Sync>;
