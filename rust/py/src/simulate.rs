@@ -31,17 +31,13 @@ fn put<'py>(fields: &Bound<'py, PyDict>, name: &str, values: Vec<f64>, shape: &[
     Ok(fields.set_item(name, adopted(fields.py(), shape, values)?)?)
 }
 
-/// Add the recorded series to the fields, `(lead.., k, n)` each for `k` times. The series `estimate`, the state of the law, is
+/// The names of the recorded series.
+const SERIES: [&str; 8] = ["q", "v", "tau", "theta", "theta_dot", "estimate", "friction", "bristles"];
+
+/// Add the series [`SERIES`] to the fields, `(lead.., k, n)` each for `k` times. The series `estimate`, the state of the law, is
 /// `(lead.., k, p)`. `lead` is empty for one run, and `[B]` for a batch.
-fn put_series(
-    fields: &Bound<'_, PyDict>,
-    lead: &[usize],
-    k: usize,
-    n: usize,
-    p: usize,
-    series: [(&str, Vec<f64>); 8],
-) -> Result<(), Failure> {
-    for (name, values) in series {
+fn put_series(fields: &Bound<'_, PyDict>, lead: &[usize], k: usize, n: usize, p: usize, series: [Vec<f64>; 8]) -> Result<(), Failure> {
+    for (name, values) in SERIES.into_iter().zip(series) {
         let width = if name == "estimate" { p } else { n };
         // An empty optional series has no field. For example, only a plant with motors has `theta` and `theta_dot`, and only a friction
         // model with bristles has `bristles`.
@@ -92,16 +88,7 @@ pub fn simulate<'py>(
         let (k, p) = (run.t.len(), law.initial_state().len());
         let fields = PyDict::new(py);
         put(&fields, "t", run.t, &[k])?;
-        let series = [
-            ("q", run.q),
-            ("v", run.v),
-            ("tau", run.tau),
-            ("theta", run.theta),
-            ("theta_dot", run.theta_dot),
-            ("estimate", run.z),
-            ("friction", run.friction),
-            ("bristles", run.bristles),
-        ];
+        let series = [run.q, run.v, run.tau, run.theta, run.theta_dot, run.z, run.friction, run.bristles];
         put_series(&fields, &[], k, n, p, series)?;
         let series = PyDict::new(py);
         for (name, values) in run.monitors {
@@ -176,16 +163,7 @@ pub fn simulate_batch<'py>(
         let k = batch.t.len();
         let fields = PyDict::new(py);
         put(&fields, "t", batch.t, &[k])?;
-        let series = [
-            ("q", batch.q),
-            ("v", batch.v),
-            ("tau", batch.tau),
-            ("theta", batch.theta),
-            ("theta_dot", batch.theta_dot),
-            ("estimate", batch.z),
-            ("friction", batch.friction),
-            ("bristles", batch.bristles),
-        ];
+        let series = [batch.q, batch.v, batch.tau, batch.theta, batch.theta_dot, batch.z, batch.friction, batch.bristles];
         put_series(&fields, &[rows], k, n, p, series)?;
         let series = PyDict::new(py);
         for (name, values) in batch.monitors {
