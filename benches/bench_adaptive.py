@@ -34,8 +34,8 @@ CALLS, ROWS, IN_A_ROW = 5_000, 100_000, 50
 C, C_BATCH, NUMBA, NUMBA_BATCH = "C, by hand", "C with AVX-512, by hand", "numba, scalars", "numba, batch"
 ONE, BATCH, BATCH2 = "armlet", "armlet, batch", "armlet, batch, 2 threads"
 DOP853, NUMBALSODA, AFTER = "armlet, dop853", "numbalsoda, dop853", ", after other work"
-# Largest allowed differences. The truncation error of RK4 at 1 ms is 1.1e-10 here, that of DOP853 at rtol 1e-8 is 6e-11. Two RK4 programs
-# differ only by rounding, because the closed loop is contracting.
+# Largest allowed differences. The truncation error of RK4 at 1 ms is 1.1e-10 here, that of DOP853 at rtol 1e-8 is 6e-11. Two
+# implementations of RK4 differ only by rounding, because the closed loop is contracting.
 TRUNCATION, ROUNDING = 1e-9, 1e-12
 
 

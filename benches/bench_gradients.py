@@ -33,7 +33,7 @@ ROWS: dict[str, Any] = OPTIONS | {"threads": 1, "check_limits": False, "record_e
 
 
 def seconds(work: Callable[[], object]) -> float:
-    """The shortest of five times, after one untimed call that compiles the programs."""
+    """The shortest of five times, after one untimed call in which armlet compiles the loop to machine code."""
     work()
     times = []
     for _ in range(5):

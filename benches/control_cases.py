@@ -194,7 +194,10 @@ class ControlLaws(Laws):
         return x, u, ca.vertcat(v, arm.forward_dynamics(v, tau - drag), rate)
 
     def _observer(self, arm: Expressions, q: Any, v: Any, w: Any, tau: Any) -> Any:
-        """The momentum observer's rate w' and residual r. The momentum is p = M v, and C'v is the gradient of the kinetic energy."""
+        """The momentum observer's rate w_dot and residual r.
+
+        The momentum is p = M v. C'v, with the transpose C', is the gradient of the kinetic energy.
+        """
         still = ca.SX(self.n, 1)
         gravity = arm.inverse_dynamics(still, still)
         momentum = arm.inverse_dynamics(still, v) - gravity
@@ -202,7 +205,7 @@ class ControlLaws(Laws):
         return ca.vertcat(tau + ca.gradient(0.5 * ca.dot(v, momentum), q) - gravity + r, r)
 
     def _bristles(self, v: Any, z: Any) -> tuple[Any, Any]:
-        """LuGre friction torque tau_f and rate z' of the bristles, from velocity v and deflection z."""
+        """LuGre friction torque tau_f and rate z_dot of the bristles, from velocity v and deflection z."""
         inertia = self.kp / 50.0
         level = ca.vertcat(*(inertia[i] * (COULOMB + (STATIC - COULOMB) * decay((v[i] / SLOW) ** 2)) for i in range(self.n)))
         spring = ca.DM(BRISTLES * inertia) * z

@@ -120,7 +120,7 @@ class Expressions:
         return rotation @ f[0] + cross(p, linear), linear
 
     def torques(self, forces: list[Spatial]) -> Any:
-        """Joint torques (n,) from the forces on the bodies: S' times the sum of the forces on all bodies behind each joint."""
+        """Joint torques (n,) from the forces on the bodies: the joint axis times the sum of the forces on all bodies behind the joint."""
         carried, tau = list(forces), [ca.SX(0)] * self.n
         for i in reversed(range(self.n)):
             tau[i] = power(self.axes[i], carried[i])

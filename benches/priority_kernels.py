@@ -1,6 +1,8 @@
 """Tasks in priority in hand-written C, for one stack or for lanes of stacks, and in numba. `bench_priority.py` compares armlet with them.
 
-Two levels of two rows, four joints, `h(s) = 1 / max(s^2, eps^2)`, by one rotation per level (Golub and Van Loan, Matrix Computations, 8.5):
+Two levels of two rows, four joints, by one rotation per level (Golub and Van Loan, Matrix Computations, 8.5). `A` is the projected Jacobian
+of the level and `r` its residual. The rotation `R` makes the rows of `G` orthogonal, with the lengths `s`. `J_k` are the Jacobians of the
+lower levels, and `h(s) = 1 / max(s^2, eps^2)`:
 
     G = R A,  v += G' diag(h) R r,  J_k <- J_k - J_k G' diag(h) G
 
