@@ -35,7 +35,7 @@ def adaptive(ax):
 
 
 def priority(ax):
-    """Task priority: joint velocities of the 4R arm near the algorithmic singularity q4 = 0, by formula (5) and by the clamped inverse."""
+    """Task priority: joint speeds of the 4R arm near the algorithmic singularity q4 = 0, by the methods "exact" and "clamp"."""
     arm = al.planar_arm([1.0, 1.0, 0.25, 0.25])
     q4 = np.concatenate([-np.geomspace(0.5, 1e-4, 200), np.geomspace(1e-4, 0.5, 200)])
     q = np.stack([0 * q4, 0 * q4 + np.pi / 2, 0 * q4 + np.pi / 2, q4], axis=1)

@@ -2,7 +2,7 @@
 =============
 
 A planar 4R arm has two tasks in priority. The script shows the direction that is lost at a singularity, and the joint velocities of five
-inverse maps on a path through it.
+methods on a path through it.
 
 Run: ``python examples/task_priority.py [figure.png]``
 """
