@@ -1,4 +1,5 @@
-//! Tests of arm functions in batches: the program of a function has the bits of direct evaluation, row by row.
+//! Tests of arm functions in batches: the *program* of a function (its recorded machine code) has the bits of direct evaluation, row by
+//! row.
 
 use crate::arm_common::{Rng, random_tree};
 use crate::counting::counted;

@@ -43,7 +43,7 @@ fn pendulum_is_its_equation() {
 
 #[test]
 fn planar_arms() {
-    // The tip and the elbow of an arm with the links L, L, L/4, L/4 (case a of the macro-micro arm).
+    // The tip and the elbow of an arm with links of 1, 1, 0.25 and 0.25 m.
     let arm = Arm::planar(&[1.0, 1.0, 0.25, 0.25], None, None, None, [0.0, -9.81]).unwrap();
     let half = std::f64::consts::FRAC_PI_2;
     let q = [0.0, half, half, 0.0];

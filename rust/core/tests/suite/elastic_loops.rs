@@ -1,5 +1,5 @@
-//! Tests of the planar 2R arm with elastic joints. Programs and direct evaluation must give the same steps, and the same states and
-//! monitors up to rounding errors.
+//! Tests of the planar 2R arm with elastic joints. Programs (recorded machine code) and direct evaluation must give the same steps, and the
+//! same states and monitors up to rounding errors.
 
 use armlet_core::arm::Arm;
 use armlet_core::dynamics::Model;
@@ -91,7 +91,7 @@ fn forces_in_steps_and_as_functions_give_the_same_steps() {
     }
 }
 
-/// The steps and the motion must not depend on the monitors. The energy balance must be zero within the error of the method.
+/// The steps and the motion must not depend on the monitors. The energy balance must be zero within the error of the integration method.
 #[test]
 fn monitors_do_not_disturb_a_run() {
     let plain = run(false, Method::Dop853, false, true);

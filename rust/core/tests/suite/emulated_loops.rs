@@ -1,4 +1,4 @@
-//! Writes the NEON programs of five loops, which `make test-aarch64` runs in an emulator.
+//! Writes the NEON programs (recorded machine code) of five loops, which `make test-aarch64` runs in an emulator.
 
 use crate::harness::{self, Cases};
 use armlet_core::arm::{Arm, STANDARD_GRAVITY, example_urdf};
@@ -18,7 +18,7 @@ use armlet_core::trace::{Engine, Frame, Part, Program, Scratch};
 use std::sync::Arc;
 
 const STEP: f64 = 1e-3;
-/// The number of iterations along a stream.
+/// The number of iterations of a program along a stream of inputs.
 const TURNS: usize = 3;
 
 fn gain(n: usize, k: f64) -> Gain {

@@ -1,4 +1,5 @@
-//! Tests that a step of a closed loop allocates nothing: runs with more steps must not make more allocations.
+//! Tests that a step of a closed loop allocates nothing: runs with more steps must not make more allocations. Long runs use *programs*,
+//! which are recorded machine code of the loop.
 
 use crate::counting::counted;
 use armlet_core::arm::{Arm, STANDARD_GRAVITY, example_urdf};
@@ -135,7 +136,7 @@ fn steps_allocate_nothing() {
                 // rounding. So the runs are short.
                 let steps = match method {
                     _ if *what == "accelerations in priority" && sample.is_some() => [20, 60],
-                    // Both runs are long enough to use programs.
+                    // Loops of Dop853 use programs after some hundred evaluations. Both runs are longer.
                     Method::Dop853 => [4000, 6000],
                     _ => [100, 1000],
                 };

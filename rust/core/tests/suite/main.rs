@@ -16,7 +16,7 @@ mod elastic_loops;
 mod elastic_oracle;
 mod emulated_loops;
 mod examples;
-// The unit tests of `trace` use this file too, so that all cases for the emulator have one format.
+// The unit tests of `trace` use this file too, so that all cases that `make test-aarch64` runs in an emulator have one format.
 #[path = "../../src/trace/harness.rs"]
 mod harness;
 mod integrate_alloc;

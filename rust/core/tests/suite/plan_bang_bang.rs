@@ -1,4 +1,5 @@
-//! Tests of the bang-bang profile: the public oracle, random problems against an independent checker by sampling, symmetries, and errors.
+//! Tests of the bang-bang profile: the vectors of `oracle_ex4_bangbang_public.json`, random problems against samples of the torque,
+//! symmetries, and errors.
 
 use crate::plan_support::{Problem, Random, cases, expression, near, number, random_count};
 use armlet_core::plan::{BangBangReport, BangBangTimes, Limit, Place, Reason, bang_bang_time, bang_bang_times};

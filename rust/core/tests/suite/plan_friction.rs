@@ -18,7 +18,7 @@ fn without_viscous_friction_the_bounds_are_shifted() {
         assert_eq!(f.feasible, o.feasible, "{p:?} {c} {f:?} {o:?}");
         if f.feasible {
             compared += 1;
-            // Near a maximum of gravity, both errors grow with exp(t sqrt(|G|/I)).
+            // Near an unstable equilibrium of torque and gravity, both errors grow with exp(t sqrt(|G|/I)).
             let growth = (o.t * (p.gravity.abs() / p.inertia).sqrt()).exp();
             assert!(near(f.t, o.t, 1e-13 * growth + 1e-12), "{p:?} {c} {} {}", f.t, o.t);
             assert!((f.theta_switch - o.theta_switch).abs() <= 1e-12 * growth, "{p:?} {c}");
@@ -73,8 +73,8 @@ fn swings_without_friction_are_the_exact_ones() {
         assert_eq!(f.best.kind, o.best.kind, "{p:?} {f:?} {o:?}");
         if f.best.switches == 2 {
             swings += 1;
-            // Near a maximum of gravity, both errors grow with exp(t sqrt(|G|/I)). An error of the turning point has only a second-order
-            // effect on the time.
+            // Near an unstable equilibrium of torque and gravity, both errors grow with exp(t sqrt(|G|/I)). An error of the turning point
+            // has only a second-order effect on the time.
             let growth = (o.best.t * (p.gravity.abs() / p.inertia).sqrt()).exp();
             assert!(near(f.best.t, o.best.t, 1e-13 * growth + 1e-11), "{p:?} {f:?} {o:?}");
         }
@@ -84,8 +84,9 @@ fn swings_without_friction_are_the_exact_ones() {
 
 #[test]
 fn swings_with_coulomb_friction_beat_every_detour() {
-    // Each part of the motion is a frictionless optimum whose limits are both shifted against its motion. Formulas and search are
-    // independent.
+    // With Coulomb friction alone, the parts before and after the turn are frictionless optima whose limits are both shifted against the
+    // motion. `torque_optimal_time` computes these parts without the integration that the solver under test uses. The turning points are
+    // scanned here.
     let (mut random, mut swings) = (Random::new(111), 0);
     for _ in 0..30 {
         let p = Problem::nominal(&mut random);
@@ -196,7 +197,7 @@ fn profiles_with_friction_meet_where_the_torque_switches() {
         let o = rough(&p, d, c);
         let (best, Some(profile)) = (o.best, o.profile()) else { continue };
         swings += usize::from(best.switches == 2);
-        // Near a maximum of gravity, errors grow with exp(t sqrt(|G|/I)), and less with friction.
+        // Near an unstable equilibrium of torque and gravity, errors grow with exp(t sqrt(|G|/I)), and less with friction.
         let growth = (best.t * (p.gravity.abs() / p.inertia).sqrt()).exp().min(1e6);
         let speed = p.tau_max.max(-p.tau_min).max(p.gravity.abs()) / p.inertia * (p.inertia / (d + scale));
         for (theta, t) in best.theta_switches.into_iter().zip(best.t_switches).take(best.switches) {
@@ -223,7 +224,7 @@ fn a_motion_that_friction_stalls_says_what_is_missing() {
     let o = torque_optimal_time_with_friction(0.1, 3.0, 1.0, 1.0, -0.9, 0.9, [30.0, 0.0]).unwrap();
     let MonotoneReason::Apart { push, missing, .. } = o.reason else { panic!("{:?}", o.reason) };
     // The motion is overdamped. The accelerating torque moves the link slowly to the angle at which gravity equals this torque. The missing
-    // torque is the difference to the maximum of gravity.
+    // torque is the difference to the largest gravity torque.
     assert!((push - 0.9f64.asin()).abs() < 1e-6 && (missing - 0.1).abs() < 1e-6 && o.best.kind == Family::NoneFound, "{o:?}");
 }
 

@@ -1,4 +1,5 @@
-//! Tests of the torque optimum: the public oracle, random problems against time stepping, symmetries, and errors.
+//! Tests of the torque optimum: the vectors of `oracle_ex4_bangbang_public.json`, random problems against time stepping, symmetries, and
+//! errors.
 
 use crate::plan_support::{Problem, Random, cases, near, number, oracle, random_count};
 use armlet_core::plan::{Family, MonotoneReason, TorqueOptimum, bang_bang_time, torque_optimal_time, torque_optimal_time_with_friction};

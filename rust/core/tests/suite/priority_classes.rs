@@ -1,5 +1,5 @@
-//! Tests of the classification of the macro-micro arm for all 27 sign patterns of (sin q2, sin q3, sin q4). Link lengths are random, and
-//! joints turn many times.
+//! Tests of the classification of singularities of a planar 4R arm for all 27 sign patterns of (sin q2, sin q3, sin q4). The tasks are the
+//! positions of the tips of link 4 (Jacobian `J1`) and link 2 (`J2`). Link lengths are random, and joints turn many times.
 
 use crate::priority_support;
 
@@ -7,7 +7,8 @@ use crate::priority_support::{Random, norm, planar_jacobian};
 use armlet_core::priority::{PriorityMethod, PriorityOptions, SingularityKind, diagnose, solve_priority};
 use std::f64::consts::PI;
 
-/// Return the ranks of J1, J2, J_E and J2 P1, and the kind. They depend on which sines vanish.
+/// Return the ranks of J1, J2, J_E and J2 P1, and the kind. J_E has the rows of J1 and J2, and P1 projects on the null space of J1. The
+/// result depends on which sines vanish.
 fn expected(s2: bool, s3: bool, s4: bool) -> ([usize; 4], SingularityKind) {
     match (s2, s3, s4) {
         (true, _, true) => ([2, 2, 4, 2], SingularityKind::Regular),
@@ -95,7 +96,7 @@ fn residuals_of_the_table() {
     // The second task is singular: the residual is m m' p2.
     let m = [0.3f64.cos(), 0.3f64.sin()];
     near(&residual([0.3, 0.0, -0.6, 1.1])[1], along(m, p2));
-    // Case b: the residual is p2 - e1 (n.p1)/sin(q2 + q3).
+    // Case b: the residual is p2 - e1 (n.p1)/sin(q2 + q3), with e1 = (-s1, c1).
     let q: [f64; 4] = [0.3, 0.0, -0.6, 0.0];
     let n = [(q[0] + q[1] + q[2]).cos(), (q[0] + q[1] + q[2]).sin()];
     let s = (n[0] * p1[0] + n[1] * p1[1]) / (q[1] + q[2]).sin();

@@ -1,5 +1,5 @@
-//! Tests of batches with programs and threads. Every row must have the bits, ranks and status of its single solve, for regular and singular
-//! stacks. Other rows, the number of rows and the number of threads must have no effect.
+//! Tests of batches with programs (recorded machine code) and threads. Every row must have the bits, ranks and status of its single solve,
+//! for regular and singular stacks. Other rows, the number of rows and the number of threads must have no effect.
 
 use crate::priority_support::Random;
 use armlet_core::priority::{PriorityMethod, PriorityOptions, PrioritySolver, StackAnswers, StackRows};

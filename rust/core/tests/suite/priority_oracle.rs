@@ -1,5 +1,5 @@
-//! Tests of the macro-micro 4R arm against vectors from arithmetic with up to 120 digits: classes, ranks, exact and clamped methods,
-//! bounds, continuity.
+//! Tests of a planar 4R arm with two tasks against vectors from arithmetic with up to 120 digits: classes of singularities, ranks, exact
+//! and clamped methods, bounds, continuity.
 
 use crate::priority_support::{apart, norm, planar_jacobian, times};
 use armlet_core::priority::{PriorityMethod, PriorityOptions, PrioritySolver, Solution, solve_priority};
@@ -126,7 +126,8 @@ fn paths_through_singularities_are_continuous() {
     assert_eq!(paths, 2);
 }
 
-/// Test the velocities of the macro-micro arm in its cases a and b, for any base rotation and after many revolutions of the joints.
+/// Test the velocities at the singularities q4 = 0 (case a) and q2 = q4 = 0 (case b), for any base rotation and after many revolutions of
+/// the joints.
 #[test]
 fn cases_a_and_b_from_any_base_rotation() {
     let half = std::f64::consts::FRAC_PI_2;
