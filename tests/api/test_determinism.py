@@ -304,5 +304,5 @@ def test_fast_rows_and_large_angles_do_not_change_other_rows(motion: al.Motion, 
                 # Angles of 3e8 rad have rounding errors of 6e-8 rad, which the gains multiply by 20 or more.
                 np.testing.assert_allclose(x, end, rtol=1e-9, atol=3e-6)
             else:
-                # The two programs differ by rounding. The series for small rotations would have an error of 2e-12 here.
+                # armlet and the loop in numpy differ by rounding. The series for small rotations would have an error of 2e-12 here.
                 np.testing.assert_allclose(x, end, rtol=5e-14, atol=5e-14)

@@ -60,7 +60,8 @@ ARMS = {
     "tree": branched,
 }
 
-#: Names of links that would end a comment in C, begin one, or continue it in the next line.
+#: Names of links that would end a comment in C, begin one, or continue it in the next line. The last two are not ASCII: one is harmless,
+#: and the other has control characters for the direction and the end of lines.
 NAMES = [
     "t */ int injected(void){return 42;} /* ",
     "a*/b",

@@ -52,7 +52,7 @@ def test_an_observer_has_the_bits_of_armlet(name: str, compiler: str, tmp_path: 
 
 
 def test_at_rest_the_residual_is_the_torque_from_outside(tmp_path: Path) -> None:
-    """A check without armlet: the solution of `r' = K (tau_ext - r)` from rest."""
+    """A check without armlet: the solution of `r_dot = K (tau_ext - r)` from rest."""
     c = Observer(al.export_c(al.MomentumObserver(al.planar_arm([0.5], gravity=[0.0, 0.0]), 50.0), tmp_path), COMPILERS[0])
     for _ in range(1001):
         r = c([0.3], [0.0], [-1.5], 1e-3)

@@ -212,7 +212,7 @@ def test_a_number_that_may_not_be_negative_is_varied_on_one_side() -> None:
 
 
 def test_numbers_that_are_zero_and_one_move() -> None:
-    """A program folds constants that are 0 or 1. Parameters with derivatives must remain inputs."""
+    """The recorded code of a loop folds constants that are 0 or 1. Parameters with derivatives must remain inputs."""
     law = al.PDGravity(ARM, [0.0, 1.0], kp=[1.0, 6.0], kd=[1.0, 1.0])
     found = run(["law.kp", "law.kd", "law.target"], law=law).sensitivity
     assert found is not None

@@ -53,7 +53,7 @@ PLANTS: dict[str, al.Plant] = {
 @pytest.mark.parametrize("rows", [1, 5, 200])
 @pytest.mark.parametrize("plant", PLANTS.values(), ids=PLANTS.keys())
 def test_rows_are_simulators(plant: al.Plant, rows: int) -> None:
-    """Rows equal `al.Simulator`s to the last bit, also with angles beyond the range of the program's sine, and after restarts."""
+    """Rows equal `al.Simulator`s to the last bit, also with angles beyond the range of the sine in compiled loops, and after restarts."""
     rng, n = np.random.default_rng(rows), plant.arm.n
     arms = _core._BatchStepper(plant, rows, 2e-3)
     q = rng.uniform(-1.0, 1.0, (rows, n))

@@ -88,7 +88,7 @@ CASES: dict[str, Callable[[], tuple[Any, Any, dict[str, Any]]]] = {
     "state feedback": lambda: (ELASTIC, al.StateFeedback(TWO, [0.3, 0.6], 300.0, 40.0, 1.0, 0.1, 700.0), {}),
     "priority of velocities": lambda: (VELOCITY, al.PriorityVelocity(THREE, tasks()), {}),
     "priority of accelerations": lambda: (al.RigidArm(THREE), al.PriorityAcceleration(THREE, tasks()), {}),
-    # The arm becomes stretched. There the program of the law declines its steps.
+    # The arm becomes stretched. There the compiled code of the loop declines its steps, and other code computes them.
     "priority at a singularity": lambda: (VELOCITY, al.PriorityVelocity(THREE, tasks([1.5, 0.3])), {"t_end": 0.6, "dt": 5e-3}),
     "priority at a singularity, sampled": lambda: (
         VELOCITY,
@@ -100,7 +100,7 @@ CASES: dict[str, Callable[[], tuple[Any, Any, dict[str, Any]]]] = {
         al.PriorityAcceleration(THREE, tasks(), eps=0.2),
         {"t_end": 0.2, "dt": 2e-3},
     ),
-    # The angles exceed the range of the program's sine, so the row is simulated again.
+    # The angles exceed the range of the sine in compiled loops, so the row is simulated again.
     "angles beyond a million": lambda: (
         RIGID,
         al.PDGravity(TWO, [0.5, 0.9], 1e-3, 1e-3),

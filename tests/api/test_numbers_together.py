@@ -31,7 +31,8 @@ LOOPS: dict[str, tuple[Any, Any, list[str], bool]] = {
     "law's arm": (al.RigidArm(ARM), al.PDGravity(ARM, Q0, KP, KD), ["law.arm.parameters", "law.target"], False),
     # Entry (i, j) of Lambda = kd^-1 kp depends only on kp_j.
     "full gain": (al.RigidArm(ARM), al.Adaptive(ARM, MOTION, KP, np.diag(KD) + 0.1, 0.2), ["law.kp"], True),
-    # Inputs of programs combine the parameters of a body, and the initial state of an elastic arm depends on the parameters of all bodies.
+    # Inputs of the compiled loop combine the parameters of a body, and the initial state of an elastic arm depends on the parameters of all
+    # bodies.
     "elastic": (
         al.ElasticArm(ARM, np.full(N, 900.0), np.full(N, 0.2)),
         al.MotorPD(ARM, Q0, KP, KD, 900.0),

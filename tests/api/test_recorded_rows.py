@@ -1,4 +1,4 @@
-"""Records that programs store within their steps equal records that are taken one by one.
+"""Records that programs (compiled loops) store within their steps equal records that are taken one by one.
 
 With `record_every` a program stores records within its steps. With `t_eval` at the same times each record is a separate evaluation.
 """

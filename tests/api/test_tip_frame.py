@@ -25,7 +25,7 @@ ARM = (("revolute", "base", "upper", 0.1), ("revolute", "upper", "wrist", 0.4))
     ("more", "tip"),
     [
         ((), "wrist"),
-        # A fixed frame at the end of the file, farther from the base than all others, does not count.
+        # A frame that is fixed to the base at the end of the file, farther from the base than all others, does not count.
         ((("fixed", "wrist", "tool", 0.1), ("fixed", "base", "table", 5.0)), "tool"),
         # A frame between the fingers is farther than the joints of the fingers.
         ((("fixed", "wrist", "grasp", 0.3), ("revolute", "wrist", "finger", 0.1)), "grasp"),

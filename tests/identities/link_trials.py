@@ -127,7 +127,7 @@ def swing(x0: Array, x1: Array, G: Array, up: Array, down: Array, e: Array) -> t
 
 
 def turning_points(x0: Array, x1: Array, G: Array, up: Array, down: Array) -> tuple[Array, NDArray[np.bool_]]:
-    """Angles back from the start, and whether a swing can turn there for certain. A margin covers maxima of gravity between samples."""
+    """Angles back from the start, and whether a swing can turn there for certain. A margin covers maxima of energy between samples."""
     h = (x1 - x0 + 2 * np.pi)[:, None] / (SAMPLES - 1)
     x = x1[:, None] - h * np.arange(SAMPLES)
     e, V = x0[:, None] - x, -G[:, None] * np.cos(x)

@@ -1,4 +1,4 @@
-"""Blocks of random paths of small arms, timed one by one and checked together by numpy, fast enough for ten million paths.
+"""Blocks of random paths of small arms, timed one by one and checked together by numpy.
 
 The checks are those of test_time_path_identities.py. They use neither the planner nor the arm's dynamics.
 

@@ -1,6 +1,8 @@
 """Adaptation with rotors, friction, leakage and a dead zone: the balance includes every term, and leakage bounds the estimate.
 
-V1' = -s'Kd s + s'(tau_f(v) - Y_f a_f) + (a - a_hat)'(y - w),   a_hat' = Gamma w,   y = Y's
+V1_dot = -s'Kd s + s'(tau_f(v) - Y_f a_f) + (a - a_hat)'(y - w),   a_hat_dot = Gamma w,   y = Y's
+
+`tau_f` is the friction of the plant and `Y_f a_f` that of the law. Leakage and dead zone change `y` to `w`.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Theorems about the adaptive loop, checked by the extension on random plants, gains and states.
 
-V1 = s'Ms/2 + (a - a_hat)' Gamma^-1 (a - a_hat)/2,   V1(0) - V1(t) = int s'Kd s dt,   M' - 2C skew,   e -> 0
+V1 = s'Ms/2 + (a - a_hat)' Gamma^-1 (a - a_hat)/2,   V1(0) - V1(t) = int s'Kd s dt,   M_dot - 2C skew,   e -> 0
 """
 
 from __future__ import annotations
@@ -158,7 +158,7 @@ def test_inverse_dynamics_undoes_forward_dynamics() -> None:
 
 
 def test_coriolis_matrix_is_the_skew_factorisation() -> None:
-    """M' - 2C is skew-symmetric, with M' by central differences of M. The regressor is linear in the parameters."""
+    """M_dot - 2C is skew-symmetric, with M_dot by central differences of M. The regressor is linear in the parameters."""
     rng = np.random.default_rng(27)
     h = 1e-5
     for _ in range(10):

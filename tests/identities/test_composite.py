@@ -1,4 +1,4 @@
-"""Composite adaptation: tau_W = W a along every run, V1' = -s'Kd s - e_W'R e_W, and faster convergence of the estimate."""
+"""Composite adaptation: tau_W = W a along every run, V1_dot = -s'Kd s - e_W'R e_W, and faster convergence of the estimate."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Concurrent learning: V1' = -s'Kd s - sum e_j'R e_j, convergence at rest, windows without accelerations, invalid arguments."""
+"""Concurrent learning: V1_dot = -s'Kd s - sum e_j'R e_j, convergence at rest, windows without accelerations, invalid arguments."""
 
 from __future__ import annotations
 

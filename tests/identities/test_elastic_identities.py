@@ -39,7 +39,10 @@ def seven_axis() -> al.Arm:
 @pytest.mark.parametrize("relative", [False, True])
 @pytest.mark.parametrize("n", [1, 2, 3, 7])
 def test_the_motors_feel_like_the_reduced_ones(n: int, relative: bool) -> None:
-    """The law's tau in B theta_ddot + tau_J = tau gives equation (6), with the order B B0^-1, also for full matrices."""
+    """With the law's tau, the motors B theta_ddot + tau_J = tau obey B0 theta_ddot + D0 w + tau_J = u, also for full matrices.
+
+    `w` is theta_dot, or theta_dot - v with relative damping.
+    """
     rng = np.random.default_rng(10 * n + relative)
     arm = al.planar_arm([0.4] * n)
     K, inertia, reduced, D0 = (positive(rng, n, scale) for scale in (500.0, 0.3, 0.02, 4.0))
@@ -201,7 +204,7 @@ def test_regulation(name: str) -> None:
 def test_error_to_the_rigid_target() -> None:
     """The deviation from the motion of the rigid arm is O(sqrt(B0)) if D0 decreases with B0.
 
-    It does not converge to zero if D0 is fixed. With damping of theta_dot - v it is ten times smaller.
+    It does not converge to zero if D0 is fixed. With damping of theta_dot - v it is less than a tenth, at B0 = B/16.
     """
     times = np.linspace(0.0, 0.5, 501)
     options: dict[str, Any] = {"t_end": 0.5, "t_eval": times, "force": [10.0, -15.0], "method": "dop853", "rtol": 1e-9, "atol": 1e-11}

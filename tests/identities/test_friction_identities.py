@@ -55,13 +55,13 @@ def test_bristles_under_a_constant_load_rest(options: dict[str, Any]) -> None:
     run = al.simulate(al.RigidArm(PENDULUM, friction=friction), law, [0.0], t_end=70.0, **options)
     after = run.q[run.t >= 10.0, 0]
     assert len(after) >= 2 and np.abs(after - after[0]).max() < 1e-6
-    # Before slip, friction is a spring of stiffness sigma_0, except for the small slip of the bristles.
+    # The deflection of the bristles is the load divided by sigma_0. The joint moves further, because the bristles also slip a little.
     assert run.bristles[-1, 0] == pytest.approx(1.8 / 1e4, rel=1e-3)
     assert run.q[-1, 0] == pytest.approx(1.8 / 1e4, rel=0.6)
 
 
 def test_stiffness_before_slip() -> None:
-    """Under a load of a thousandth of the friction, the joint moves by load / sigma_0."""
+    """Under a load of a thousandth of the friction, the joint moves by load / sigma_0 with the stiffness sigma_0 of the bristles."""
     friction = al.LuGre(coulomb=2.0, stiffness=1e4, damping=100.0)
     law = al.PDGravity(PENDULUM, [2e-3], 1.0, 1e-300)
     run = al.simulate(al.RigidArm(PENDULUM, friction=friction), law, [0.0], t_end=2.0, method="radau5", rtol=1e-11, atol=1e-16)
@@ -71,7 +71,10 @@ def test_stiffness_before_slip() -> None:
 
 @pytest.mark.parametrize("speed", [-0.5, -0.03, 0.01, 0.1, 2.0])
 def test_steady_friction_is_the_curve(speed: float) -> None:
-    """At constant velocity, LuGre friction and stick-slip friction equal `sign(v) h(v) + d v`."""
+    """At constant velocity, LuGre friction and stick-slip friction equal `sign(v) h(v) + d v`.
+
+    `h` is Stribeck's curve and `d` the viscous coefficient.
+    """
     numbers: dict[str, Any] = {"coulomb": 2.0, "static": 3.0, "stribeck_speed": 0.05, "viscous": 0.4}
     curve = np.sign(speed) * (2.0 + np.exp(-((speed / 0.05) ** 2))) + 0.4 * speed
     # The reference has constant velocity, and a stiff law tracks it.
@@ -97,7 +100,10 @@ def test_breakaway(method: str) -> None:
 
 
 def test_load_holds_a_joint() -> None:
-    """With `mu`, a link under gravity sticks as long as the torque of its weight is at most `F_s + mu |L|`."""
+    """A link under gravity sticks as long as the torque of its weight is at most `F_s + mu |L|`.
+
+    `F_s` is the static friction, `mu` the load ratio and `L` the transmitted torque.
+    """
     arm = al.pendulum(0.5, 5.0)
     for ratio, angle, sticks in ((0.0, 0.2, False), (0.0, 0.05, True), (0.7, 1.0, False), (0.9, 0.09, True)):
         # Without torque, friction holds the link: tau_f = -g. The transmitted torque is L = -tau_f.
@@ -111,7 +117,7 @@ def test_load_holds_a_joint() -> None:
 
 
 def test_gears_lose_a_part_of_what_they_transmit() -> None:
-    """With `F_c = 0`, the drive needs `(1 + mu)` times the load to lift it, and `(1 - mu)` times the load to lower it."""
+    """Without Coulomb friction, the drive needs `(1 + mu)` times the load to lift it, and `(1 - mu)` times the load to lower it."""
     arm, mu = al.pendulum(0.5, 5.0), 0.25
     plant = al.RigidArm(arm, friction=al.StickSlip(coulomb=0.0, load_ratio=mu))
     for direction in (1.0, -1.0):
@@ -173,7 +179,7 @@ def test_a_law_that_switches_does_not_hang(method: str) -> None:
 @pytest.mark.parametrize("t_eval", [None, np.linspace(0.0, 20.0, 401)])
 @pytest.mark.parametrize("method", ["radau5", "rodas4", "dopri5"])
 def test_a_stuck_joint_is_exactly_at_rest_under_every_adaptive_method(method: str, t_eval: Any) -> None:
-    """Implicit methods once left a rounding error of 1e-41 rad/s in a stuck velocity, whose sign changed the recorded friction."""
+    """Implicit methods must not leave a rounding error in a stuck velocity: its sign would change the recorded friction."""
     bodies = (
         [5, 1.0, 0, 0.1, 0.1, 0, 0.3, 0, 0, 0.3],
         [3, 0.5, 0, 0, 0.03, 0, 0.15, 0, 0, 0.15],

@@ -30,7 +30,7 @@ def test_the_drives_of_plant_and_law(name: str) -> None:
     law, names = DRIVES[name]
     options: dict[str, Any] = {"t_end": 0.04, "dt": 2e-3, "v0": V0}
     compare(al.RigidArm(DRIVEN, friction=True), law(), ["arm.damping", "arm.friction", "arm.armature", *names], options, 2e-9)
-    # Without derivatives, parameters that are zero are constants of a program. Here they must be inputs.
+    # Without derivatives, parameters that are zero are constants of the compiled loop. Here they must be inputs.
     compare(al.RigidArm(ARM, friction=True), LAWS["PDGravity"](), ["arm.damping", "arm.friction", "arm.armature"], options, 2e-9)
 
 

@@ -105,7 +105,7 @@ def compare(plant: Any, law: Any, names: list[str], options: dict[str, Any], tol
         got = derivatives(run.sensitivity[name])
         largest, values = np.abs(expected).max(), records(plant, law, start_of(options), options | times, name, value)
         moves += largest > 1e-6
-        # Rounding of the two runs, divided by d.
+        # Rounding errors of the runs of the difference quotient, divided by its step, which is 1e-3 of `size`.
         rounding = 4e-15 * np.abs(values).max() / (1e-3 * size.min())
         np.testing.assert_allclose(got, expected, rtol=0.0, atol=tolerance * largest + rounding, err_msg=name)
     assert moves >= len(names) - 1, "nearly every number moves the run"
@@ -140,7 +140,8 @@ def test_every_method_with_fixed_steps(name: str, method: str) -> None:
 @pytest.mark.parametrize("method", ["dopri5", "dop853"])
 def test_adaptive_methods_with_their_steps_frozen(method: str) -> None:
     options: dict[str, Any] = {"t_end": 0.1, "method": method, "rtol": 1e-12, "atol": 1e-13, "v0": V0, "t_eval": [0.0, 0.033, 0.1]}
-    # Runs with changed parameters take different steps. So the tolerance is the error of a step divided by d = 1e-3.
+    # Runs with changed parameters take different steps. So the tolerance is the error of a run divided by the step of the difference
+    # quotient, 1e-3.
     compare(plant_of("Adaptive"), LAWS["Adaptive"](), ["law.kp", "law.gamma", "law.motion.amplitude", "q0", "v0"], options, 1e-7)
 
 
@@ -197,7 +198,7 @@ def test_the_inertial_parameters_of_plant_and_law_apart() -> None:
 
 
 def test_an_exponential_has_its_closed_form() -> None:
-    """One joint follows `v = g (q_d - q)` exactly, and RK4 multiplies the error by `R(-g h)` in each step: `e_k = R^k e_0`."""
+    """One joint follows `v = g (q_d - q)` exactly, and RK4 multiplies the error by `r` in each step: `e_k = r^k e_0`."""
     arm, g, h, steps = al.planar_arm([1.0]), 1.5, 0.01, 50
     law = al.PriorityVelocity(arm, [al.PostureTask([0.8], gain=g)])
     run = al.simulate(al.VelocityArm(arm), law, [0.2], t_end=h * steps, dt=h, sensitivity=["q0", "law.tasks.0.gain", "law.tasks.0.target"])
@@ -281,7 +282,7 @@ def test_nothing_changes_without_names() -> None:
 
 
 def test_a_loop_of_three_joints_in_every_group_of_directions() -> None:
-    """There are more directions than SIMD lanes, and the last group of lanes is not full."""
+    """There are more directions of differentiation than SIMD lanes, and the last group of lanes is not full."""
     law = al.Adaptive(THREE, al.Quintic(np.zeros(3), [0.4, 0.3, 0.2], 0.2), [8.0, 6.0, 5.0], [3.0, 2.0, 2.0], 0.3)
     names = ["law.estimate", "law.kp"]
     run = al.simulate(al.RigidArm(THREE), law, np.zeros(3), t_end=0.02, dt=2e-3, sensitivity=names)

@@ -1,4 +1,4 @@
-"""Guarded laws: r' = K (tau_ext - r) in every run, samples equal to a separate observer, reactions, invalid arguments refused."""
+"""Guarded laws: residual r_dot = K (tau_ext - r) in every run, samples equal to a separate observer, reactions, invalid arguments."""
 
 from __future__ import annotations
 

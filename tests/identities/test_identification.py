@@ -96,7 +96,8 @@ def test_impossible_bodies_are_named_and_moved(name: str) -> None:
     untouched = np.r_[10:20, 30 : 10 * arm.n]
     np.testing.assert_array_equal(moved[untouched], pi[untouched])
     np.testing.assert_array_equal(al.project_parameters(moved), moved)
-    # For the nearest possible body, the difference is along the normal of the cone. No possible body nearby has a smaller distance.
+    # The projection is the nearest possible body: no possible body near `moved` has a smaller distance to `wrong`, in the weighted
+    # Frobenius norm of the pseudo-inertias.
     scale = np.array([10.0, 10.0, 10.0, 1.0])
     weigh = lambda x: pseudo(x) * scale[:, None] * scale  # noqa: E731
     distance = np.linalg.norm(weigh(moved) - weigh(wrong))
@@ -188,8 +189,7 @@ def test_deviations_are_those_of_repeated_records() -> None:
     clean, noise = arm.inverse_dynamics(q, v, a), np.array([0.3, 0.03])
     found = [arm.identify(q, v, a, clean + noise * rng.normal(size=clean.shape), noise=noise) for _ in range(2000)]
     values = np.array([one.values for one in found])
-    # A standard deviation from 2,000 samples has an error of 1.6 %; four times that is allowed. The deviation of one record has an error of
-    # 7 %.
+    # A standard deviation from 2,000 samples has an error of 1.6 %. About four times that is allowed.
     np.testing.assert_allclose(values.std(axis=0), np.mean([one.deviations for one in found], axis=0), rtol=0.07)
     np.testing.assert_allclose(values.mean(axis=0), found[0].base.values, rtol=0.0, atol=4.0 * values.std(axis=0).max() / 2000**0.5)
     np.testing.assert_allclose(np.sqrt(np.diag(found[0].covariance)), found[0].deviations, rtol=1e-12)

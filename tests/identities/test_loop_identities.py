@@ -144,7 +144,8 @@ def test_jitter_in_adaptive_and_fixed_runs() -> None:
 def test_a_law_in_python_is_the_law() -> None:
     native = run(dt=1e-3, sample_time=2e-3)
     python = al.simulate(PLANT, lambda t, q, v: LAW(t, q, v), [0.0, 0.0], t_end=1.0, dt=1e-3, sample_time=2e-3)
-    # The law of armlet runs as a program, the law in Python directly. They differ by rounding, which the contracting loop does not amplify.
+    # The law of armlet runs as a compiled program, the law in Python directly. They differ by rounding, which the contracting loop does not
+    # amplify.
     np.testing.assert_allclose(native.q, python.q, rtol=0.0, atol=1e-14)
 
 

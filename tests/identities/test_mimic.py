@@ -1,4 +1,4 @@
-"""Identities of arms with mimic joints: energy, batches, programs, identification, tasks, paths."""
+"""Identities of arms with mimic joints: energy, batches, compiled programs, identification, tasks, paths."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def test_one_run_is_a_row_of_a_batch(law: al.Law) -> None:
 
 
 def test_programs_give_the_bits_of_direct_calls() -> None:
-    """A call with 1,000 rows runs as a program, the first small calls directly."""
+    """A call with 1,000 rows runs as a compiled program, the first small calls directly."""
     q, v, a, w = np.random.default_rng(4).uniform(-2.0, 2.0, (4, 1000, ARM.n))
     functions = {
         "mass_matrix": (q,),

@@ -55,7 +55,7 @@ def test_profiles(kind: str) -> None:
 
 
 def test_half_ramps_are_bang_bang() -> None:
-    """A trapezoid with ramps of half the duration is bang-bang: k = I D / T^2 = a / 4."""
+    """A trapezoid with ramps of half the duration is bang-bang, so both functions give the same time."""
     for p in problems(500, 4):
         a, b = al.bang_bang_time(*p[:5], tau_min=p[5]), al.trapezoid_time(*p[:5], tau_min=p[5], ramp=0.5)
         assert a.feasible == b.feasible
@@ -118,7 +118,8 @@ def test_the_optimum_is_never_slower_than_the_profile() -> None:
         if r.feasible:
             o = al.torque_optimal_time(*p[:5], tau_min=p[5])
             checked += 1
-            # The two times are equal only without gravity.
+            # `best.t` is the least time, `o.t` that of the fastest monotone motion, and `t_min` that of a motion that switches at half its
+            # time.
             assert o.feasible and o.best.t <= o.t <= r.t_min * (1.0 + 1e-12), p
     assert checked > 100
 

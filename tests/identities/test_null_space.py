@@ -72,7 +72,7 @@ def test_the_null_motion_comes_to_rest_and_the_tip_stays(name: str, axes: str) -
 @pytest.mark.parametrize("projection", ["consistent", "static"])
 @pytest.mark.parametrize("name", ARMS)
 def test_the_tip_acceleration_follows_the_equation(name: str, projection: Any) -> None:
-    """`x'' = J M^-1 (J' F + N' tau_0 - C v) + J_dot v`: without compensated coupling `x'' = L^-1 F - (J M^-1 C v - J_dot v)`."""
+    """`x_ddot = J M^-1 (J'F + N'tau_0 - C v) + J_dot v`. Without compensated coupling `x_ddot = L^-1 F - (J M^-1 C v - J_dot v)`."""
     arm, frame = ARMS[name]
     posture = al.NullSpace(POSTURE.q_d, 30.0, 12.0, projection=projection)
     made = law(name, nullspace=posture)
@@ -140,7 +140,7 @@ def test_elastic_joints_with_a_null_space_keep_their_balance() -> None:
         assert np.ptp(found.monitors["energy"]) > 1e-2  # J
 
 
-# Poses whose Jacobian is singular to 1e-5. The test moves through them in all joints.
+# Poses whose Jacobian has a smallest singular value below 5e-5. The test moves through them in all joints.
 SINGULAR = {
     "example": [-0.72, 0.0, -0.83, -0.45, 0.0, -0.36, 0.3],
     "spherical": [-0.3, 0.0, 1.27, 0.0, 1.1, 0.78, 1.4],
@@ -183,7 +183,7 @@ def test_a_run_through_a_singularity(options: dict[str, Any], most: float) -> No
 
 
 def test_the_tip_follows_a_moving_pose_exactly() -> None:
-    """With compensated coupling `L (x'' - x_d'') = F`. An arm that starts on a moving pose stays on it."""
+    """With compensated coupling `L (x_ddot - x_d_ddot) = F`. An arm that starts on a moving pose stays on it."""
     arm, frame = ARMS["offset"]
     pose = arm.pose_vector(Q0, frame)
     motion = al.Quintic(pose, pose + np.array([0.05, -0.08, 0.05, 0.3, -0.2, 0.4]), 1.0)

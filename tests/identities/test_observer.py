@@ -1,4 +1,4 @@
-"""The momentum observer: r' = K (tau_ext - r) along continuous runs, force estimates, touched links, refused arguments."""
+"""The momentum observer: residual r_dot = K (tau_ext - r) in continuous runs, force estimates, touched links, refused arguments."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ TREE = al.load_urdf(al.example_urdf("two_arms"))
 
 @pytest.mark.parametrize("arm", [TWO, SIX], ids=["2R", "six axes"])
 def test_the_residual_is_the_filtered_torque_from_outside(arm: al.Arm) -> None:
-    """Arm, observer and filter are one system. K (p - p0 - int) satisfies r' = K (tau_ext - r), up to the integrator's tolerance."""
+    """Arm, observer and filter are one system. The residual K (p - p0 - int) obeys r_dot = K (tau_ext - r), up to the method's error."""
     n, frame = arm.n, arm.frame_names[-1]
     rng = np.random.default_rng(n)
     root = rng.standard_normal((n, n))

@@ -125,7 +125,7 @@ def test_acceleration_is_fed_forward() -> None:
 
 
 def test_without_options_the_law_is_as_before() -> None:
-    """A law without an integral equals a law whose integral gain is nearly zero."""
+    """Without an integral, PID gives the torque of `PDGravity`. A target as an array and as a `Hold` give the same torque."""
     arm = al.planar_arm([0.5, 0.4, 0.3])
     q, v, goal = np.full(3, 0.2), np.full(3, -0.1), np.full(3, 0.5)
     np.testing.assert_array_equal(al.PID(arm, goal, 50.0, None, 5.0)(0.0, q, v), al.PDGravity(arm, goal, 50.0, 5.0)(0.0, q, v))

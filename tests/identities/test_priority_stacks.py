@@ -82,7 +82,7 @@ def check(b: Block, method: str) -> None:
     for sol in prefixes:
         assert np.isfinite(sol.v).all() and all(np.isfinite(r).all() for r in sol.residuals), method
     v, eps = prefixes[-1].v, b.eps
-    # Velocities of exact maps reach 1e15 near singularities. Their rounding errors are proportional to them.
+    # Velocities of "exact" reach 1e15 near singularities. Their rounding errors are proportional to them.
     allowed = np.maximum(1e-10, 1e-12 * (1 + norm(v)))
     for i, J in enumerate(b.jacobians):
         moved = largest(times(J, v - prefixes[i].v))

@@ -79,7 +79,7 @@ class _Here:
 
 @pytest.mark.parametrize("stratum", link_trials.STRATA + friction_trials.STRATA)
 def test_random_links(stratum: str, capsys: pytest.CaptureFixture[str]) -> None:
-    # Problems with friction are solved and checked by integration, which is slow. So there are fewer of them.
+    # Problems with friction are solved and checked by integration. There are fewer of them, to save time.
     trials, each = (link_trials, LINKS // len(link_trials.STRATA)) if stratum in link_trials.STRATA else (friction_trials, LINKS // 50)
     started, tally, failed = time.monotonic(), Counter[str](), []
     for number in range(max(1, -(-each // trials.SIZE))):
@@ -124,12 +124,12 @@ def test_a_minimum_where_one_part_of_its_slope_changes_sign() -> None:
     row = [-3.677040130383208, 2.163386123318384, 0.5554822402005889, 1.0664540638360593, 0.21876016761475417]
     best = al.torque_optimal_time(*row).best
     beside = [al.torque_optimal_time(row[0] + shift, *row[1:]).best.t for shift in (-1e-3, 1e-3)]
-    # T changes smoothly by 1e-3 s between the neighbouring problems. Once, T of this problem was 0.03 s longer.
+    # T changes smoothly by 1e-3 s between the neighbouring problems.
     assert best.kind == "back-swing" and abs(best.t - np.mean(beside)) < 1e-5, (best, beside)
 
 
 def test_rules_that_agree_by_chance() -> None:
-    # A motion of two turns. With the tolerance 1e-12, both quadrature rules had the same error, 1e-10 of the duration.
+    # A motion of two turns. With the tolerance 1e-12, two quadrature rules that are compared have the same error, 1e-10 of the duration.
     row = [5.599521593263056, 18.91548469442784, 1.3232613864949951, -0.18523837054913272, 1.688013602722488, -0.5040704951942897]
     tally, failed = link_trials.judge_optima(np.array([row]), np.random.default_rng(1))
     assert not failed and tally["monotone, checked"] == 1, (tally, failed)

@@ -105,7 +105,7 @@ def test_joint_limits_are_left_alone_and_left() -> None:
     after = law.terms(0.0, run.q[-1], np.zeros(7))["e"][1]
     assert np.count_nonzero(before) >= 1
     assert np.abs(after).max() < 0.9 * np.abs(before).max()
-    # The point is fixed while the arm moves around it. The error is that of rk4 for a map with kinks.
+    # The point is fixed while the arm moves around it. The error is that of rk4 for a velocity with kinks.
     assert run.monitors["error_1"].max() <= 1e-6
 
 

@@ -3,6 +3,8 @@
     one link of length L, |tip acceleration| <= A:   theta'' = 1/2 d(theta'^2)/dtheta,   L^2 (theta''^2 + theta'^4) = A^2
     theta'^2 = A/L sin 2 theta up to theta = pi/4, then theta'^2 = A/L;   T = B(1/4, 1/2)/2 sqrt(L/A) + (angle - pi/2) sqrt(L/A)
 
+`B` is the beta function, and a prime is a derivative with respect to theta or time.
+
 The checks compute velocity and acceleration of the origin from the reference's Jacobians, by complex steps, and by differences of
 positions.
 """

@@ -270,7 +270,7 @@ def test_pages_of_other_sites_are_refused(server: Any) -> None:
 
 
 def test_a_server_that_accepts_other_sites_prints_a_warning(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    """A server that accepts pages of other sites prints a warning, as after a change in the way viser starts its server."""
+    """Without its guard the server accepts pages of other sites, and prints a warning. A new version of viser may bypass the guard."""
     monkeypatch.setattr("armlet.live.server.own_pages_only", lambda host: nullcontext())
     open_page = open_server("view", "127.0.0.1", 0)
     try:

@@ -1,6 +1,6 @@
 """The PR robot under Slotine-Li adaptation against 25-digit values (tests/vectors/oracle_ex1_adaptive_public.json).
 
-M = [[A, B cos q2], [B cos q2, C]],  C v = S v,  tau = Y a_hat + Kp e + Kd e_dot,  a_hat_dot = Gamma Y' s
+M = [[A, B cos q2], [B cos q2, C]],  C = S(q, v),  tau = Y a_hat + Kp e + Kd e_dot,  a_hat_dot = Gamma Y' s
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ def test_static(case: dict[str, Any]) -> None:
     close(Y @ arm.parameters, expected["Y_a"], case)
     close(arm.mass_matrix(q) @ a_r + arm.coriolis_matrix(q, v) @ v_r + arm.gravity(q), expected["Y_a"], case)
     skew = numbers(expected["Mdot"]) - 2.0 * arm.coriolis_matrix(q, v)
-    # |M'| and |S| are below 10. The vector file states the tolerance 1e-13.
+    # |M_dot| and |S| are below 10. The vector file states the tolerance 1e-13.
     np.testing.assert_allclose(skew + skew.T, 0.0, atol=1e-13)
 
 

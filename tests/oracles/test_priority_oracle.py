@@ -17,8 +17,8 @@ POINTS = [case for case in CASES if case.get("kind") != "path"]
 PATHS = [case for case in CASES if case.get("kind") == "path"]
 KINDS = {"R": "regular", "A": "algorithmic", "S2": "kinematic", "AS": "algorithmic+kinematic", "D": "kinematic"}
 EPS = float(np.finfo(float).eps)
-# Each row: whether s2, s3 and s4 are non-zero (None: either), the ranks of J1, J2, J_E and J2 P1, and the kind of singularity.
-# docs/priority.md has the same table.
+# Each row: whether the sines s2, s3 and s4 of the joint angles are non-zero (None: either), four ranks, and the kind of singularity. The
+# ranks are those of J1, J2, both stacked (J_E), and J2 projected on the null space of J1 (J2 P1). docs/priority.md has the same table.
 TABLE = [
     ((True, None, True), (2, 2, 4, 2), "regular"),
     ((True, None, False), (2, 2, 3, 1), "algorithmic"),
@@ -80,7 +80,8 @@ def test_clamp(case: dict[str, Any]) -> None:
     L, eps = given["L"], [given["eps1_over_L"] * given["L"], given["eps2_over_L"] * given["L"]]
     sol = al.solve_priority(macro_micro(floats(given["q"]), L), [given["pd1"], given["pd2"]], method="clamp", eps=eps)
     wanted = floats(expected["reg_qd"])
-    # The vectors allow 1e-9 of the norm. The condition of the map is at most |J|/eps = 100, so its rounding is below 1e-12.
+    # The vectors allow 1e-9 of the norm. The condition number of the clamped inverse is at most |J|/eps = 100, so its rounding is below
+    # 1e-12.
     assert np.linalg.norm(sol.v - wanted) <= 1e-12 * (1 + np.linalg.norm(wanted))
     assert np.abs(sol.residuals[0] - floats(expected["reg_res1"])).max() <= 1e-12
     assert np.abs(sol.residuals[1] - floats(expected["reg_res2"])).max() <= 1e-11

@@ -60,7 +60,7 @@ def test_durations() -> None:
 def test_tiny_moves(size: float) -> None:
     """Very short moves are feasible, although toppra may find no timing.
 
-    A straight line scaled by c takes sqrt(c) times as long under the same torques at rest.
+    From rest and under the same torque limits, a short straight line scaled by c takes sqrt(c) times as long.
     """
     q0 = np.array([0.0, 0.3, 0.0, -1.2, 0.0, 1.0, 0.0])
     line = np.array([1.0, -0.5, 0.3, 0.2, -1.0, 0.4, 0.6])

@@ -1,4 +1,4 @@
-"""Concurrent learning against the reference, which computes M' v by differences and adds up samples one by one."""
+"""Concurrent learning against the reference, which computes M_dot v by differences and adds up samples one by one."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 """Guarded laws against `armlet.reference`.
 
-The reference's observer uses M' v - C v for C' v, and solves (I + K T) r = K (p - w).
+The reference's observer uses M_dot v - C v for C'v, and solves (I + K T) r = K (p - w) with the momentum p and the integral w.
 """
 
 from __future__ import annotations
@@ -14,7 +14,8 @@ from loops import close, law_pair, pair
 import armlet as al
 from armlet import reference as ref
 
-# Rounding errors grow over the steps, with accelerations of some hundreds, and with complex-step derivatives in the reference.
+# Rounding errors grow over the steps, with accelerations of some hundred rad/s^2 or m/s^2, and with complex-step derivatives in the
+# reference.
 ROUNDING = 1e-8
 PERIOD = 2e-3
 REACTIONS: dict[str, dict[str, Any]] = {

@@ -131,7 +131,7 @@ def test_runs(n: int, seed: int) -> None:
     settings: dict[str, Any] = {"t_end": 0.012, "dt": 1e-3, "v0": v0}
     run = al.simulate(al.RigidArm(arms[0]), law, q0, **settings)
     wanted = reference.simulate(reference.RigidArm(arms[1]), theirs, q0, **settings)
-    # Rounding errors grow over the twelve steps and with accelerations of some hundreds.
+    # Rounding errors grow over the twelve steps and with accelerations of some hundred rad/s^2 or m/s^2.
     for name in ("q", "v", "tau", "estimate"):
         close(getattr(run, name), wanted[name], 1e-8)
     close(run.monitors["energy_balance"], wanted["energy_balance"], 1e-8)

@@ -1,4 +1,4 @@
-"""The momentum observer against the reference, which computes M' v with complex steps and the wrench from eigenvectors."""
+"""The momentum observer against the reference, which computes M_dot v with complex steps and the wrench from eigenvectors."""
 
 from __future__ import annotations
 

@@ -14,7 +14,8 @@ from loops import close, law_pair, pair
 import armlet as al
 from armlet import reference
 
-# Rounding errors grow over the steps, with accelerations of some hundreds, and with complex-step derivatives in the reference.
+# Rounding errors grow over the steps, with accelerations of some hundred rad/s^2 or m/s^2, and with complex-step derivatives in the
+# reference.
 ROUNDING = 1e-9
 
 

@@ -11,7 +11,8 @@ from loops import PIDS, close, law_pair, pair
 import armlet as al
 from armlet import reference
 
-# Rounding errors grow over the steps, with accelerations of some hundreds, and with complex-step derivatives in the reference.
+# Rounding errors grow over the steps, with accelerations of some hundred rad/s^2 or m/s^2, and with complex-step derivatives in the
+# reference.
 ROUNDING = 1e-9
 
 
@@ -151,7 +152,7 @@ def field(t: Any, y: Any) -> Any:
 
 @pytest.mark.parametrize(("method", "tolerance"), [("dop853", 1e-10), ("dopri5", 1e-9), ("radau5", 1e-8), ("rodas4", 1e-7)])
 def test_integrate(method: str, tolerance: float) -> None:
-    """Methods with tolerances of 1e-11 agree with extrapolation to a hundred times their error, more for low orders."""
+    """Methods with tolerances of 1e-11 agree with extrapolation, to 10 (dop853) to 10^4 (rodas4) times the tolerance."""
     times = np.linspace(0.0, 3.0, 7)
     options: dict[str, Any] = {"method": method, "rtol": 1e-11, "atol": 1e-11}
     got = al.integrate(field, (0.0, 3.0), [0.4, -0.2], t_eval=times, **options)

@@ -1,4 +1,4 @@
-"""Symbolic formulas of arms: term by term against the written exam's, and numerically against armlet and the reference."""
+"""Symbolic formulas of arms: term by term against formulas derived by hand, and numerically against armlet and the reference."""
 
 from __future__ import annotations
 

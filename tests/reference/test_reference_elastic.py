@@ -112,7 +112,7 @@ def test_stiffness_limit(entry: dict[str, float]) -> None:
 
 
 def test_full_matrices_keep_the_reduced_motor() -> None:
-    """With full matrices and the order B B0^-1, the torque gives the motor equation (6) with the reduced inertia B0."""
+    """With full matrices, the torque gives motors with the reduced inertia B0: B0 theta_ddot + D0 theta_dot + tau_J = u."""
     rng = np.random.default_rng(7)
 
     def positive(scale: float) -> np.ndarray:

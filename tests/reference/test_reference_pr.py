@@ -88,7 +88,7 @@ def test_skewness_and_christoffel_choice() -> None:
     arm = ref.planar_pr(2.0, 0.5, 0.5)
     q, v = rng.uniform(-3, 3, (2, 50, 2))
     skew = arm.mass_matrix_rate(q, v) - 2 * arm.coriolis_matrix(q, v)
-    # M' - 2 C is skew-symmetric, up to 1e-13.
+    # M_dot - 2 C is skew-symmetric, up to 1e-13.
     assert np.abs(skew + np.swapaxes(skew, -1, -2)).max() <= 1e-13
     assert np.abs(skew).max() > 0.1
 
