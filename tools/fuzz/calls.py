@@ -56,7 +56,7 @@ def call(targets: list[Target], seed: int, number: int) -> Call:
             source = values.odd()
         if not source:
             continue
-        # An argument is positional until an earlier optional argument is omitted.
+        # An argument is positional if it may be and no earlier argument is omitted.
         by_name = by_name or parameter.kind == "keyword" or target.parameters[k].name != parameter.name
         parts.append(f"{parameter.name}=a{k}" if by_name else f"a{k}")
         arguments.append((f"a{k}", source, parameter.name not in CHANGED))

@@ -32,7 +32,7 @@ COPY = BUILD / "sources"
 #: Sources, and files that the tests read, which are copied.
 PARTS = ("rust", "python", "tests", "docs", "examples", "tools", "Cargo.toml", "Cargo.lock", ".cargo", "pyproject.toml", "README.md")
 OTHERS = ("Makefile", "CHANGELOG.md", "CONTRIBUTING.md", "RELEASING.md", "LICENSE", "CITATION.cff", "clippy.toml", "rustfmt.toml")
-#: Tests that take seconds, in this order. The last one compares bits and notices almost every bug.
+#: Tests, in this order. The last one compares the bits of many results.
 PYTEST = (
     "parity", "oracles", "identities/test_adaptive_identities.py", "identities/test_arm_derivatives.py",
     "identities/test_elastic_identities.py", "identities/test_equilibrium_identities.py", "identities/test_event_identities.py",
@@ -109,7 +109,7 @@ def copy(bugs: list[dict[str, Any]]) -> None:
 
 
 def cargo(*arguments: str) -> list[dict[str, Any]]:
-    # Unoptimised tests take ten times as long. This profile optimises, and keeps assertions and overflow checks.
+    # This profile optimises to save time, and keeps assertions and overflow checks.
     environment = os.environ | {"CARGO_TARGET_DIR": str(BUILD / "target"), "RUSTFLAGS": "-Awarnings", "CARGO_PROFILE_DEV_OPT_LEVEL": "1"}
     command = ["cargo", *arguments, "--locked", "--message-format=json-render-diagnostics"]
     done = subprocess.run(command, cwd=COPY, env=environment, stdout=subprocess.PIPE, text=True, check=True)
