@@ -1,4 +1,4 @@
-//! The base parameters of an arm: the smallest set of combinations of inertial parameters that determines its motion
+//! The base parameters of an arm: the smallest set of combinations of inertial parameters that determines its joint torques
 //! (`gautier1991numerical`).
 //!
 //! The torque is `Y pi`, with the regressor `Y` and the `p` parameters `pi`. Over all states, `b <= p` columns of `Y` are linearly

@@ -1,5 +1,5 @@
-//! The closed loop linearised about a state `x = [plant, law]`: `d x_dot = A d x`. Each column of `A` is one dual evaluation of plant and
-//! law, so `A` is exact up to rounding.
+//! The closed loop linearised about a state `x = [plant, law]`: `d x_dot = A d x`. Each column of `A` is one evaluation of plant and law on
+//! dual numbers, so `A` is exact up to rounding.
 
 use crate::error::Result;
 use crate::law::LawSpec;

@@ -114,7 +114,8 @@ impl Rest<'_> {
         Err(no_rest(STEPS))
     }
 
-    /// Move `q` downhill to an equilibrium. For a law of motors, the motor positions are appended to `q`. Errors: as for [`Rest::settle`].
+    /// Move `q` to an equilibrium by Newton steps towards a smaller potential. For a law of motors, the motor positions are appended to
+    /// `q`. Errors: as for [`Rest::settle`].
     pub fn descend(&self, q: &mut Vec<f64>) -> Result<()> {
         const STEPS: usize = 500;
         /// The largest motion of a joint in one step, rad or m. A longer step could leave the basin of the equilibrium.

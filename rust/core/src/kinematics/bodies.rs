@@ -15,7 +15,7 @@ use crate::spatial::{Matrix, Matrix3, Vector, Vector3};
 #[derive(Clone, Debug)]
 pub struct Bodies<S: Real = f64> {
     pub(super) tree: Tree<S>,
-    /// Number of leading bodies that are placed.
+    /// Number of bodies that are placed: the first ones in the order of the arm.
     needed: usize,
     trig: Vec<(S, S)>,
     pub(super) q: Vec<S>,

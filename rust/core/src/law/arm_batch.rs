@@ -50,7 +50,7 @@ fn program(solver: &ArmSolver) -> Option<Evaluation> {
     program
 }
 
-/// Record the program from the joint positions and the command to the joint velocities.
+/// Record the program that computes joint velocities from joint positions and task velocities.
 fn recorded(solver: &ArmSolver) -> Option<Evaluation> {
     let (n, total) = (solver.n(), solver.rows().iter().sum::<usize>());
     solver.solver().recorded(

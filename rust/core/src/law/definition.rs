@@ -89,7 +89,8 @@ pub trait Definition {
         None
     }
 
-    /// This law, if it is the impedance law of an elastic arm, which has a storage function; `None` for other laws.
+    /// This law, if it is the Cartesian impedance law of an elastic arm; `None` for other laws. It has a storage function on the plants of
+    /// `ElasticImpedanceSpec::has_storage`.
     fn storage(&self) -> Option<&ElasticImpedanceSpec> {
         None
     }
@@ -155,7 +156,7 @@ pub trait Build: Definition {
     where
         Self: 'a;
 
-    /// Whether both laws can run in lanes of one register. Their arms, coordinates and states have the same shape.
+    /// Whether both laws can run in lanes of one register. The caller has already compared their arms, coordinates and states.
     fn same_shape(&self, _: &Self) -> bool {
         true
     }
@@ -224,7 +225,7 @@ impl Route {
 pub struct Instant<'a> {
     /// Time, s.
     pub t: f64,
-    /// Samples `[x_d, x_d', x_d'']` of the desired motions, one motion after another.
+    /// Samples `[x_d, x_d', x_d'']` of the desired motions, with time derivatives `'`, one motion after another.
     pub desired: &'a [f64],
     /// (sin, cos) of each joint position, `n` pairs.
     pub trig: &'a [(f64, f64)],

@@ -110,11 +110,11 @@ pub struct GuardedSpec {
 }
 
 impl GuardedSpec {
-    /// Add an observer with `model` to the law `inner`. `gain` is `K`, of size `n`, 1/s. `friction` is the known viscous and Coulomb
-    /// friction, `(n,)` each.
+    /// Add an observer with `model` to the law `inner`. `gain` is `K`, of size `n`, 1/s. `friction` is the known viscous friction, N m
+    /// s/rad or N s/m, and Coulomb friction, N m or N, `(n,)` each.
     ///
-    /// A reaction requires `thresholds`, `(n,)`, N m or N. If `inner` is a law of an elastic arm without joint stiffness, `joint_stiffness`
-    /// is required.
+    /// A reaction requires `thresholds`, `(n,)`, N m or N. If `inner` is a law of an elastic arm whose model has no joint stiffness,
+    /// `joint_stiffness` is required.
     pub fn new(
         inner: LawSpec,
         (model, gain, friction): (Model, Gain, [Vec<f64>; 2]),

@@ -89,7 +89,7 @@ pub struct Guarded<S: Real> {
     gains: Vec<Gain>,
     viscous: Vec<S>,
     coulomb: Vec<S>,
-    /// Joint stiffness `K_J` of an elastic arm.
+    /// Joint stiffness `K_J` of an elastic arm, N m/rad or N/m; `None` for a rigid arm.
     springs: Option<AnyGain<S>>,
     /// Thresholds of contact, `(n,)`; empty without a reaction.
     thresholds: Vec<S>,

@@ -4,8 +4,9 @@
 //!
 //! `tau = (I - B B0^-1) tau_J + B B0^-1 (u - D0 w)` gives `B0 theta_ddot + D0 w + tau_J = u`, `tau_J = K_J (theta - q)`,
 //!
-//! `w = theta_dot`, or `w = theta_dot - v` with relative damping. The default damping is `D0 = 2 zeta B0^1/2 (B0^-1/2 K_J B0^-1/2)^1/2
-//! B0^1/2`. For full matrices the order of the product `B B0^-1` matters.
+//! `w = theta_dot`, or `w = theta_dot - v` with relative damping. The default damping is
+//! `D0 = 2 zeta B0^1/2 (B0^-1/2 K_J B0^-1/2)^1/2 B0^1/2`, with the damping ratio `zeta`. For full matrices
+//! the order of the product `B B0^-1` matters.
 
 use super::{Term, require_size};
 use crate::error::Result;
@@ -111,7 +112,7 @@ impl ReductionSpec {
         Ok(ReductionSpec { joint_stiffness, motor_inertia, reduced_inertia, motor_damping, relative, ratio })
     }
 
-    /// Whether a plant has the springs and motors of the law's model, without damping and without viscous friction.
+    /// Whether a plant has the springs and motors of the law's model, and neither joint damping nor viscous friction.
     pub(super) fn matches(&self, plant: &ElasticSpec) -> bool {
         plant.stiffness == self.joint_stiffness
             && plant.motor_inertia == self.motor_inertia

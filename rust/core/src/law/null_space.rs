@@ -10,9 +10,9 @@
 //! `L (x_ddot - x_d_ddot) = F` for every motion in the consistent null space, where `F` is the sum of the other wrenches of the law. This
 //! requires an exact model, and a pose that is not near a singularity.
 //!
-//! Near singularities, `L = max(J W^-1 J', eps^2)^-1`, where `max` acts on the eigenvalues. Before, rows of position and rows of
-//! orientation are divided by the root mean square of their rows of `J W^-1/2`. So `W^-1/2 J' L` is the pseudo-inverse of `J W^-1/2` with
-//! `sigma / max(sigma, eps)^2` in place of `1 / sigma`, for each singular value `sigma`. In the direction of `sigma`, the fraction
+//! Near singularities, `L = max(J W^-1 J', eps^2)^-1`, where `max` acts on the eigenvalues. Before the inversion, rows of position and rows
+//! of orientation are divided by the root mean square of their rows of `J W^-1/2`. So `W^-1/2 J' L` is the pseudo-inverse of `J W^-1/2`
+//! with `sigma / max(sigma, eps)^2` in place of `1 / sigma`, for each singular value `sigma`. In the direction of `sigma`, the fraction
 //! `1 - min(1, (sigma/eps)^2)` of `tau_0` remains. The largest of these fractions is the loss.
 
 use super::{Term, require_rows, require_size};
@@ -24,7 +24,7 @@ use crate::linalg::{ClampedInverse, cholesky};
 use crate::motion::Motion;
 use crate::scalar::Real;
 
-/// The default `eps` of the clamp, equal to the `eps` of task priority.
+/// The default `eps` of the clamp, equal to the default threshold of task priority.
 pub const NULL_SPACE_EPS: f64 = 0.02;
 
 /// The metric in which a joint torque is projected into the null space.

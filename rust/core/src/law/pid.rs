@@ -296,7 +296,7 @@ impl<S: Real> Law<S> for Pid<S> {
             None => self.speed.copy_from_slice(v),
         }
 
-        // The feedforward torque of the model.
+        // The feed-forward torque of the model.
         if self.moves && self.observer.is_none() {
             self.work.fill(S::zero());
             self.arm.inverse_dynamics(&mut self.workspace, trig, q, &self.work, a_d, tau);

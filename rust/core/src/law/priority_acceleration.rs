@@ -68,8 +68,8 @@ impl PriorityAccelerationSpec {
         limits.require_sns(options.method)?;
         let limits = if options.method == PriorityMethod::Sns { Some(JointLimits::new(&model, limits)?) } else { None };
         let mut options = limits.as_ref().map_or_else(|| options.clone(), |limits| limits.open(options.clone()));
-        // Below all tasks there is one more level, whose Jacobian is the identity. Its projected singular values are at most one. They are
-        // one in directions that no task uses.
+        // Below all tasks there is one more level, whose Jacobian is the identity. Its projected singular values are at most one, and one
+        // in directions that no task uses. So its threshold is the default.
         if let Some(eps) = options.eps.as_mut().filter(|eps| eps.len() == levels.len() && eps.len() > 1) {
             eps.push(crate::priority::DEFAULT_EPS);
         }

@@ -90,7 +90,7 @@ fn the_gradient_is_that_of_half_the_square() {
     }
 }
 
-/// The rate of an estimate under a push, computed in lanes.
+/// An estimate and the vector `y = Y' s`, from which the rate of the estimate is computed in lanes.
 struct Rate<'a>(&'a [f64], &'a [f64]);
 
 impl crate::scalar::GenericKernel for &Rate<'_> {
@@ -117,7 +117,7 @@ fn the_correction_satisfies_the_inequality_of_the_proof() {
     let gamma: Vec<f64> = (0..20).map(|k| 0.1 + 0.01 * f64::from(k)).collect();
     for (share, sign) in [(0.9, 1.0), (0.3, 1.0), (0.02, 1.0), (0.02, -1.0), (-1.0, 1.0)] {
         let pi: Vec<f64> = truth.iter().map(|x| share * x).collect();
-        // The push is directed towards the boundary, or away from it.
+        // `y` moves the estimate towards the boundary, or away from it.
         let y: Vec<f64> = (0..20).map(|k| -sign * truth[k] * (1.0 + 0.1 * f64::from(k as i32 % 3))).collect();
         let rate = GenericKernel::run::<Float>(&Rate(&pi, &y));
         let taken: f64 = (0..20).map(|k| (pi[k] - truth[k]) / gamma[k] * (gamma[k] * y[k] - rate[k])).sum();

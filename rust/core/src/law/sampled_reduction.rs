@@ -1,6 +1,7 @@
 //! The motor loop of a sampled controller with locked links. The torque is constant over one sample of length `dt`:
 //!
-//! `y' = A y + G tau`, `tau = F y` at samples, so `y <- (exp(A dt) + int_0^dt exp(A s) ds G F) y`.
+//! `y' = A y + G tau`, `tau = F y` at samples, so `y <- (exp(A dt) + int_0^dt exp(A s) ds G F) y`. `A` and `G` are the matrices of the
+//! motors, and `F` has the gains of the controller.
 //!
 //! The prime is the time derivative. The state `y` is `[theta, theta_dot]`, the motor positions and velocities. A first-order torque sensor
 //! of bandwidth `w_c` adds the filtered torque `tau_f` to `y`, with `tau_f' = w_c (tau_J - tau_f)`. The loop is stable if and only if the

@@ -1,11 +1,12 @@
 //! True parameters and friction of the plant in the Lyapunov function of an adaptive law. The law does not know them.
 //!
 //! `tau_f(v)` is the friction of the plant. `Y_f a_f` is the friction in the law's joint columns with the plant's parameters. Rotors that
-//! are not estimated have the inertia `B` in the plant and `B_0` in the model. Then
+//! are not estimated have the inertia `B` in the plant and `B_0` in the model. Let `a` be the true parameters, `a_hat` their estimate, `Y`
+//! the regressor, `s` the sliding variable, and `'` the transpose. Then the Lyapunov function `V1` has the rate
 //!
-//! `V1' = -s'Kd s + s'(tau_f(v) - Y_f a_f + (B - B_0) a_r) + (a - a_hat)'(y - w)`,
+//! `V1_dot = -s' Kd s + s' (tau_f(v) - Y_f a_f + (B - B_0) a_r) + (a - a_hat)' (y - w)`,
 //!
-//! with `y = Y' s` and `a_hat' = Gamma w`. If viscous friction `D` is estimated, its part of the second term is `-s' D s`. If Coulomb
+//! with `y = Y' s` and `a_hat_dot = Gamma w`. If viscous friction `D` is estimated, its part of the second term is `-s' D s`. If Coulomb
 //! friction `F` is estimated, its part is `s' F (sign v - tanh(v_r / v_s))`.
 
 use super::LawSpec;
@@ -80,8 +81,8 @@ impl<S: Real> Truth<S> {
         Some(Truth { parameters, rubbing: fixed(rubbing), viscous, coulomb, rotors: fixed(rotors) })
     }
 
-    /// The contribution of the plant's friction, known rotors, restraint and additional adaptation to the rate `V1'` of the Lyapunov
-    /// function: `s'(tau_f - Y_f a_f + (B - B_0) a_r) + (a - a_hat)'(y - w)`.
+    /// The contribution of the plant's friction, known rotors, restraint (leakage and dead zone) and additional adaptation to the rate of
+    /// the Lyapunov function `V1`: `s' (tau_f - Y_f a_f + (B - B_0) a_r) + (a - a_hat)' (y - w)`.
     ///
     /// `columns` has the entries of the joint columns, and `back` is `y - w`.
     pub(super) fn added(&self, [s, v, a_r]: [&[S]; 3], columns: &[S], estimate: &[S], back: &[S]) -> S {

@@ -8,9 +8,10 @@
 //! T in [ sqrt(4 I D / a_max), sqrt(4 I D / a_min) ]  iff  a_max > 0 and a_max >= a_min
 //! ```
 //!
-//! `I` is the inertia, `G` the gravity moment, `D` the distance and `T` the duration. `max_1` and `min_1` are extremes over phase 1, and
-//! `max_2` and `min_2` over phase 2. At every angle the torque is a monotone function of `a`, so the two bounds are exact. The extremes of
-//! `sin` on an interval have a closed form, without samples. `docs/minimum_time.md` has the derivation.
+//! `I` is the inertia, `G` the gravity moment, `D` the distance, `T` the duration and `A` the acceleration. `direction` is 1 or -1, so that
+//! `x` increases from `x0` to `x1`. `tau_min` and `tau_max` are the torque bounds in the coordinate `x`. `max_1` and `min_1` are extremes
+//! over phase 1, and `max_2` and `min_2` over phase 2. At every angle the torque is a monotone function of `a`, so the two bounds are
+//! exact. The extremes of `sin` on an interval have a closed form, without samples. `docs/minimum_time.md` has the derivation.
 
 use super::link::{Link, SLACK, check_ends};
 use super::report::{Bind, Limit, Place, Reason};

@@ -6,9 +6,10 @@
 //! brake to rest at x1, backwards:   I y_ddot = (c - u_min) - G sin(-x1 + y) + d y_dot
 //! ```
 //!
-//! `d` is the viscous and `c` the Coulomb friction coefficient. With viscous friction the energy is not a function of the angle alone. So
-//! the phases are integrated (`steps.rs`), and a push meets a brake where their speeds are equal. At equal angle and speed the push has the
-//! larger acceleration, so the two speed curves cross at most once.
+//! `y` is the distance from rest, `I` the inertia and `G` the gravity moment. `u_min` and `u_max` are the torque bounds. `d` is the viscous
+//! and `c` the Coulomb friction coefficient. With viscous friction the energy is not a function of the angle alone. So the phases are
+//! integrated (`steps.rs`), and a push meets a brake where their speeds are equal. At equal angle and speed the push has the larger
+//! acceleration, so the two speed curves cross at most once.
 
 use super::steps::{FrictionLink, Progress, Step, evaluate};
 use crate::interrupt::look;

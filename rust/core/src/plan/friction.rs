@@ -6,10 +6,10 @@
 //! dT/de = (z/v)_2 + (z/v)_3      spread z (`curve.rs`) over speed v at the two switches, 2 before and 3 after the turn
 //! ```
 //!
-//! `x0` is the start, `x1` the goal and `xt` the turn. `u+` is the absolute value of the upper torque bound. The change of the switching
-//! times does not contribute to the derivative, because both phases have equal speeds at a switch. An overshoot is a back-swing of the
-//! mirrored motion, run backwards in time with negative friction coefficients. Coulomb friction alone only shifts the torque bounds of each
-//! part of the motion. A test uses this as an independent check.
+//! `I` is the inertia, and `G` the gravity moment. `x0` is the start, `x1` the goal and `xt` the turn. `u+` is the absolute value of the
+//! upper torque bound. The change of the switching times does not contribute to the derivative, because both phases have equal speeds at a
+//! switch. An overshoot is a back-swing of the mirrored motion, run backwards in time with negative friction coefficients. Coulomb friction
+//! alone only shifts the torque bounds of each part of the motion. A test uses this as an independent check.
 //!
 //! Let `phi` be `exp(-d t / 2I)` times the adjoint variable, whose zeros are the switches. Then
 //! `phi_ddot = (d^2/4I^2 - G cos theta/I) phi`, and Sturm's comparison theorem applies to `phi`. So an overdamped link, with

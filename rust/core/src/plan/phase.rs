@@ -7,11 +7,11 @@
 //! dF/dx  = sqrt(L) int_0^1 G cos(x + h) sinc(h) w^(-3/2) ds,       dF/dL = 1/sqrt(K(L))
 //! ```
 //!
-//! The substitution `y = L s^2` removes the inverse square root at the rest point. The remaining integrand is smooth unless `w` comes near
-//! zero. There the link barely passes a *maximum of gravity*, an angle at which gravity makes the kinetic energy smallest. It is integrated
-//! by adaptive bisection with the 10-21 point Gauss-Kronrod pair. Where `w` is near zero, the integral gains a digit every few panels,
-//! because the integrand is analytic up to the near pole. A phase that brakes to rest at `x` is computed as a push from `-x`, run
-//! backwards, with the braking torque.
+//! `G` is the gravity moment, and `I` the inertia. The substitution `y = L s^2` removes the inverse square root at the rest point. The
+//! remaining integrand is smooth unless `w` comes near zero. There the link barely passes a *maximum of gravity*, an angle at which gravity
+//! makes the kinetic energy smallest. It is integrated by adaptive bisection with the 10-21 point Gauss-Kronrod pair. Where `w` is near
+//! zero, the integral gains a digit every few panels, because the integrand is analytic up to the near pole. A phase that brakes to rest at
+//! `x` is computed as a push from `-x`, run backwards, with the braking torque.
 
 use super::quadrature::{Graded, Integrand, adaptive, few};
 use super::sine::{sin_cos, sinc_cos_small};

@@ -6,11 +6,11 @@
 //! dT/de = sqrt(I/2) [ 1/sqrt(K_12) + 1/sqrt(K_34) - dF/dx(xt, l2) - dF/dx(xt, l3) ]
 //! ```
 //!
-//! `x0` is the start, `x1` the goal, `xt` the turn, and `D = x1 - x0`. `F(x, L; u)` is the time factor of a phase (`phase.rs`) with the
-//! torque `u`. `u+` and `u-` are the absolute values of the upper and the lower torque bound, and `K_12`, `K_34` are the kinetic energies
-//! at the switches. Only the phases that start at the turn have a term `dF/dx`, because the outer phases start from fixed points. At a
-//! switch both phases have the same energy `K`, so only the sum of their lengths counts. An overshoot is the back-swing of the motion
-//! mirrored and run backwards in time.
+//! `x0` is the start, `x1` the goal, `xt` the turn, and `D = x1 - x0`. `I` is the inertia. `F(x, L; u)` is the time factor of a phase
+//! (`phase.rs`) with the torque `u`. `u+` and `u-` are the absolute values of the upper and the lower torque bound, and `K_12`, `K_34` are
+//! the kinetic energies at the switches. Only the phases that start at the turn have a term `dF/dx`, because the outer phases start from
+//! fixed points. At a switch both phases have the same energy `K`, so only the sum of their lengths counts. An overshoot is the back-swing
+//! of the motion mirrored and run backwards in time.
 
 use super::detour::{Push, detour};
 use super::monotone::{Monotone, MonotoneMotion, drop};

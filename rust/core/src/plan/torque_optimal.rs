@@ -8,10 +8,10 @@
 //! x0 = x1: T = 0, feasible and certified iff u_min <= G sin x0 <= u_max
 //! ```
 //!
-//! `x0` is the start, `x1` the goal and `xs` the switch. `u_min` and `u_max` are the torque bounds in the coordinate `x`. The certificate
-//! is Sturm's comparison theorem. The adjoint variable `psi` obeys `psi_ddot = -(G cos theta/I) psi`, and its zeros are the torque
-//! switches. So two switches are more than `pi sqrt(I/|G|)` apart. Without the certificate, the optimum may first swing back, or overshoot
-//! (`swing.rs`).
+//! `x0` is the start, `x1` the goal, `D = x1 - x0`, and `xs` the switch. `I` is the inertia and `G` the gravity moment. `direction` is 1 or
+//! -1, so that `x1 >= x0`. `u_min` and `u_max` are the torque bounds in the coordinate `x`. The certificate is Sturm's comparison theorem.
+//! The adjoint variable `psi` obeys `psi_ddot = -(G cos theta/I) psi`, and its zeros are the torque switches. So two switches are more than
+//! `pi sqrt(I/|G|)` apart. Without the certificate, the optimum may first swing back, or overshoot (`swing.rs`).
 
 use super::link::{Link, check_ends};
 use super::monotone::MonotoneMotion;

@@ -1,9 +1,9 @@
 //! The feasible back-swings: open intervals of the distance `e` of the turn behind the start, whose edges are roots of smooth functions.
 //!
 //! Under a constant torque `u` from rest at `xt`, the energy is a linear function of the angle, `E = V(xt) + u (x - xt)`. The phase
-//! continues while this line is above the potential `V = -G cos x`. `x0` is the start, `x1` the goal and `xt = x0 - e` the turn. `u+` and
-//! `u-` are the absolute values of the upper and the lower torque bound. The line of the torque `u+` rises and the lines of the torque
-//! `-u-` fall. So they cross once:
+//! continues while this line is above the potential `V = -G cos x`. `G` is the gravity moment, `x0` the start, `x1` the goal and
+//! `xt = x0 - e` the turn. `u+` and `u-` are the absolute values of the upper and the lower torque bound. The line of the torque `u+` rises
+//! and the lines of the torque `-u-` fall. So they cross once:
 //!
 //! ```text
 //! the back-swing to xt is feasible iff

@@ -24,8 +24,8 @@ pub trait Definition {
     /// The model of the arm.
     fn model(&self) -> &Model;
 
-    /// Return the initial state `x`. If `theta0` is `None`, the springs carry the gravity load. If `theta_dot0` is `None`, the motors move
-    /// with the links.
+    /// Return the initial state `x`. `theta0` and `theta_dot0` are for elastic joints. If `theta0` is `None`, the springs carry the gravity
+    /// load. If `theta_dot0` is `None`, the motors move with the links.
     fn initial_state(&self, q0: &[f64], v0: &[f64], _theta0: Option<&[f64]>, _theta_dot0: Option<&[f64]>) -> Vec<f64> {
         [q0, v0].concat()
     }

@@ -237,7 +237,7 @@ pub struct Rigid<S: Real> {
 }
 
 impl<S: Real> Rigid<S> {
-    /// Subtract the friction of the model from the torques on the joints, if it acts. Return its power, which is negative, W.
+    /// Subtract the friction of the model from the torques on the joints, if it acts. Return its power, <= 0, W.
     fn rub(&mut self, v: &[S]) -> S {
         let mut outside = S::zero();
         if let (true, AnyArm::Tree(tree)) = (self.friction, &self.links.arm) {

@@ -191,7 +191,7 @@ impl StackBatch {
         &self.single
     }
 
-    /// Whether there is a program, and the method does not search over bounds. Most rows then take a short time.
+    /// Whether there is a program, and the method does not search over bounds.
     pub fn is_quick(&self) -> bool {
         self.program.is_some() && self.single.method() != PriorityMethod::Sns
     }

@@ -1,7 +1,7 @@
 //! LQ and QR factorisations for the algorithm `regular` (Golub and Van Loan, Matrix Computations, 5.1 and 5.2).
 //!
-//! Contents: `J_E = L Q` by Householder reflections of rows, and least squares for a level with more rows than free directions. Also the
-//! norm `|T^-1|_F` of a triangular block `T`.
+//! Contents: the factorisation `J_E = L Q` of the Jacobian rows of several levels, by Householder reflections of rows. Least squares for a
+//! level with more rows than free directions. Also the norm `|T^-1|_F` of a triangular block `T`.
 
 use crate::scalar::Real;
 

@@ -1,4 +1,5 @@
-//! The solution `J_i# v_i` of each level alone, away from singularities, for the method `chiaverini`.
+//! The solution `J_i# v_i` of each level alone, away from singularities, for the method `chiaverini`. `J_i#` is the pseudo-inverse of the
+//! Jacobian of level `i`, and `v_i` its task velocity.
 //!
 //! It uses an LQ factorisation of the rows. A level with more rows than joints is solved by least squares.
 

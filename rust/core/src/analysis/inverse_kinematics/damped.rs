@@ -2,10 +2,10 @@
 //!
 //! `dq = z + J' (J J' + (0.3 |e|^2 + floor) 1)^-1 (e - J z)`,  with the motion `z` towards the middle of the ranges.
 //!
-//! `J` and `e` have the rows of all tasks, each divided by the size of its Jacobian row. So `e` has the unit of joint positions. Far from
-//! the goal, the damping shortens steps along directions with small singular values. Near the goal, the damping decreases faster than the
-//! error, so a step approaches a Newton step. No singular values are computed. With more rows than joints, the same step is computed from
-//! `J' J`.
+//! `1` is the identity matrix. `J` and `e` have the rows of all tasks, each divided by the size of its Jacobian row. So `e` has the unit of
+//! joint positions. Far from the goal, the damping shortens steps along directions with small singular values. Near the goal, the damping
+//! decreases faster than the error, so a step approaches a Newton step. No singular values are computed. With more rows than joints, the
+//! same step is computed from `J' J`.
 
 use super::super::uniform::{mirror, within};
 use super::attempt::{StartResult, advance, aim_at_middle, better, blocked, clip, largest, misses_of};

@@ -5,9 +5,9 @@
 //! tasks together. If such steps do not reach all of several tasks, `dq` solves `J_i dq = e_i` in order of priority, by a method of
 //! `priority`. The default method bounds the steps at singularities. If there is one task and no start reaches it, the last steps also use
 //! this method. If the option `method` or `eps` is set, all steps use it. A joint at a limit is held if the step would cross the limit. Its
-//! column becomes zero, and the step is computed again. While errors are large, the remaining freedom moves joints towards the middle of
-//! their range. After a start without success, the search continues from pseudo-random starts. Several solutions of one target come from
-//! more starts.
+//! column of the Jacobian becomes zero, and the step is computed again. While errors are large, the remaining freedom moves joints towards
+//! the middle of their range. After a start without success, the search continues from pseudo-random starts. Several solutions of one
+//! target come from more starts.
 //!
 //! `damped` has the steps for all tasks together, `newton` the steps in priority, and `batch` the search for many targets.
 

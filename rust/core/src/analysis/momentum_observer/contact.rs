@@ -5,7 +5,7 @@ use crate::error::{Error, Result, finite, positive};
 use crate::law::touched;
 use crate::linalg::{axpy, clamp_gain, dot};
 
-/// The default `eps` of the clamp of singular values, as a fraction of the largest row norm of `J'`.
+/// The default `eps` of the clamp of singular values, as a fraction of the largest row norm of `J'`, the transposed Jacobian of the frame.
 const SHARE: f64 = 0.02;
 
 impl MomentumObserver {
@@ -50,9 +50,9 @@ impl MomentumObserver {
 
     /// Compute the wrench `[f; m]` at a frame, rows of 6, N and N m, and the rest of the residual, rows of `n`.
     ///
-    /// `q` has rows of `n`. `eps` is the clamp of singular values of `J'`; `None` uses a default. Errors: `Input` for an observer of motors
-    /// or before the first sample, an `eps` that is not positive, or a `q` that is not finite. `Unknown` for the frame, `WrongShape` for
-    /// `q`.
+    /// `q` has rows of `n`. `eps` is the clamp of singular values of `J'`, the transposed Jacobian of the frame; `None` uses a default.
+    /// Errors: `Input` for an observer of motors or before the first sample, an `eps` that is not positive, or a `q` that is not finite.
+    /// `Unknown` for the frame, `WrongShape` for `q`.
     pub fn wrench(&mut self, q: &[f64], frame: &str, eps: Option<f64>, out: &mut [f64], rest: &mut [f64]) -> Result<()> {
         if self.motors.is_some() {
             return Err(Error::input("frame", "is of no use: expected an observer of links, got one of motors"));

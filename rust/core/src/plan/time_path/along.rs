@@ -1,6 +1,7 @@
 //! Limits that vary along the path: one value per knot, linear in `s` between knots.
 //!
-//! A row under such a limit `l(s)` is divided by `l(s)`. Then its limit is one everywhere: `|row / l(s)| <= 1`.
+//! A row is one limited quantity, for example the torque of one joint. A row under such a limit `l(s)` is divided by `l(s)`. Then its limit
+//! is one everywhere: `|row / l(s)| <= 1`.
 
 use crate::motion::Path;
 

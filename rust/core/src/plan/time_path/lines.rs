@@ -1,7 +1,8 @@
 //! The bounds of the path acceleration `u` on one segment, as lines in the plane of `x = (ds/dt)^2` and `u`.
 //!
-//! A segment has rows `lo <= alpha u + beta x + gamma <= hi` at its start, in its middle and at its end. Row `k` bounds `u` by an upper
-//! line `U_k` and a lower line `L_k`. So `u` is between `L(x)`, the largest lower line, and `U(x)`, the smallest upper line.
+//! A segment has rows `lo <= alpha u + beta x + gamma <= hi` at its start, in its middle and at its end. `alpha`, `beta` and `gamma` are
+//! the coefficients of one row. Row `k` bounds `u` by an upper line `U_k` and a lower line `L_k`. So `u` is between `L(x)`, the largest
+//! lower line, and `U(x)`, the smallest upper line.
 //!
 //! ```text
 //! U_k(x) = max(margin_hi/alpha, margin_lo/alpha) - (beta/alpha) x,   L_k(x) = min(..) - (beta/alpha) x,   margin = limit - gamma

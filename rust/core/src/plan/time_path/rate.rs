@@ -8,6 +8,9 @@
 //! tau(k t) = g + d q' r_W / k + I / k^2,   q' = dq/ds,   d: viscous friction,   I = M a + C v at time t for k = 1
 //! ```
 //!
+//! `T` is the duration of the fastest timing, `r = ds/dt` and `u = dr/dt`. `I` are the inertia torques, with the mass matrix `M` and the
+//! Coriolis matrix `C`. `g` is the gravity torque.
+//!
 //! The search varies the window `W`, and finds the least factor `k` for each. The result satisfies the limits, but it is not the fastest
 //! timing. `u` is linear in time between nodes, so `s(t)` is a C2 cubic spline. Torque rates are difference quotients of samples, plus the
 //! largest change from one quotient to the next.

@@ -5,7 +5,8 @@
 //! tau = A u + B x + g (+ friction),   A = M q',   B = M q'' + C(q, q') q',   g = g(q)
 //! ```
 //!
-//! One function of the arm computes `A, B, g` (Bobrow, Dubowsky and Gibson 1985). `tip` has the motion of a frame's origin.
+//! `M` is the mass matrix, `C` the Coriolis matrix, and `g` the gravity torque. One function of the arm computes `A, B, g` (Bobrow,
+//! Dubowsky and Gibson 1985). `tip` has the motion of a frame's origin.
 
 use super::along::Along;
 use super::mover::Mover;

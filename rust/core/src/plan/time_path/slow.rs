@@ -7,8 +7,8 @@
 //! tau(s) = g + d q' sqrt(c x) + c (M q'' + C q') x + c M q' u
 //! ```
 //!
-//! `q' = dq/ds`, `d` is the viscous friction, and `g` includes Coulomb friction. Bisection finds a `c` that satisfies all limits. The
-//! result is not the fastest timing.
+//! `q' = dq/ds`, `d` is the viscous friction coefficient, and `g` the static torque with Coulomb friction. `M` is the mass matrix, and `C`
+//! the matrix of Coriolis and centrifugal torques. Bisection finds a `c` that satisfies all limits. The result is not the fastest timing.
 
 use super::TimePath;
 use super::check::TOLERANCE;

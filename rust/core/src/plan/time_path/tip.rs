@@ -7,8 +7,8 @@
 //! acceleration = p' u + p'' x,   |p' u + p'' x| <= A      a convex set in the plane of u and x
 //! ```
 //!
-//! At a point of a segment the acceleration is `a u + b x + m`. Let `c` and `d` be the parts of `b` and `m` perpendicular to `a`. The limit
-//! `A` gives an upper and a lower bound of `u` at each `x`:
+//! `V` is the limit of the speed, and `A` the limit of the acceleration. At a point of a segment the acceleration is `a u + b x + m`. Let
+//! `c` and `d` be the parts of `b` and `m` perpendicular to `a`. The limit `A` gives an upper and a lower bound of `u` at each `x`:
 //!
 //! ```text
 //! u = -a.(b x + m) / |a|^2 +- sqrt(A^2 - |c x + d|^2) / |a|
