@@ -12,7 +12,7 @@ use crate::spatial::{Lift, Vector, Vector3};
 /// use armlet_core::plant::Wall;
 /// use armlet_core::spatial::Vector3;
 ///
-/// // A wall at x = 0.8 m for the frame with the index 1. The arm is on its left.
+/// // A wall at x = 0.8 m for the frame with the index 1. The arm is on the side with smaller x.
 /// let wall = Wall::new(1, [0.8, 0.0, 0.0], [-2.0, 0.0, 0.0], 1e4, 50.0)?;
 /// assert_eq!(wall.normal, [-1.0, 0.0, 0.0]);
 /// assert!((wall.depth(Vector3::new(0.82, 0.3, 0.0)) - 0.02f64).abs() < 1e-15);

@@ -35,7 +35,7 @@ pub struct Stops {
 /// use armlet_core::plant::Stop;
 ///
 /// let (lower, upper) = (Stop { joint: 0, upper: false }, Stop { joint: 0, upper: true });
-/// // At q = 1.25 rad with 2 rad/s, and the limits -1 and 1 rad.
+/// // The joint is at 1.25 rad, and moves with 2 rad/s. Its limits are -1 and 1 rad.
 /// assert_eq!(upper.depth(1.0, 1.25, 2.0), (0.25, 2.0));
 /// assert_eq!(lower.depth(-1.0, 1.25, 2.0), (-2.25, -2.0));
 /// ```

@@ -91,7 +91,7 @@ impl PriorityMethod {
 /// ```
 /// use armlet_core::priority::{PriorityMethod, PriorityOptions, solve_priority};
 ///
-/// // The first joint counts three times as much as the second joint.
+/// // The solution minimises `3 v_1^2 + v_2^2`.
 /// let options = PriorityOptions { weight: Some(vec![3.0, 0.0, 0.0, 1.0]), ..PriorityOptions::new(PriorityMethod::Exact) };
 /// let solution = solve_priority(2, &[&[1.0, 1.0]], &[&[4.0]], &options)?;
 /// assert!((solution.v[0] - 1.0).abs() < 1e-14 && (solution.v[1] - 3.0).abs() < 1e-14);

@@ -26,7 +26,7 @@ const MOST: usize = 1_000_000;
 ///
 /// # let arm = Mover::PlanarPr(PlanarPr::new(3.0, 0.5, 0.2)?);
 /// # let path = Arc::new(Path::waypoints(&[0.0, 0.0, 1.0, 1.0], 2, None, Ends::Natural)?.0);
-/// // Both joints move by 1. They accelerate with 4 until the speed is 1: T = 1 + 1/4.
+/// // Both joints move by 1, in m and in rad. The first joint accelerates with 4 m/s^2 until its speed is 1 m/s: T = 1 + 1/4.
 /// let limits = PathLimits { velocity: Some(vec![1.0, 2.0]), acceleration: Some(vec![4.0, 4.0]), ..PathLimits::default() };
 /// let plan = time_path(arm, path, &limits, &TimePathOptions::default())?;
 /// assert!((plan.motion.duration() - 1.25).abs() < 1e-9);

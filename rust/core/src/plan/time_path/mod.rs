@@ -101,7 +101,7 @@ const SLOPE_PASSES: usize = 1;
 /// # use std::sync::Arc;
 ///
 /// # let arm = PlanarPr::new(3.0, 0.5, 0.2)?;
-/// // Both joints move by 1, with at most 4 per second squared: T = 2 sqrt(1 / 4).
+/// // Both joints move by 1, in m and in rad, with at most 4 m/s^2 and 4 rad/s^2: T = 2 sqrt(1 / 4).
 /// let (path, _) = Path::waypoints(&[0.0, 0.0, 1.0, 1.0], 2, None, Ends::Natural)?;
 /// let limits = PathLimits { acceleration: Some(vec![4.0, 4.0]), ..PathLimits::default() };
 /// let TimePath { motion, margin, reason } = time_path(Mover::PlanarPr(arm), Arc::new(path), &limits, &TimePathOptions::default())?;
