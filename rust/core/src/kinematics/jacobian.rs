@@ -10,7 +10,7 @@ use crate::arm::{BASE, Tree};
 use crate::scalar::Real;
 use crate::spatial::{ANGULAR, LINEAR, Lift, Matrix, Matrix3, Vector, Vector3};
 
-/// Number of leading bodies that the placement of a frame depends on.
+/// Number of bodies, from the first on, that the placement of a frame depends on.
 fn needed<S: Real>(tree: &Tree<S>, frame: usize) -> usize {
     let body = tree.frames[frame].body;
     if body == BASE { 0 } else { body + 1 }

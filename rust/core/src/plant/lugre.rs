@@ -3,7 +3,8 @@
 //!
 //! `z' = v - sigma_0 |v| z / h(v, L)`, `tau_f = sigma_0 z + sigma_1 z' + sigma_2 v`,
 //!
-//! with the curve `h` of [`FrictionCurve`]. The bristles store the energy `sigma_0 z^2 / 2`. The rest of the power `tau_f v` is lost.
+//! with the joint velocity `v`, the load `L` of the joint and the curve `h` of [`FrictionCurve`]. `z'` is the time derivative, and `tau_f`
+//! the friction torque. The bristles store the energy `sigma_0 z^2 / 2`. The rest of the power `tau_f v` is lost.
 
 use super::friction_curve::{FrictionCurve, LaneCurve, require, require_rows};
 use crate::error::Result;

@@ -1,4 +1,4 @@
-//! An arm whose joint velocities are the input: `q' = u`.
+//! An arm whose joint velocities are the input: `q' = u`, with the time derivative `q'`.
 
 use super::{Build, Definition, Plant, Power};
 use crate::dynamics::Model;
