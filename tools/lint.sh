@@ -18,6 +18,7 @@ for feature in parallel urdf; do
     run cargo check --locked --package armlet-core --quiet --no-default-features --lib --features "$feature"
 done
 run env RUSTDOCFLAGS='-D warnings' cargo doc --locked --package armlet-core --no-deps --quiet
+run "$@" tools/doc_examples.py
 if component clippy clippy; then run cargo clippy --locked --workspace --all-targets --quiet -- -D warnings; fi
 run "$@" -m ruff check python tests tools examples benches docs
 run "$@" tools/words.py
