@@ -32,8 +32,8 @@ use std::collections::BTreeSet;
 /// let listed = list_loop(&problem, false, None)?;
 /// let operations = listed.parts.iter().find(|(part, _)| *part == listed.part).map_or(0, |&(_, operations)| operations);
 /// assert!(operations > 10);
-/// let simplified = listed.stages.iter().find(|(stage, _)| *stage == "simplified");
-/// assert!(simplified.is_some_and(|(_, listing)| listing.lines.len() >= operations));
+/// let lowered = listed.stages.iter().find(|(stage, _)| *stage == "lowered");
+/// assert!(lowered.is_some_and(|(_, listing)| listing.lines.len() >= operations));
 /// # Ok::<(), armlet_core::error::Error>(())
 /// ```
 pub struct Listed {
