@@ -188,7 +188,7 @@ fn each<'py, const K: usize>(
 ///
 /// Args:
 ///     motor_inertia: `B`, kg m^2 or kg, > 0. All arguments are numbers or arrays, and broadcast.
-///     joint_stiffness: `K_J`, N m/rad, > 0.
+///     joint_stiffness: `K_J`, N m/rad or N/m, > 0.
 ///     sample_time: `dt`, s, > 0.
 ///     damping_ratio: `zeta`, > 0; 1 if None (keyword only).
 ///     sensor_bandwidth: bandwidth of a first-order torque sensor, rad/s; a sensor without lag if None (keyword only).
@@ -234,7 +234,7 @@ pub fn smallest_reduced_inertia<'py>(
 ///
 /// Args:
 ///     mass: inertia `M` of the link, kg m^2 or kg, > 0. All arguments are numbers or arrays, and broadcast.
-///     joint_stiffness: `K_J`, N m/rad, > 0.
+///     joint_stiffness: `K_J`, N m/rad or N/m, > 0.
 ///     reduced_inertia: reduced motor inertia `B0`, kg m^2 or kg, > 0.
 ///     damping: `d` of the damper at the link, N m s/rad or N s/m, >= 0.
 ///     motor_damping: damping `D0` of the motor, N m s/rad or N s/m, > 0; the critical damping `2 sqrt(B0 K_J)` if None (keyword only).

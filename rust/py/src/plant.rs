@@ -193,7 +193,7 @@ impl RigidArm {
     }
 }
 
-/// An arm whose input `u` is the joint velocities, rad/s or m/s: `q' = u`, with the state `q`.
+/// An arm whose input `u` is the joint velocities, rad/s or m/s: `q_dot = u`, with the state `q`.
 ///
 /// >>> import armlet as al
 /// >>> al.VelocityArm(al.planar_arm([0.5, 0.4]))

@@ -303,6 +303,10 @@ impl Arm {
     ///
     /// The frames "link1", "link2", .. are the body frames.
     ///
+    /// Raises:
+    ///     InputError: the list is empty, a key or type is unknown, a name is repeated, a shape is wrong, or a number is not finite. An axis
+    ///         of length zero and an index that is not that of a valid joint also raise it.
+    ///
     /// >>> import armlet as al
     /// >>> arm = al.Arm.from_chain([{"type": "R", "axis": [0, 0, 1], "phi": [1, 0.5, 0, 0, 0, 0, 0, 0, 0, 0.3]}])
     /// >>> arm.mass_matrix([0.0])
@@ -321,8 +325,12 @@ impl Arm {
 
     /// Make an arm from Denavit-Hartenberg rows `(a, alpha, d, theta)`, lengths in m and angles in rad.
     ///
-    /// A row may also be a dict with these keys, `type` and `phi`. `convention`: "standard" or "modified" (Craig). `gravity`: `(3,)`,
-    /// m/s^2, world axes. The frames "link1", "link2", .. are the Denavit-Hartenberg frames.
+    /// A row may also be a dict with these keys, zero by default, `type` ("R", "P", "revolute", "continuous" or "prismatic") and `phi`.
+    /// `convention`: "standard" or "modified" (Craig). `gravity`: `(3,)`, m/s^2, world axes. The frames "link1", "link2", .. are the
+    /// Denavit-Hartenberg frames.
+    ///
+    /// Raises:
+    ///     InputError: the list is empty, a key, a type or the convention is unknown, a shape is wrong, or a number is not finite.
     ///
     /// >>> import armlet as al
     /// >>> al.Arm.from_dh([(1.0, 0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0)]).position([0.0, 0.0], "link2")

@@ -58,7 +58,7 @@ use pyo3::types::{PyBool, PyString, PyTuple};
 ///         for samples with accelerations, and 1/(N m s^3) for windows.
 ///
 /// Raises:
-///     InputError: a shape is wrong, a number is not finite or is negative, a gain is not positive definite, or a name is unknown.
+///     InputError: a shape is wrong, a number is not finite or out of its range, a gain is not positive definite, or a name is unknown.
 ///
 /// Source: Slotine and Li, On the adaptive control of robot manipulators, IJRR 6(3), 1987.
 /// Natural metric: Lee, Kwon and Park, A natural adaptive control law for robot manipulators, IROS 2018.

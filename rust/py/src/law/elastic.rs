@@ -156,8 +156,8 @@ impl ElasticImpedance {
 
 /// Cartesian impedance of an arm with elastic joints about a moving target.
 ///
-/// The outer loop is `u = J'(K (x_d(t) - x) + D (x_d'(t) - J v)) + g(q)`, and the inner loop is the same as in `ElasticImpedance`. The law
-/// has no feed-forward of the arm's inertia, so it follows an accelerating target with an error.
+/// The outer loop is `u = J'(K (x_d(t) - x) + D (x_d_dot(t) - J v)) + g(q)`, and the inner loop is the same as in `ElasticImpedance`. The
+/// law has no feed-forward of the arm's inertia, so it follows an accelerating target with an error.
 ///
 /// Args:
 ///     target: the motion of the target in the m coordinates of `axes`, m or rad.

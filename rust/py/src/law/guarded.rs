@@ -47,7 +47,7 @@ const DURATION: f64 = 0.5;
 /// the residual at the contact.
 ///
 /// Raises:
-///     InputError: an argument is of the wrong type or shape, is missing or not used, or the observer has no thresholds.
+///     InputError: an argument is of the wrong type or shape, is missing or not used, or a reaction has an observer without thresholds.
 ///
 /// Source: De Luca, Albu-Schaeffer, Haddadin and Hirzinger, Collision detection and safe reaction with the DLR-III lightweight manipulator
 /// arm, IROS 2006. Haddadin, De Luca and Albu-Schaeffer, Robot collisions: a survey on detection, isolation, and identification, 2017.

@@ -109,19 +109,20 @@ pub(super) fn target<'py>(given: &mut Arguments<'py>, value: &Bound<'py, PyAny>,
     Ok(Motion::Hold(values))
 }
 
-/// Cartesian impedance: a spring and a damper between a frame and its target, `tau = J'(K e + D (x_d' - J v)) + g(q)` with `e = x_d - x`.
+/// Cartesian impedance: a spring and a damper between a frame and its target, `tau = J'(K e + D (x_d_dot - J v)) + g(q)` with
+/// `e = x_d - x`.
 ///
 /// `axes` selects the m controlled coordinates in order. The letters of "xyz" are positions, and "rx ry rz" are orientations. The
 /// orientation error in `e` is `log(R_d R')`, with the rotation `R` of the frame and the rotation `R_d` of the target's rotation vector.
 /// Without options the law uses no inverse of `J`, and it is defined at singularities. With options,
 ///
-///     F = K e + D (x_d' - J v) + F_ff + w,  w' = K_i e        within wrench_max
-///     tau = J' F + N' tau_0 + g(q)                            within tau_max
+///     F = K e + D (x_d_dot - J v) + F_ff + w,  w_dot = K_i e    within wrench_max
+///     tau = J' F + N' tau_0 + g(q)                              within tau_max
 ///
-/// `N' tau_0` is the torque of a `NullSpace`. With `compensate_coupling` the law adds `C v` to the torque and `L (x_d'' - J_dot v)` to the
-/// wrench, with `L = (J M^-1 J')^-1`. At full rank, without an external force and within the limits, every motion then satisfies
-/// `L (x'' - x_d'') = F`. This requires the projection "consistent" of a `NullSpace`. Near singularities, singular values of `J M^-1/2`
-/// below `eps` count as `eps`, after the rows of each unit are divided by their root mean square.
+/// `N' tau_0` is the torque of a `NullSpace`. With `compensate_coupling` the law adds `C v` to the torque and `L (x_d_ddot - J_dot v)` to
+/// the wrench, with `L = (J M^-1 J')^-1`. At full rank, without an external force and within the limits, every motion then satisfies
+/// `L (x_ddot - x_d_ddot) = F`. This requires the projection "consistent" of a `NullSpace`. Near singularities, singular values of
+/// `J M^-1/2` below `eps` count as `eps`, after the rows of each unit are divided by their root mean square.
 ///
 /// The integral wrench `w` `(m,)` is the law's state. It starts at zero, and `run.estimate` records it. While `F` or a torque exceeds a
 /// limit, the entries of `w` do not change in directions that increase the excess.

@@ -57,9 +57,9 @@ impl<'py> Arguments<'py> {
 
 /// Closed-loop inverse kinematics of tasks with priorities, for an arm whose input `u` is the joint velocities.
 ///
-/// `u` solves `J_i u = x_d,i' + K_i e_i` for each task `i`, in the order of priority. `J_i` is the Jacobian of the task, and `x_d,i'` the
-/// velocity of its target. Away from singularities, the error `e_i` decays with the gain `K_i` if tasks of higher priority do not use its
-/// directions. `terms` has `e`, `J`, `command` and `residuals` as lists with one entry per level, `ranks`, and `v`. The monitors are
+/// `u` solves `J_i u = x_d_dot,i + K_i e_i` for each task `i`, in the order of priority. `J_i` is the Jacobian of the task, and `x_d_dot,i`
+/// the velocity of its target. Away from singularities, the error `e_i` decays with the gain `K_i` if tasks of higher priority do not use
+/// its directions. `terms` has `e`, `J`, `command` and `residuals` as lists with one entry per level, `ranks`, and `v`. The monitors are
 /// `error_i` and `residual_i`.
 ///
 /// Args:
@@ -123,8 +123,8 @@ impl PriorityVelocity {
 
 /// Computed-torque control of tasks with priorities, for a rigid arm.
 ///
-/// `a` solves `J_i a = x_d,i'' + D_i (x_d,i' - J_i v) + K_i e_i - dJ_i/dt v` for each task `i`, in the order of priority. In directions
-/// that no task uses, `a = -c v`. The torque is `tau = M a + C v + g`.
+/// `a` solves `J_i a = x_d_ddot,i + D_i (x_d_dot,i - J_i v) + K_i e_i - dJ_i/dt v` for each task `i`, in the order of priority. In
+/// directions that no task uses, `a = -c v`. The torque is `tau = M a + C v + g`.
 ///
 /// Args:
 ///     arm, eps: as for `PriorityVelocity`.

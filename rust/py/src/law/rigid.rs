@@ -9,7 +9,8 @@ use pyo3::prelude::*;
 
 /// Computed torque: `tau = M (a_d + Kd e_dot + Kp e) + C v + g` with `e = q_d - q`.
 ///
-/// If the plant is the rigid arm of the model, without friction and external forces, the error obeys `e_ddot + Kd e_dot + Kp e = 0`.
+/// If the plant is the rigid arm of the model, without friction, external forces, sampling and torque limits, the error obeys
+/// `e_ddot + Kd e_dot + Kp e = 0`.
 ///
 /// Args:
 ///     arm: the model of the plant.
@@ -93,7 +94,7 @@ impl PDGravity {
     }
 }
 
-/// PID control with gravity compensation: `u = g(q) + Kp (q_d - q) + Kd (v_d - v) + w` with `w' = Ki (q_d - q)`.
+/// PID control with gravity compensation: `u = g(q) + Kp (q_d - q) + Kd (v_d - v) + w` with `w_dot = Ki (q_d - q)`.
 ///
 /// The torque `tau` is `u`, clipped to `tau_max`. The integral torque `w` `(n,)`, N m or N, is the first part of the law's state. It starts
 /// at zero, and `run.estimate[:, :n]` records it. The integral removes the error that a constant unknown load would cause. While `u_i`
@@ -106,7 +107,7 @@ impl PDGravity {
 ///         of a single joint of inertia `m` without filter and observer is stable if `ki < kp kd / m`. `ki=None`: no integral.
 ///     tau_max: the largest commanded torque, N m or N, scalar or `(n,)`; no limit if None.
 ///     derivative_filter: `N`, 1/s, scalar or `(n,)` (keyword only). The law replaces `v` by the filtered derivative of `q`,
-///         `v_f = N (q - y)` with `y' = v_f`. None: the law uses the measured `v`.
+///         `v_f = N (q - y)` with `y_dot = v_f`. None: the law uses the measured `v`.
 ///     friction: add the friction of the model at the desired velocity, `damping v_d + friction tanh(v_d / v_s)` (keyword only).
 ///     friction_speed: `v_s`, rad/s or m/s, > 0, scalar or `(n,)`; 0.1 if None (keyword only).
 ///     observer_bandwidth: `h`, 1/s, scalar or `(n,)`; None: no disturbance observer (keyword only). The observer estimates

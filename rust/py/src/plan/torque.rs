@@ -28,7 +28,7 @@ use std::sync::OnceLock;
 ///         the upward vertical.
 ///     tau_max: largest torque, N m, >= 0; > 0 if `tau_min` is None.
 ///     tau_min: smallest torque, N m, <= 0; `-tau_max` if None (keyword only, as all below).
-///     viscous: viscous friction, N m s/rad, >= 0. With friction, the motion is integrated numerically, and a call takes longer.
+///     viscous: viscous friction, N m s/rad, >= 0. With friction, the motion is integrated numerically.
 ///     coulomb: Coulomb friction, N m, >= 0.
 ///
 /// Returns:

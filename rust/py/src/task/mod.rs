@@ -67,7 +67,7 @@ struct Raw {
 ///     axes: the controlled coordinates in world axes, such as "xyz", "xy", "rx ry rz" or "x y rz".
 ///     target: a `Motion` or a constant `(rows,)`, m and rad (rotation vector); None if task velocities are passed at each call. A batch of
 ///         constants `(..., rows)` is for `inverse_kinematics`, and may contain numbers that are not finite.
-///     gain: `K` in `v = x_d' + K e`, 1/s (1/s^2 in `PriorityAcceleration`): scalar, `(rows,)` or `(rows, rows)`, not negative; 1 if
+///     gain: `K` in `v = x_d_dot + K e`, 1/s (1/s^2 in `PriorityAcceleration`): scalar, `(rows,)` or `(rows, rows)`, not negative; 1 if
 ///         None.
 ///     motion: another name of the argument `target` (keyword only).
 ///     damping: gain of the error's derivative in `PriorityAcceleration`, 1/s: scalar, `(rows,)` or `(rows, rows)` (keyword only). None:
