@@ -2,7 +2,7 @@
 
 The checks are those of test_time_path_identities.py. They use neither the planner nor the arm's dynamics.
 
-    tau_j = sum_(k >= j) m_k (p_k - P_j) x (a_k - g) + I_k phi_k''      (d'Alembert; P_j joint, p_k centre of mass, phi_k absolute angle)
+    tau_j = sum_(k >= j) m_k (p_k - P_j) x (a_k - g) + I_k phi_k_ddot   (d'Alembert; P_j joint, p_k centre of mass, phi_k absolute angle)
     natural spline by its second derivatives, solved as a dense matrix for all paths of a block
 """
 
@@ -92,7 +92,7 @@ class Splines:
         return np.asarray((at[..., None] >= self.s[:, None, 1:-1]).sum(axis=-1))
 
     def __call__(self, at: Array, k: NDArray[np.int64]) -> tuple[Array, Array, Array]:
-        """q, q', q'' at the path positions `at` (B, T) on the pieces `k` (B, T), each (B, T, n)."""
+        """q and its derivatives q', q'' by the path position, at the positions `at` (B, T) on the pieces `k` (B, T): each (B, T, n)."""
         row = np.arange(at.shape[0])[:, None]
         z = (at - self.s[row, k])[..., None]
         d, m, r = self.d[row, k], self.m[row, k], self.r[row, k]
