@@ -6,7 +6,7 @@
 //! prime is the time derivative.
 
 use super::Pose;
-use super::jacobian::of_frame;
+use super::jacobian::{column_rate, of_frame};
 use crate::arm::{BASE, Tree};
 use crate::scalar::Real;
 use crate::spatial::{Matrix, Matrix3, Vector, Vector3};
@@ -117,13 +117,8 @@ impl<S: Real> Bodies<S> {
         while i != BASE {
             let (z, o, revolute) = (self.poses[i].z(), self.poses[i].origin, self.tree.bodies[i].revolute);
             let (linear, angular) = if revolute { (z.cross(at.p - o), z) } else { (z, none) };
-            let (linear_dot, angular_dot) = if !rate {
-                (none, none)
-            } else {
-                let (w, u) = self.motion[i];
-                let z_dot = w.cross(z);
-                if revolute { (z_dot.cross_add(at.p - o, z.cross(at.u - u)), z_dot) } else { (z_dot, none) }
-            };
+            let (linear_dot, angular_dot) =
+                if rate { column_rate(revolute, &self.poses[i], self.motion[i], at.p, at.u) } else { (none, none) };
             let (joint, multiplier) = self.tree.mover(i);
             put(Column { joint, multiplier, linear, angular, linear_dot, angular_dot });
             i = self.tree.bodies[i].parent;

@@ -75,6 +75,19 @@ pub(super) fn put<S: Real>(tree: &Tree<S>, multiplier: f64, entry: &mut S, value
     *entry = if tree.joining.is_some() { S::splat(multiplier).mul_add(value, *entry) } else { value };
 }
 
+/// The rate of a joint's column: `z' x (p - o) + z x (p' - o')` and `z'`, or `z'` and 0 for a slide. `velocity` is `p'`, and `u` is `o'`.
+pub(super) fn column_rate<S: Real>(
+    revolute: bool,
+    joint: &Pose<S>,
+    (w, u): (Vector3<S>, Vector3<S>),
+    p: Vector3<S>,
+    velocity: Vector3<S>,
+) -> (Vector3<S>, Vector3<S>) {
+    let z = joint.z();
+    let z_dot = w.cross(z);
+    if revolute { (z_dot.cross_add(p - joint.origin, z.cross(velocity - u)), z_dot) } else { (z_dot, Vector3::zero()) }
+}
+
 /// Compute `dJ/dt`, `(6, n)`, at joint rates `v`. `motion` is memory for the angular velocity and the velocity of every body.
 pub fn jacobian_dot<S: Real>(
     tree: &Tree<S>,
@@ -95,13 +108,7 @@ pub fn jacobian_dot<S: Real>(
     let (w, u) = motion[i];
     let velocity = w.cross_add(p - poses[i].origin, u);
     while i != BASE {
-        let (z, (w, u)) = (poses[i].z(), motion[i]);
-        let z_dot = w.cross(z);
-        let (linear, angular) = if tree.bodies[i].revolute {
-            (z_dot.cross_add(p - poses[i].origin, z.cross(velocity - u)), z_dot)
-        } else {
-            (z_dot, Vector3::zero())
-        };
+        let (linear, angular) = column_rate(tree.bodies[i].revolute, &poses[i], motion[i], p, velocity);
         write(tree, j, i, linear, angular);
         i = tree.bodies[i].parent;
     }
