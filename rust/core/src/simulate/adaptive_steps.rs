@@ -1,4 +1,5 @@
-//! Runs of adaptive methods. A segment is the time between two jumps or samples. Records within a step use the dense output.
+//! Runs of adaptive methods. A segment is the time between two neighbouring jumps of the input or samples of the controller. Records at
+//! given times use the dense output of the method.
 
 use super::bound::Bound;
 use super::schedule::{Times, require_times};
@@ -28,9 +29,9 @@ pub struct Segments {
 pub enum Clock {
     /// The law is evaluated in every stage.
     None,
-    /// The law is evaluated once per period, s.
+    /// The law is evaluated once per period, s, and at the jumps of the input.
     Every(f64),
-    /// The loop's `sample` is called at every break. The loop decides whether the break is a sample.
+    /// The loop's `sample` is called at the start and at every break. The loop decides whether a sample is due.
     Breaks,
 }
 
@@ -56,7 +57,7 @@ impl Segments {
         all
     }
 
-    /// Whether a sample is taken at time `t`.
+    /// Whether a sample may be taken at time `t`, which ends a segment.
     fn is_sample(&self, t: f64) -> bool {
         match self.clock {
             Clock::None => false,
@@ -101,7 +102,7 @@ pub trait Watcher<F, B, M> {
     fn look(&mut self, system: &mut F, method: &mut M) -> Result<Option<Cut>, Status>;
     /// Process the last step of `method` up to time `t`, s. [`run`] calls this function when this part of the step belongs to the run.
     fn keep(&mut self, system: &mut F, method: &mut M, t: f64);
-    /// Process a switch of the system at time `t`, s, and state `x`. The observer may move `x` exactly to the switch.
+    /// Process a switch of the system at time `t`, s, and state `x`. The observer may change `x` to a state exactly at the switch.
     fn switch(&mut self, system: &mut F, t: f64, x: &mut B);
 }
 

@@ -32,9 +32,10 @@ pub trait Watched<S: Real>: System<S, Input = Exogenous<S>> {
     /// Change the mode of a joint with stick-slip friction, at time `t` and state `x`: a stuck joint slips, a sliding joint stops. `None`:
     /// check all joints.
     fn switch_joint(&mut self, _t: f64, _x: &mut [S], _joint: Option<usize>) {}
-    /// For each joint with stick-slip friction, write the number that is negative when its present mode ends.
+    /// For each joint with stick-slip friction, write a number to `out`. A negative number means that the joint's present mode ends.
     fn margins(&mut self, _t: f64, _x: &[S], _out: &mut [f64]) {}
-    /// Pass the records that a program stored while it computed several steps to the sink. `time(k)` is the time at the start of step `k`.
+    /// Pass the stored records to the sink. A program stores them if it computes several steps. `time(k)` is the time at the start of step
+    /// `k`.
     fn pass_on(&mut self, _time: &dyn Fn(usize) -> f64, _: &mut dyn Sink) {}
 }
 
@@ -152,7 +153,7 @@ pub fn assemble<'a, S: Real>(problem: &'a Problem, run: impl Fn(usize) -> usize 
 /// that only holds the law's output, unless the law is a function of the caller.
 pub fn sampler<S: Real>(problem: &Problem, run: impl Fn(usize) -> usize + Copy) -> Option<Sampler<S>> {
     let (o, plant) = (&problem.options, problem.plant(run(0)));
-    // A law of the user may have a memory. It is called once per sample, even if the sample is used several times.
+    // A law of the caller may have a memory. So it is called once per sample, even if the sample is used several times.
     let called_once = problem.law(run(0)).route() == Route::Outside;
     let dissipated = usize::from(o.monitors && !problem.watches_storage());
     let sizes = (plant.states(), plant.n(), problem.law(run(0)).initial_state().len() + dissipated);

@@ -1,7 +1,7 @@
 //! Programs of attempts of adaptive explicit methods. An *attempt* is one trial of a step, which the step-size controller accepts or
-//! rejects.
+//! rejects. A *program* is a recorded and compiled computation.
 //!
-//! The program of an attempt computes all stages of a small loop.
+//! The program of an attempt computes all stages of a step. Only small loops have such a program.
 
 use super::assembly::assemble;
 use super::closed_loop::ClosedLoop;
@@ -15,8 +15,8 @@ use crate::scalar::Real;
 use crate::scalar::trig::REDUCTION_LIMIT;
 use crate::trace::{Frame, Part, Program, Scratch, SlotTable, Sym, engine, form, sym};
 
-/// If the rates of all stages have more operations than this limit, an attempt is not one program. The code of a larger attempt exceeds the
-/// instruction cache. It also saves little time, because the time outside of the rates is short.
+/// If the rates of all stages have more operations than this limit, an attempt is not one program. The code of a larger attempt may exceed
+/// the instruction cache.
 const LARGE: usize = 3000;
 
 /// The program of an attempt, for loops with the same structure.
@@ -131,7 +131,8 @@ impl AttemptProgram {
         write(frame, self.places.held() + tau.len(), answer);
     }
 
-    /// Compute an attempt, and return whether it is valid. `input(t, u)` writes the exogenous input at time `t` to `u`.
+    /// Compute an attempt. Return whether all angles are in the range of the program's sines; otherwise the results are not valid.
+    /// `input(t, u)` writes the exogenous input at time `t` to `u`.
     pub fn run<S: Real, B: Buffer<S>>(
         &self,
         frame: &mut Frame,

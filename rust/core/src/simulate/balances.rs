@@ -13,12 +13,12 @@ pub const NAMES: [&str; 4] = ["energy_error", "energy_missing", "lyapunov_rise",
 
 /// Return four residuals, in the order of [`NAMES`]:
 ///
-/// - the largest `energy_balance`, divided by the largest energy stored or exchanged
-/// - the largest `energy_balance`, J
+/// - the largest absolute `energy_balance`, divided by the largest energy stored or exchanged
+/// - the largest absolute `energy_balance`, J
 /// - the largest Lyapunov function, divided by its first value, or zero if this value is zero
-/// - the largest Lyapunov balance, divided by the largest Lyapunov function
+/// - the largest absolute Lyapunov balance, divided by the largest Lyapunov function
 ///
-/// Residuals of monitors for which `series(name)` is `None` are NaN.
+/// Residuals of monitors for which `series(name)` is `None` are NaN. `series` has one value per record.
 pub fn open<'a>(series: impl Fn(&str) -> Option<&'a [f64]>) -> [f64; 4] {
     let mut found = [f64::NAN; 4];
     if let (Some(energy @ [first, ..]), Some(balance)) = (series("energy"), series("energy_balance")) {
@@ -30,7 +30,7 @@ pub fn open<'a>(series: impl Fn(&str) -> Option<&'a [f64]>) -> [f64; 4] {
     }
     if let (Some(value @ [first, ..]), Some(balance)) = (series("lyapunov"), series("lyapunov_balance")) {
         let most = largest(value.len(), |i| value[i]);
-        // If the Lyapunov function starts at zero, its relative growth is not defined.
+        // If the Lyapunov function starts at zero, the ratio to its first value is not defined.
         found[2] = if *first > 0.0 { most / first } else { 0.0 };
         found[3] = largest(balance.len(), |i| balance[i].abs()) / most;
     }
@@ -40,7 +40,7 @@ pub fn open<'a>(series: impl Fn(&str) -> Option<&'a [f64]>) -> [f64; 4] {
 /// Return the largest of `count` numbers, at least zero. NaN is ignored.
 #[inline(always)]
 fn largest(count: usize, number: impl Fn(usize) -> f64) -> f64 {
-    // Eight independent maxima are faster than one, because their operations do not depend on each other.
+    // Eight independent maxima need not wait for one another.
     let mut most = [0.0f64; 8];
     let whole = count / 8 * 8;
     let keep = |most: &mut f64, x: f64| *most = if *most < x { x } else { *most };

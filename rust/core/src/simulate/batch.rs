@@ -1,7 +1,7 @@
-//! Batches of runs: a group of lanes computes several runs at the same time, and threads compute different groups.
+//! Batches of runs. A group computes several runs at the same time, one per lane of a SIMD register. Threads compute different groups.
 //!
-//! Each group writes only its own rows, so that the bits do not depend on the number of threads or on the order of groups. In a group that
-//! is not full, the unused lanes repeat the last run.
+//! Each group writes only its own rows of the results. So the bits do not depend on the number of threads or on the order of the groups. In
+//! a group that is not full, the unused lanes repeat the last run.
 
 use super::batch_rows::{self, BatchRuns, GroupRecorder};
 use super::columns::Columns;
@@ -49,14 +49,15 @@ pub enum Keep {
     Metrics(Measures),
 }
 
-/// Return the number of runs that one group of programs computes at the same time. Without programs, a group has one run.
+/// Return the number of runs that one thread computes at the same time if a program computes them. Otherwise a thread computes one run at a
+/// time.
 pub fn lanes() -> usize {
     programs::Lanes::LANES
 }
 
 /// Run all runs of `problem` on `threads` threads, and return their records. `poll` is called every 20 ms. If it returns true, the runs
-/// stop. Errors: those of [`Problem::validate`], [`Error::Input`] for an adaptive method without record times, and [`Error::Memory`] if the
-/// records exceed the memory.
+/// stop. Errors: those of [`Problem::validate`] and of invalid metrics, [`Error::Input`] for an adaptive method without record times, and
+/// [`Error::Memory`] if the records exceed the memory.
 ///
 /// ```
 /// use armlet_core::arm::Arm;
@@ -131,8 +132,8 @@ pub fn simulate_batch(mut problem: Problem, keep: Keep, threads: usize, poll: &m
     Ok(out)
 }
 
-/// Reserve memory for the records without writing to it. The group of a row is the first to write to it. The result is an error if the
-/// memory is insufficient.
+/// Reserve memory for the records without writing to it. The group that computes a run is the first to write its records. Errors:
+/// [`Error::Memory`].
 fn allocate(problem: &Problem, t: Vec<f64>, plan: Option<&Plan>) -> Result<BatchRuns> {
     let (runs, records, columns) = (problem.runs(), t.len(), Columns::of(problem));
     let (n, p) = (columns.n, columns.p);

@@ -1,7 +1,7 @@
-//! The rows of one group of runs in the result arrays of a batch. Only this group writes to them.
+//! The results of one group of runs, which are rows of the result arrays of a batch. Only this group writes to these rows.
 //!
-//! Large arrays are not initialised. The thread that writes a row is the first to access its memory. If a run ends early, the rest of its
-//! rows is filled with NaN.
+//! Large arrays are not initialised. The thread that writes a row is the first to access its memory. If a run ends early, its missing
+//! records are NaN.
 
 use super::balances;
 use super::columns::Columns;
@@ -48,7 +48,7 @@ pub struct BatchRuns {
     pub q: Vec<f64>,
     /// Joint velocities, shape `(B, K, n)`, rad/s or m/s.
     pub v: Vec<f64>,
-    /// Inputs of the plant, shape `(B, K, n)`, N m or N. They are velocities for a velocity-controlled plant.
+    /// Inputs of the plant, shape `(B, K, n)`, N m or N. They are velocities, rad/s or m/s, for a velocity-controlled plant.
     pub tau: Vec<f64>,
     /// Motor positions of elastic plants, shape `(B, K, n)`, rad or m. Empty for other plants.
     pub theta: Vec<f64>,
@@ -56,16 +56,16 @@ pub struct BatchRuns {
     pub theta_dot: Vec<f64>,
     /// States of the laws, shape `(B, K, p)`.
     pub z: Vec<f64>,
-    /// Bristle deflections of LuGre friction, shape `(B, K, n)`, rad or m. Empty for other plants.
+    /// Bristle deflections of LuGre friction, shape `(B, K, n)`, rad or m. Empty without this friction.
     pub bristles: Vec<f64>,
     /// Torques of dry friction, shape `(B, K, n)`, N m or N. Empty without dry friction.
     pub friction: Vec<f64>,
     /// Name and values of each monitor, shape `(B, K)`.
     pub monitors: Vec<(&'static str, Vec<f64>)>,
-    /// Residuals of the balances, shape `(B,)` each, see [`super::BALANCES`]. NaN for a run that did not reach its end, and in a batch with
-    /// metrics.
+    /// Residuals of the balances over the stored records, shape `(B,)` each, see [`super::BALANCES`]. NaN for a run that did not reach its
+    /// end, without monitors, and in a batch with metrics.
     pub balances: [Vec<f64>; 4],
-    /// The metrics of the runs. NaN for a run that did not reach its end.
+    /// The metrics of the runs. All metrics of a run that did not reach its end are NaN.
     pub metrics: Vec<Metric>,
     /// Status of each run, shape `(B,)`.
     pub status: Vec<Status>,
@@ -73,12 +73,12 @@ pub struct BatchRuns {
     pub ended: Vec<f64>,
     /// Whether the caller interrupted the batch.
     pub interrupted: bool,
-    /// The kind of evaluation: "machine" or "portable" code of programs, or "direct" without programs.
+    /// The kind of evaluation: "machine" or "portable" for programs (recorded and compiled loops), or "direct" without programs.
     pub engine: &'static str,
 }
 
-/// One result array: the range of its numbers in a record `[x, tau, monitors]`, and its rows for the group, shape
-/// `(runs, records, numbers)`.
+/// The rows of one result array for the runs of the group, shape `(runs, records, numbers)`. `numbers` is the range of the array's numbers
+/// in a record `[x, tau, monitors]`.
 struct ArrayRows<'a> {
     numbers: Range<usize>,
     rows: &'a mut [f64],
@@ -103,7 +103,7 @@ pub struct GroupRecorder<'a> {
     friction: &'a mut [f64],
     /// The times of the records.
     times: &'a [f64],
-    /// For each run, the monitors for records that have no monitors from a program. They are created at first use, because creation
+    /// For each run, the monitors of records whose monitors no program has computed. They are created at first use, because creation
     /// compiles an arm.
     checks: Vec<Option<Box<Monitors<'a>>>>,
     first: usize,
@@ -248,7 +248,7 @@ impl GroupRecorder<'_> {
         self.written[run] = i + 1;
     }
 
-    /// Write the records of a block to the rows of `runs`. The first of these runs is in lane `lane`.
+    /// Write the records of a block to the rows of `runs`. These runs are in lane `lane` and the following lanes.
     fn write_block<const R: usize>(&mut self, block: &Block, lane: usize, runs: [usize; R]) {
         let (records, own) = (block.first..block.first + block.count, self.series.len() - self.monitors);
         let mut sound = true;
@@ -268,7 +268,7 @@ impl GroupRecorder<'_> {
         }
     }
 
-    /// Write the end of each run, and fill the missing rows with NaN. Return whether the group was interrupted.
+    /// Write status and end time of each run, and fill its missing records with NaN. Return whether the group was interrupted.
     pub fn finish(&mut self, ended: &Ended, t_end: f64) -> bool {
         self.checks = Vec::new();
         let mut summed = std::mem::take(&mut self.summed);

@@ -15,8 +15,8 @@ use crate::scalar::trig::REDUCTION_LIMIT;
 use crate::trace::{Frame, form, rows};
 use std::sync::Arc;
 
-/// The number of rows that a thread computes as one piece of work. At most this number of rows are computed on the calling thread, because
-/// starting another thread takes as long as computing 64 rows.
+/// The number of rows that a thread computes as one piece of work. The calling thread computes a batch of at most this number of rows,
+/// without other threads.
 const CHUNK: usize = 64;
 
 /// Computes the steps of all rows. The caller stores the states.
@@ -39,7 +39,8 @@ pub struct BatchStepper {
     plant: PlantSpec,
     law: LawSpec,
     options: Options,
-    /// The program of a step, and the loop parameters, which are its first inputs. `None` means that the step cannot be recorded.
+    /// The program of a step, and the loop parameters, which are its first inputs. `None` means that the step is computed without a
+    /// program.
     recorded: Option<(Arc<Recorded>, Vec<f64>)>,
     lanes: usize,
 }
@@ -94,8 +95,8 @@ impl BatchStepper {
     }
 
     /// Advance the states `x`, shape `(B, states)`, by `steps` steps. `tau`: inputs, shape `(B, n)`, in the unit of
-    /// [`Run::tau`](super::Run::tau). Return whether `poll` stopped the work before all rows were complete. A row that diverges is not
-    /// finite.
+    /// [`Run::tau`](super::Run::tau). Return whether `poll` stopped the work before all rows were complete. The states have no limit: those
+    /// of a row that diverges become infinite or NaN.
     pub fn advance(&self, tau: &[f64], steps: usize, threads: usize, poll: &mut dyn FnMut() -> bool, x: &mut [f64]) -> bool {
         let (states, n) = (self.states(), self.plant.n());
         assert!(steps > 0 && x.len() * n == tau.len() * states, "a state and an input for each row");
@@ -127,7 +128,7 @@ impl BatchStepper {
                 rows::write(&frame, layout.state(), states, x);
                 continue;
             }
-            // Check whether an angle of a row is outside of the range of the programs' sines. Such a row is repeated without a program.
+            // In some row, an angle left the range of the program's sines. Such rows are repeated without a program.
             for (lane, (x, tau)) in x.chunks_exact_mut(states).zip(tau.chunks_exact(n)).enumerate() {
                 if frame.slot_mut(layout.reach())[lane] < REDUCTION_LIMIT {
                     (0..states).for_each(|k| x[k] = frame.slot_mut(layout.state() + k)[lane] + 0.0);

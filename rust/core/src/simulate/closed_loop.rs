@@ -1,5 +1,5 @@
-//! The closed loop of any plant with any law, `x' = f(u, x)` with `x = [plant, law, integrals]`: one call of the law and one call of the
-//! plant. The integrals are those of the monitors.
+//! The closed loop of any plant with any law, `x_dot = f(u, x)` with the exogenous input `u` and the state `x = [plant, law, integrals]`.
+//! One evaluation of `f` calls the plant once, and the law once unless its output is held. The integrals are those of the monitors.
 
 mod system;
 
@@ -24,7 +24,8 @@ pub struct Closing<'a> {
 }
 
 impl Closing<'_> {
-    /// Whether the integral of the law's dissipation is monitored, which is the rate at which its Lyapunov function decreases.
+    /// Whether the integral of the law's dissipation is monitored. The dissipation is the rate at which the law's Lyapunov function
+    /// decreases.
     pub fn watches_dissipation(&self) -> bool {
         self.monitored && !self.storage
     }
@@ -53,12 +54,12 @@ pub struct ClosedLoop<'a, S: Real> {
     dz: Vec<S>,
     /// The size of the law's state.
     p: usize,
-    /// One if all results of the law since the last reset are valid, otherwise zero.
+    /// One if every result of the law since the last reset of this flag is valid, otherwise zero.
     pub stands: S,
     now: Exogenous<S>,
-    /// Memory for the acting output while the next output is computed.
+    /// Memory for the plant's input and the law's other results that act on the loop.
     acting: (Vec<S>, Vec<S>),
-    /// The plants that determine the dissipation in the Lyapunov balance. `None` if the law alone determines it.
+    /// The true parameters of the plants, for the dissipation in the Lyapunov balance. `None` if the law alone determines it.
     truth: Option<Truth<S>>,
 }
 
@@ -98,7 +99,7 @@ impl<'a, S: Real> ClosedLoop<'a, S> {
         }
     }
 
-    /// Return the loop with a dissipation that is computed with the plants `truth`.
+    /// Return the loop with a dissipation that is computed with the true parameters `truth` of the plants.
     pub fn judged_by(self, truth: Option<Truth<S>>) -> Self {
         ClosedLoop { truth, ..self }
     }
@@ -176,8 +177,8 @@ impl<'a, S: Real> ClosedLoop<'a, S> {
         }
     }
 
-    /// Use `tau` as input from now on, and keep the law's state constant. `None`: the law computes the input, and `held` selects whether it
-    /// is held.
+    /// Use `tau` as the plant's input from this call on, and keep the law's state constant. `None`: the law computes the input, and `held`
+    /// selects whether it is held.
     pub fn take_over(&mut self, tau: Option<&[S]>, held: bool) {
         self.closing.held = held || tau.is_some();
         if let Some(tau) = tau {
@@ -187,7 +188,7 @@ impl<'a, S: Real> ClosedLoop<'a, S> {
         }
     }
 
-    /// Hold results of the law from now on: the input `tau` and the other results `dz` ([`ClosedLoop::law_rate`]).
+    /// Hold results of the law from this call on: the input `tau` and the other results `dz` ([`ClosedLoop::law_rate`]).
     pub fn hold_input(&mut self, tau: &[S], dz: &[S]) {
         self.closing.held = true;
         self.tau.copy_from_slice(tau);
@@ -230,7 +231,7 @@ impl<'a, S: Real> ClosedLoop<'a, S> {
         }
     }
 
-    /// Whether the exogenous input of the state rates is constant between its jumps.
+    /// Whether the exogenous input on which the state rates depend is constant between its jumps.
     pub fn autonomous(&self) -> bool {
         (self.closing.held || self.world.has_targets()) && !self.world.has_smooth_force()
     }

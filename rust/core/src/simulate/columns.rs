@@ -49,8 +49,8 @@ impl Columns {
         if self.kind.has_motors() { self.n } else { 0 }
     }
 
-    /// The ranges in a record. `size` is the size of the state `x = [plant, z, ..]`. For a velocity-controlled plant, the input is the
-    /// velocity.
+    /// The ranges in a record. `size` is the size of the state `x = [plant, z, ..]`. For a velocity-controlled plant, the velocities are
+    /// the input.
     pub fn places(&self, size: usize) -> SampleColumns {
         let (n, states, motors) = (self.n, self.kind.states(self.n), self.motors());
         SampleColumns {

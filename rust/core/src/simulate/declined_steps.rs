@@ -1,4 +1,5 @@
-//! The declined steps of a recorded loop: the state before them, and their repetition by the loops of [`super::redo`].
+//! The declined steps of a recorded loop: the state before them, and their repetition by the loops of [`super::redo`]. A program declines a
+//! step if its results are not valid.
 
 use super::program_loop::ProgramLoop;
 use super::redo::Direct;
@@ -22,14 +23,14 @@ impl<'a, S: Real> ProgramLoop<'a, S> {
         }
     }
 
-    /// Whether the programs declined the step of a lane. A state that is NaN is never declined.
+    /// Whether the programs declined the step of a lane. A step from a state that is not finite is never declined.
     pub(super) fn declined(&self, lane: usize) -> bool {
         !self.redo.direct.is_empty()
             && self.number(self.recorded.layout.stands(), lane) != 1.0
             && self.redo.before.iter().all(|x| x.lane(lane).is_finite())
     }
 
-    /// Restore two quantities of the lane from before the step: its state, and the largest angle of its run.
+    /// Restore the state of the lane and the largest angle of its run from before the step.
     pub(super) fn back(&mut self, lane: usize) {
         self.redo.row.0.iter_mut().zip(&self.redo.before).for_each(|(to, from)| *to = from.lane(lane));
         self.set_number(self.recorded.layout.reach(), lane, self.redo.reach[lane]);
@@ -53,7 +54,8 @@ impl<'a, S: Real> ProgramLoop<'a, S> {
         }
     }
 
-    /// Compute the norms of levels at state `x` again in lanes whose record is not valid. A state that is NaN is ignored.
+    /// Compute the norms of the levels of task priority again at state `x`, in lanes whose record is not valid. Lanes whose state is not
+    /// finite are omitted.
     pub(super) fn norms_again(&mut self, t: f64, x: &[S]) {
         let (stands, first) = (self.recorded.layout.noted_stands(), self.recorded.layout.own_firsts() - self.redo.norms.len());
         let lanes = if self.redo.norms.is_empty() { 0 } else { S::LANES };

@@ -1,5 +1,4 @@
-//! Events of a run: zero crossings of functions of time and the plant's state. All functions except functions of the user are compiled
-//! code.
+//! Events of a run: zero crossings of functions of time and the plant's state.
 
 use super::switching::Probe;
 use crate::error::Result;

@@ -1,4 +1,5 @@
-//! Runs of fixed steps. The run checks its state once per block of steps: all numbers must be finite and within the limit of the state.
+//! Runs of fixed steps. The run checks its state once per block of steps: all numbers must be finite, and the plant's states within their
+//! limit ([`Bound`]).
 //!
 //! If a check fails, the block is repeated step by step, to find the time of the fault in each lane. A faulty lane is NaN from this time
 //! on. The other lanes repeat the same operations, and their bits do not change.
@@ -23,8 +24,8 @@ pub struct Faults {
 /// Receives the records of a run of fixed steps.
 pub trait Record<F, B> {
     fn record(&mut self, i: usize, t: f64, system: &mut F, x: &B);
-    /// Accept all steps so far, and the records that the system stored within these steps. With such records, [`run`] calls this function
-    /// after each block of steps.
+    /// Accept the records that the system stored within the steps so far. If the system stores records, [`run`] calls this function after
+    /// each block of steps and at the last record.
     fn accept(&mut self, system: &mut F);
 }
 
@@ -173,7 +174,8 @@ fn block(step: usize, hold: usize) -> usize {
     if inside > 0 { (hold - inside).min(BLOCK) } else { BLOCK / hold.min(BLOCK) * hold.min(BLOCK) }
 }
 
-/// Return the number of equal steps from `step` to at most `to`. No sample and no jump of the input occurs between these steps.
+/// Return the number of equal steps from `step` on, up to `to` at most. In these steps the input does not jump, and no sample is taken
+/// between two of them.
 fn smooth_steps(schedule: &Schedule, step: usize, to: usize, hold: usize, next_break: usize) -> usize {
     // Metrics or records within steps require a separate first step.
     if schedule.within != Within::Nothing && step == 0 {

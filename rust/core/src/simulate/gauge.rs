@@ -1,10 +1,12 @@
 //! Metrics of one run or of several runs at the same time, updated at each record of the run.
 //!
-//! The error is `e = q_d - q`, and `w_i = t_{i+1} - t_{i-1}` is twice the trapezoidal weight of record `i`. The settling band is
-//! `|e| <= settle max |e|` with a constant fraction `settle`. The metrics are
+//! The error is `e = q_d - q` with the desired position `q_d` and the position `q` of a joint. `w_i = t_{i+1} - t_{i-1}` is twice the
+//! trapezoidal weight of record `i`. `p` is the position of a frame, and `x_d` its desired position. `E` is the energy, and `P` the
+//! supplied power. The settling band is `|e| <= settle max |e|` with a constant fraction `settle`, or a given band. The metrics are
 //!
-//! `sum w e^2`, `max |e|`, `max q`, the last record with `|e| > settle max |e|`, `sum w |x_d - p|^2`, `sum w tau^2`, `max |tau|`, the time
-//! outside of limits, `max |E|`, and the number of violations such as `|E(t) - E(0) - int P dt| > tolerance max |E|`.
+//! `sum w e^2`, `max |e|`, `max q`, `min q`, the last record with `|e|` outside of the band, `sum w |x_d - p|^2`, `sum w tau^2`,
+//! `max |tau|`, the time outside of limits, and `max |E|`. Another metric counts violations such as
+//! `|E(t) - E(0) - int P dt| > tolerance max |E|`.
 //!
 //! The maximum in `settle max |e|` includes only the records so far. This maximum selects the same last record outside of the band as the
 //! maximum of the whole run. The record with the final maximum is outside of the band. From this record on, the maximum so far equals the
@@ -58,7 +60,7 @@ pub struct Gauge<S: Real> {
 }
 
 impl<S: Real> Gauge<S> {
-    /// Create the metrics for runs with the plans `of(lane)` and the arms `model(lane)`. All plans have one structure.
+    /// Create the metrics for runs with the plans `of(lane)` and the arms `model(lane)`. All plans have the same structure.
     pub fn new<'a>(of: impl Fn(usize) -> &'a Plan, model: impl Fn(usize) -> &'a Model) -> Self {
         let plan = of(0).clone();
         let numbers =

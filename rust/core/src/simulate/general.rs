@@ -21,7 +21,7 @@ pub struct General<'a> {
     pub first: usize,
     pub stop: &'a dyn Stop,
     pub sink: &'a mut dyn Sink,
-    /// Receives events and polynomials, in addition to the records.
+    /// Receives events, contact modes and polynomials of the steps, in addition to the records.
     pub observer: Option<&'a mut RunObserver>,
     /// The programs of the state rates, if the runs may use them.
     pub rates: Option<&'a Rates>,
@@ -114,7 +114,7 @@ impl<S: Real, F: Watched<S>> WithAdaptive<S, F> for AdaptiveRun<'_, '_> {
 
     fn with<M: Adaptive<S, F, Vec<S>>>(self, mut closed: F, mut method: M) -> Ended {
         let General { problem, first, stop, sink, observer, .. } = self.general;
-        // With random jitter, each run has different instants.
+        // The samples of a controller also end segments. With random jitter, they differ between runs.
         let segments = self.segments.with_breaks(&self.instants);
         let size = method.x().len();
         let mut recorder = General::recorder(problem, sink, &|_| f64::NAN, size);

@@ -1,9 +1,9 @@
 //! Stick-slip friction in a loop: the changes between sticking and sliding. In an elastic plant this friction acts on the motors, and the
 //! velocity of a joint means the velocity of its motor.
 //!
-//! Adaptive methods locate two kinds of instants: the torque of a stuck joint leaves its limits, or a sliding joint comes to rest. At this
-//! instant the velocity is set to zero, and the equations at rest decide which joints stick. Methods of fixed steps make this decision at
-//! the start and end of steps.
+//! Adaptive methods locate two kinds of instants: the torque of a stuck joint leaves its limits, or a sliding joint comes to rest. The
+//! velocity of a joint that comes to rest is set to zero. Then the equations at rest decide which joints stick. Methods of fixed steps make
+//! this decision at the start of a step. At the end of a step, they stop the joints whose velocity has changed its sign.
 
 use super::closed_loop::ClosedLoop;
 use crate::scalar::Real;
@@ -29,7 +29,8 @@ impl<S: Real> ClosedLoop<'_, S> {
         self.plant_mut().stick_slip().is_some_and(|(friction, first)| friction.settle(&x[first..first + n], leaving))
     }
 
-    /// For each joint with stick-slip friction, write the number that is negative when its present mode ends, at time `t` and state `x`.
+    /// For each joint with stick-slip friction, write a number to `out`, at time `t` and state `x`. A negative number means that the
+    /// joint's present mode ends.
     pub fn margins(&mut self, t: f64, x: &[S], out: &mut [f64]) {
         if self.plant_mut().stick_slip().is_some_and(|(friction, _)| friction.holds()) {
             self.load_friction(t, x);

@@ -1,5 +1,5 @@
-//! Keys of recorded loops, which identify a known structure without a recording. Two loops have the same structure if their plants and laws
-//! have the same shape. The zeros and ones among their loop parameters must also be at the same positions.
+//! Keys of recorded loops. Two loops have the same recording if their keys match and their loop parameters have the same structure
+//! (`recorded::LoopParameters`). So a known recording is found without recording the whole loop.
 
 use super::measures::{Plan, same_aims};
 use super::monitors::Monitored;
@@ -8,10 +8,11 @@ use crate::integrate::Method;
 use crate::law::LawSpec;
 use crate::plant::PlantSpec;
 
-/// The largest number of stored values of motions in all keys together: 32 MB.
+/// The largest number of stored values of motions in all keys together: 32 MiB.
 pub const MOST_NUMBERS: usize = 1 << 22;
 
-/// The key of a recorded loop: all data of the loop. A comparison of keys ignores the values of the loop parameters.
+/// The key of a recorded loop: the data that determine its recording. A comparison ignores most values of plants and laws, such as gains.
+/// The values of the wall and of `tau_max` must be equal.
 pub struct Key {
     plant: PlantSpec,
     law: LawSpec,
@@ -26,7 +27,7 @@ pub struct Key {
     common: Common,
 }
 
-/// Properties that all runs of a problem have in common. They are computed once, because every run affects them.
+/// Properties that all runs of a problem have in common. They are computed once, because they depend on all runs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Common {
     /// Whether programs compute one run per lane.
@@ -37,7 +38,7 @@ pub struct Common {
     pub monitored: Monitored,
     /// Whether the programs compute metrics.
     pub sums: bool,
-    /// Whether these metrics include positions of frames.
+    /// Whether these metrics include the position errors of the law's tasks, if the law has such tasks.
     pub aims: bool,
     /// The number of monitors, if the programs compute records.
     pub notes: Option<usize>,

@@ -1,4 +1,5 @@
-//! The slots of a recorded loop in a frame. Slots follow one another in the order of the functions below.
+//! The slots of a recorded loop in a frame, which is the memory of its programs. A slot has one number per lane. Slots follow one another
+//! in the order of the functions below.
 
 /// The positions and sizes of a recorded loop, in slots.
 #[derive(Clone, Debug, PartialEq)]
@@ -25,7 +26,7 @@ pub struct Layout {
     pub firsts: usize,
     /// The size of the part of a record that follows the state. It is zero without records.
     pub noted: usize,
-    /// The number of norms of levels. The norms are the last numbers of a record.
+    /// The number of norms of the levels of task priority. The norms are the last numbers of a record.
     pub norms: usize,
     /// The total number of inputs of the programs.
     pub all_inputs: usize,
@@ -75,7 +76,7 @@ impl Layout {
     pub fn rates(&self) -> usize {
         self.stage_input() + self.exogenous()
     }
-    /// The slot of the largest angle. It is the first slot that is not an input.
+    /// The slot of the largest angle so far, rad. It is the first slot that is not an input.
     pub fn reach(&self) -> usize {
         self.all_inputs
     }

@@ -47,8 +47,7 @@ pub struct Listed {
     pub set: &'static str,
     /// The number of lanes of a register.
     pub lanes: usize,
-    /// The size of the machine code in bytes, and the number of spilled values. `None` if armlet makes no machine
-    /// code for this processor.
+    /// The size of the machine code in bytes, and the number of spilled values. `None` if armlet makes no machine code for this processor.
     pub size: Option<(usize, usize)>,
     /// The inputs of the program at any stage. An input that is a loop parameter has a value.
     pub inputs: Vec<(Named, Option<f64>)>,

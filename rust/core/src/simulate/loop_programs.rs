@@ -145,8 +145,8 @@ impl Programs {
         if let Step::Whole(program) = &self.step { Some(program) } else { None }
     }
 
-    /// Compute one step in parts, from the state, inputs and step size in the program's frame. The first stage writes the plant's input to
-    /// this frame. Then `first_stage` is called.
+    /// Compute one step in parts, from the state, inputs and step size in the program's frame. Unless the input is held, the first stage
+    /// writes the plant's input to this frame. Then `first_stage` is called.
     pub fn advance(&self, frame: &mut Frame, mut first_stage: impl FnMut(&Self, &mut Frame)) {
         let Step::Stages { segments, rates, first, count } = &self.step else { unreachable!("the step has no parts") };
         let lanes = frame.lanes();
@@ -212,7 +212,7 @@ pub fn make(ops: &[Op], layout: &Layout, tracing: Tracing, lanes: bool, watch: W
         let kept = |entries: &[u32]| to(layout.kept(), &entries[..layout.lasting]);
         along = Some(match step {
             Step::Whole(_) => program("summed_step".into(), 0, &[whole.clone(), kept(&summing.along)].concat(), &none, Some(stream)),
-            // In a step in parts, the first stage writes the plant's input to the frame before this program runs.
+            // The frame already has the plant's input: it is held, or the first stage of the step has written it.
             Step::Stages { .. } => program("later_sums".into(), 0, &kept(&summing.stage), &none, None),
         });
     }

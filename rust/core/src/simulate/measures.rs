@@ -30,7 +30,7 @@ pub struct Measures {
     pub settle: f64,
     /// The settling band of each joint, shape `(n,)`, rad or m. It replaces `settle`.
     pub band: Option<Vec<f64>>,
-    /// The relative tolerance of the monitors, dimensionless.
+    /// The tolerance of the monitors: relative for energy and Lyapunov function, absolute for the skewness, in the unit of `M` per second.
     pub tolerance: f64,
     /// The reference position of the joints, shape `(n,)`, rad or m. It replaces the reference of the law.
     pub reference: Option<Vec<f64>>,
@@ -246,7 +246,8 @@ impl Plan {
         places
     }
 
-    /// Return the stored numbers before the first record. All are finite, because a state that is not finite ends its run.
+    /// Return the stored numbers before the first record. All are finite, because they are part of the state of a loop, and a run ends if
+    /// its state is not finite.
     pub fn start(&self) -> Vec<f64> {
         let mut kept = vec![0.0; self.places.all];
         for range in [&self.places.upper, &self.places.wanted_upper] {

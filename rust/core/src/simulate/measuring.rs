@@ -1,7 +1,7 @@
 //! Metrics of the runs of a batch, computed during the runs. Only the last record is stored.
 //!
-//! A record is added to the sums of the metrics when the next record arrives, because its trapezoidal weight depends on both neighbours.
-//! If a program computes the run, it also computes these sums, and [`Measuring::take`] receives them.
+//! A record is added to the sums of the metrics when the next record arrives, because its trapezoidal weight depends on both neighbours. If
+//! a program (a recorded and compiled loop) computes the run, it also computes these sums, and [`Measuring::take`] receives them.
 
 use super::columns::Columns;
 use super::gauge::{Gauge, Identities, MetricInput, Start};

@@ -1,8 +1,10 @@
-//! Closed loops: an arm, a law and a motion, integrated by a method, alone or in batches. Monitors check the identities of the theory.
+//! Simulation of closed loops: a plant with a law, integrated by a method, alone or in batches. Monitors check the identities of the
+//! theory.
 //!
 //! Terms of this directory:
 //!
-//! - A *loop* is a plant with a law. Its state is `x = [plant, law, quadratures]`. The *input* `tau` is the output of the law.
+//! - A *loop* is a plant with a law. Its state is `x = [plant, law, integrals]`, where the integrals are those of the monitors. The *input*
+//!   `tau` of the plant is the output of the law after saturation.
 //! - The *exogenous input* is the desired motion and the external force.
 //! - A *record* is the stored data at one time: state, input and monitors. *Metrics* are numbers that summarise all records of a run.
 //! - A *sample* is one evaluation of a sampled law. Its output is *held* until the next sample.

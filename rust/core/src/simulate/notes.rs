@@ -1,6 +1,7 @@
-//! Records within programs: the input and the monitors of a record as recorded operations on the state.
+//! Records within programs (recorded and compiled loops): the input and the monitors of a record as recorded operations on the state.
 //!
-//! Monitors round like plain `f64`. So a record of a program has the same bits as a record that is computed directly.
+//! Monitors are recorded without fused multiply-add operations, and so round like plain `f64`. So a record of a program has the same bits
+//! as a record that is computed directly.
 
 use super::monitors::{Checks, Monitored, Scope};
 use super::problem::Problem;

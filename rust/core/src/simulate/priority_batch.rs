@@ -1,5 +1,5 @@
-//! Prioritised velocities for many rows, on several threads. A row has the same bits as a single solve. The bits of a row do not depend on
-//! other rows.
+//! Joint velocities of prioritised tasks for many rows, on several threads. A row is one configuration or one stack of tasks. It has the
+//! same bits as a single solve, and they do not depend on other rows.
 
 use crate::interrupt::{Watch, interruptible};
 use crate::law::{ArmBatch, ArmSolver};
@@ -96,8 +96,8 @@ fn each<P: Send, L>(
         return false;
     }
     parallel::run(threads, parts.len(), poll, |stop| {
-        // A thread takes contiguous shares of the parts, about four in total. It creates one solver per share, and writes to its own pages
-        // of memory.
+        // Each share has contiguous parts, and a thread computes about four shares. A share has a separate solver. Different shares mostly
+        // write to different pages of memory.
         let share = parts.len().div_ceil(4 * threads).max(1);
         let mut shares: Vec<Vec<P>> = Vec::new();
         for (k, part) in parts.into_iter().enumerate() {

@@ -1,7 +1,8 @@
 //! Steps of a recorded loop with the interface of a fixed-step method.
 //!
-//! A stream has the exogenous inputs of some steps, which are evaluated in advance. The program of a small loop repeats itself along the
-//! stream. The step of a large loop consists of parts, which read the inputs from the frame.
+//! A stream has the exogenous inputs of some steps, which are evaluated in advance. The program (the compiled recording) of a small loop
+//! repeats itself along the stream. The step of a large loop consists of parts, which read the inputs from the frame, the memory of the
+//! programs.
 
 use super::layout::Layout;
 use super::log::Log;
@@ -20,7 +21,7 @@ use std::marker::PhantomData;
 /// The capacity of a stream, in steps.
 const STREAM_STEPS: usize = 32;
 
-/// The largest size of a table of exogenous inputs, in numbers. A larger table exceeds the cache and saves no time.
+/// The largest size of a table of exogenous inputs, in numbers: 8 MiB. Larger inputs are evaluated during the run.
 const LARGEST_TABLE: usize = 1 << 20;
 
 /// The fixed-step method of a recorded loop.

@@ -1,4 +1,5 @@
-//! Runs of loops as programs. This file finds the structure of each run, and groups runs with the same structure.
+//! Runs of loops as programs, which are recorded and compiled loops. This file finds the structure of each run, and groups runs with the
+//! same structure.
 //!
 //! All lanes of a program have the same structure. So the program and the bits of a run depend only on this run. A run whose angles exceed
 //! the range of the programs' sines is repeated without programs.
@@ -21,7 +22,7 @@ use crate::scalar::{Array8, Real};
 use crate::trace::Engine;
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// Single runs with fewer steps are faster without a program, because making a program takes longer.
+/// Single runs with fewer steps are computed without a program, to save the time of making it.
 const SHORT: usize = 20;
 
 /// The number type of a group of runs.

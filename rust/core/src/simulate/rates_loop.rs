@@ -1,9 +1,10 @@
-//! A closed loop whose state rates and their derivatives are programs, with the interface of a closed loop.
+//! A closed loop whose state rates and their derivatives are programs (recorded and compiled computations), with the interface of a closed
+//! loop.
 //!
-//! A run uses known programs from the start. Otherwise it starts without programs, because many runs end early. After a fixed amount of
-//! work, its programs are made. The bits are the same in both cases. For implicit methods the programs are made before the first step,
-//! because the Jacobian from dual numbers rounds differently. If an angle exceeds the range of the programs' sines, the loop continues
-//! without programs.
+//! A run uses known programs from the start. Otherwise an explicit method starts without programs, and makes them after `WAIT` evaluations
+//! of the rates. The bits are the same in both cases. For implicit methods the programs are made before the first step, because the
+//! Jacobian from dual numbers rounds differently. If an angle exceeds the range of the programs' sines, the loop continues without
+//! programs.
 
 use super::assembly::{Twins, Watched, twins};
 use super::force::Wrench;
@@ -16,8 +17,8 @@ use crate::linalg::Pairs;
 use crate::plant::Touch;
 use crate::scalar::Real;
 
-/// The number of evaluations of the rates after which an explicit method makes programs. For six axes, recording the rates takes as long as
-/// 200 evaluations, and making their program as long as 700.
+/// The number of evaluations of the rates after which an explicit method makes programs. Making programs takes as long as several hundred
+/// evaluations.
 const WAIT: usize = 500;
 
 /// The data from which the programs of a run are made.

@@ -1,9 +1,9 @@
 //! Programs of the state rates of a closed loop and of their derivatives, for adaptive and implicit methods and for steppers.
 //!
 //! The rates are a program for one run. The derivatives are programs for lanes, with one direction per lane. A first program computes the
-//! rates and all values that the derivatives read. A second program computes `x_dot -> f'(x) x_dot`, in several passes over all directions.
-//! The directions of the law's states have a separate program, because few operations depend on these states, and their number may be
-//! large.
+//! rates and all values that the derivatives read. A second program computes the derivatives of the rates along one direction per lane, in
+//! several passes over all directions. The directions of the law's states have a separate program, because few operations depend on these
+//! states, and their number may be large.
 
 use super::assembly::assemble;
 use super::attempt_programs::AttemptProgram;
@@ -36,7 +36,8 @@ pub struct Derivatives {
     pub along_plant: usize,
     /// The first slot of the direction along which the program `law` differentiates.
     pub along_law: usize,
-    /// Whether the exogenous input varies. In this case, the rates of the input follow the rates of the plant's states.
+    /// Whether the program `plant` also differentiates along the exogenous input. Then the rates of the input follow the plant's states in
+    /// its direction.
     pub moves: bool,
     pub rates: usize,
     pub derivatives: usize,
@@ -65,6 +66,7 @@ pub struct RatesPrograms {
 /// The derivatives that a method requires.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum RequiredDerivatives {
+    /// No derivatives, only the rates.
     Rates,
     /// Derivatives along the states.
     States,
@@ -99,8 +101,8 @@ static KNOWN: Cache<Arc<SeenRates>> = Cache::new();
 /// Whether the rates of a problem's loops can be recorded.
 pub fn is_recordable(problem: &Problem) -> bool {
     let method = problem.options.method;
-    // An adaptive method keeps the mode of every contact during a step, and a program cannot change its mode. So only plants without
-    // contacts are recorded.
+    // An adaptive method keeps the mode of every contact constant in a step, and a program cannot change this mode. So with an adaptive
+    // method, only plants without contacts have programs. With an implicit method of fixed steps, plants without a wall have programs.
     let free = |plant: &&PlantSpec| match method {
         _ if method.is_adaptive() => plant.is_free(),
         _ if method.is_implicit() => plant.wall().is_none(),
@@ -246,7 +248,8 @@ pub struct Rates {
 }
 
 impl Rates {
-    /// Prepare the rates for methods that use them. The result is `None` if no loop of the problem can be recorded.
+    /// Prepare the rates of a problem. The result is `None` for an explicit method of fixed steps, and if the loops of the problem cannot
+    /// be recorded.
     pub fn of(problem: &Problem) -> Option<Self> {
         let shared = (problem.plants.len() == 1 && problem.laws.len() == 1).then(OnceLock::new);
         let method = problem.options.method;

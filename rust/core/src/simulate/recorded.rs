@@ -1,17 +1,17 @@
-//! Recorded closed loops. For each structure, the programs of a step of its method and of its law are made once.
+//! Recorded closed loops. For each structure, the programs (the compiled recordings) of a step of its method and of its law are made once.
 //!
-//! A frame of these programs has the following slots in order:
+//! A frame, the memory of these programs, has the following slots in order:
 //! - the loop parameters (masses, gains, targets, limits);
 //! - the exogenous input at each instant of the step;
 //! - the state and the stored numbers of the metrics, which a step updates, and the step size `h`;
 //! - the input and the rate of the law, and the values that one part of a step passes to a later part;
 //! - the largest angle so far, and the part of a record that follows the state.
 //!
-//! Runs share programs if they have the same structure. Their plants and laws have the same shape. The zeros and ones among their loop
-//! parameters are at the same positions.
+//! Runs share programs if they have the same structure. Their plants and laws have the same shape. The loop parameters with the values 0, 1
+//! and -1 are at the same positions. If equal loop parameters of one run share a slot, they are also equal in the other runs.
 //!
 //! A small loop is recorded as a whole step, which repeats itself along a stream of exogenous inputs. In a large loop, the rates are a
-//! separate program, which runs in every stage. The code of a whole step would exceed the processor's instruction cache.
+//! separate program, which runs in every stage. The code of a whole step might exceed the processor's instruction cache.
 
 use super::assembly::assemble;
 use super::closed_loop::ClosedLoop;
@@ -48,7 +48,8 @@ pub struct Recorded {
     ops: Vec<Op>,
 }
 
-/// The loop parameters of a run, and the indices of their operations in the recording. These indices identify the run's structure.
+/// The loop parameters of a run, and the indices of their operations in the recording. Runs with different indices have different
+/// structures.
 pub struct LoopParameters {
     pub values: Vec<f64>,
     pub structure: Vec<u32>,
@@ -249,7 +250,7 @@ fn trace(
         closed.closed.hold_input(&tau, &dz);
         acting.clone_from(&tau);
     }
-    // The metrics are recorded at this point, because the step also starts with the law's result at this state.
+    // The metrics are recorded at this point, so that they share the law's result at this state with the step.
     let sums = extras.sums.map(|mut sums| {
         let mut sum_up = |tau: &[Sym], start: Start| {
             let mut kept = kept.clone();

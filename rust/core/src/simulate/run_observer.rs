@@ -94,7 +94,7 @@ pub struct Switched {
     pub touches: Vec<Touch>,
 }
 
-/// The requests for events and polynomials of a run, and their results.
+/// The requests for events, contact modes and polynomials of a run, and their results.
 ///
 /// ```
 /// # use armlet_core::{arm::Arm, dynamics::Model, law::{Gain, LawSpec, PdGravitySpec}, plant::{PlantSpec, RigidSpec}};

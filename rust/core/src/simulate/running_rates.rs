@@ -1,4 +1,4 @@
-//! The programs of the state rates of one run, with their frames.
+//! The programs (recorded and compiled computations) of the state rates of one run, with their frames, which are their memory.
 
 use super::attempt_programs::write;
 use super::rates_programs::{RatesPrograms, RecordedRates};
@@ -82,7 +82,7 @@ impl<S: Real> Running<S> {
         &mut self.instants
     }
 
-    /// Write the rates of state `x` to `dx`, and their derivatives along the state to `j`, shape `(n, n)`. Afterwards,
+    /// Write the rates of state `x` to `dx`, and their Jacobian with respect to `x` to `j`, shape `(n, n)`, row-major. Afterwards,
     /// [`Running::time_derivative`] returns the derivative with respect to time. Return whether the results are valid.
     pub fn linearise(&mut self, u: &Exogenous<S>, x: &[S], dx: &mut [S], j: &mut [S]) -> bool {
         let RecordedRates { slots, programs, .. } = &*self.recorded;

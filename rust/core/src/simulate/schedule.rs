@@ -194,7 +194,7 @@ impl Schedule {
 
     /// Return the time after `step` steps, s.
     pub fn time(&self, step: usize) -> f64 {
-        // The conversion of a signed integer takes only one instruction.
+        // On x86-64, the conversion of a signed integer takes only one instruction.
         if step >= self.steps { self.t_end } else { step as i64 as f64 * self.dt }
     }
 

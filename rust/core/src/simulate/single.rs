@@ -45,7 +45,7 @@ pub struct Run {
     pub q: Vec<f64>,
     /// Joint velocities, shape `(K, n)`, rad/s or m/s.
     pub v: Vec<f64>,
-    /// Inputs of the plant, shape `(K, n)`, N m or N. They are velocities for a velocity-controlled plant.
+    /// Inputs of the plant, shape `(K, n)`, N m or N. They are velocities, rad/s or m/s, for a velocity-controlled plant.
     pub tau: Vec<f64>,
     /// Motor positions of an elastic plant, shape `(K, n)`, rad or m. Empty for other plants.
     pub theta: Vec<f64>,
@@ -53,7 +53,7 @@ pub struct Run {
     pub theta_dot: Vec<f64>,
     /// States of the law, shape `(K, p)`.
     pub z: Vec<f64>,
-    /// Bristle deflections of LuGre friction, shape `(K, n)`, rad or m. Empty for other plants.
+    /// Bristle deflections of LuGre friction, shape `(K, n)`, rad or m. Empty without this friction.
     pub bristles: Vec<f64>,
     /// Torques of dry friction, shape `(K, n)`, N m or N. Empty without dry friction.
     pub friction: Vec<f64>,
@@ -70,10 +70,10 @@ pub struct Run {
     pub steps: u64,
     /// The number of rejected steps.
     pub rejections: u64,
-    /// The kind of evaluation: "machine" or "portable" code of programs, or "direct" without programs.
+    /// The kind of evaluation: "machine" or "portable" for programs (recorded and compiled loops), or "direct" without programs.
     pub engine: &'static str,
-    /// The residuals of the balances of the run, shape `(4,)`, see [`super::BALANCES`]. `energy_missing` is in J, the other three residuals
-    /// are dimensionless.
+    /// The residuals of the balances over the records, shape `(4,)`, see [`super::BALANCES`]. `energy_missing` is in J, the other three
+    /// residuals are dimensionless. NaN without monitors.
     pub balances: [f64; 4],
     /// The factor that makes the tolerances feasible, dimensionless, see [`crate::integrate::Work::coarsen`].
     pub coarsen: f64,

@@ -102,7 +102,8 @@ impl Switching {
     pub fn switch(&mut self, k: usize, x: &[f64]) {
         let i = k / 2;
         let (depth, _) = self.contact(i, x);
-        // A contact without damper ends exactly at the surface. The state has a small error there, on either side.
+        // A contact without damper ends exactly at the surface. The state has a small error there, so that its depth may have either sign.
+        // Zero replaces this depth.
         let depth = if self.damped(i) { depth } else { 0.0 };
         self.touches[i] = self.touches[i].next(k % 2, depth);
     }

@@ -1,10 +1,11 @@
 //! Joint torque sensors in a sampled loop. With the torque `tau_J = K (theta - q)` of the plant's springs at sample `k`,
 //!
-//! `tau_f' = w_c (tau_J - tau_f)` over the time since sample `k - 1`, `reading = round((tau_f + bias + noise)/step) step`,
+//! `tau_f_dot = w_c (tau_J - tau_f)` over the time since sample `k - 1`, `reading = round((tau_f + bias + noise)/step) step`,
 //! `q = theta - K_law^-1 reading`,
 //!
 //! where `w_c` is the bandwidth of the sensor, `step` its resolution, and `K_law` the law's stiffness. This `q` replaces the measured link
-//! position, so that `K_law (theta - q)` in the law is the reading. At the first sample, `tau_f = tau_J`.
+//! position, so that `K_law (theta - q)` in the law is the reading. At the first sample, `tau_f = tau_J`. `theta` is the motor position.
+//! Without a resolution, the reading is not rounded.
 
 use super::problem::Problem;
 use super::sampling::{Sampling, gaussian};
@@ -16,7 +17,7 @@ use crate::scalar::Real;
 /// The random channel of the torque sensor of joint `i` is `TORQUE + i`. No other measurement uses these channels.
 const TORQUE: u64 = 1 << 32;
 
-/// The exact and the filtered torques of one sample, shape `(n,)` each, N m.
+/// The exact and the filtered torques of one sample, shape `(n,)` each, N m or N.
 #[derive(Clone, Debug)]
 pub struct Sensed<S> {
     torque: Vec<S>,

@@ -56,8 +56,8 @@ impl<'a> Problem<'a> {
         Problem::new(plant, law, q0, &DVector::zeros(plant.n()), options)
     }
 
-    /// Simulate the run on the calling thread. [`Run::status`] is the reason of its end. Errors: an
-    /// invalid argument, or records that exceed the memory.
+    /// Simulate the run on the calling thread. [`Run::status`] is the reason of its end. Errors: an invalid argument, or records that
+    /// exceed the memory.
     pub fn run(&self) -> Result<Run> {
         simulate(self, &AtomicBool::new(false))
     }
@@ -74,8 +74,8 @@ impl Run {
         self.columns(&self.v)
     }
 
-    /// The inputs of the plant, shape `(n, K)`, N m or N. They are velocities for a velocity-controlled plant. Column `k` is the input from
-    /// time `t[k]` on.
+    /// The inputs of the plant, shape `(n, K)`, N m or N. They are velocities, rad/s or m/s, for a velocity-controlled plant. Column `k` is
+    /// the input at time `t[k]`.
     pub fn inputs(&self) -> DMatrixView<'_, f64> {
         self.columns(&self.tau)
     }

@@ -47,7 +47,8 @@ pub struct Watching<'a, S> {
     sticking: usize,
     now: Vec<f64>,
     trial: Vec<f64>,
-    /// The index of the guard whose change of sign ends the present mode. The number of guards means all joints that stick and slip.
+    /// The index of the guard whose change of sign ends the present mode. An index equal to the number of guards means all joints that
+    /// stick and slip.
     switches: usize,
     /// The number of successive mode changes at practically the same time.
     stuck: usize,

@@ -13,7 +13,7 @@ const JERK_STEP: f64 = 1e-6;
 #[derive(Clone)]
 pub struct Exogenous<S> {
     pub t: f64,
-    /// The desired motions, one after another. Each is `[x_d, x_d', x_d'']`, in the units of the task, per s and per s^2 for the
+    /// The desired motions, one after another. Each is `[x_d, x_d_dot, x_d_ddot]`, in the units of the task, per s and per s^2 for the
     /// derivatives.
     pub desired: Vec<S>,
     pub wrench: [S; 6],

@@ -1,8 +1,10 @@
 //! The adjoint of a run: `l_k = Phi_x' l_(k+1) + loss_x(k)`, `grad = x0_p' l_0 + sum Phi_p' l_(k+1)`, for the operations
-//! `X_(k+1) = Phi(X_k, p)` from the last to the first. `Phi_x` and `Phi_p` are the derivatives of `Phi`, and `x0_p` are the derivatives of
-//! the initial state. `l_k` are the weights of `X_k`. `loss_x(k)` are the weights of a record at `X_k`. Each operation is differentiated at
-//! the state before it. Checkpoints store some of these states. The states after a checkpoint are computed again (Griewank and Walther
-//! 2008, chapter 12).
+//! `X_(k+1) = Phi(X_k, p)` from the last to the first. `'` is the transpose. `Phi_x` and `Phi_p` are the derivatives of `Phi` with respect
+//! to the state `X` and the parameters `p`. `x0_p` are the derivatives of the initial state. `l_k` are the weights of `X_k`. `loss_x(k)`
+//! are the weights of a record at `X_k`.
+//!
+//! Each operation is differentiated at the state before it. Checkpoints store some of these states. The states after a checkpoint are
+//! computed again (Griewank and Walther 2008, chapter 12).
 
 use super::Prepared;
 use super::combine::add;

@@ -1,4 +1,5 @@
-//! Linear combinations of slopes. They apply to states, and to tangents, whose rows have one direction per lane.
+//! Linear combinations of slopes, which are the state rates at the stages of a step. They apply to states, and to tangents, whose rows have
+//! one direction per lane.
 
 use crate::integrate::Tableau;
 use crate::scalar::Kernel;

@@ -69,10 +69,11 @@ pub fn start_rates(problem: &Problem, parameters: Parameters) -> Result<Vec<f64>
 }
 
 impl<'a> Directions<'a> {
-    /// Compute the tangents along the parameters. All parameters of a name enter a program in the same form. So `runs` lists only runs of
-    /// the first and of the last parameter of each name.
+    /// Compute the tangents along the parameters. All parameters of a name enter the recorded functions in the same form. So `runs` lists
+    /// only runs of the first and of the last parameter of each name.
     ///
-    /// Errors: `Input` for a parameter that changes the structure of the loop, or an instant at which the motion jumps.
+    /// Errors: `Input` for a parameter that changes the structure of the loop, or an instant at which the motion jumps. Also `Input` for a
+    /// group of shared parameters in which an input depends on several parameters.
     pub fn of(problem: &'a Problem<'a>, Parameters { all: parameters, sizes, shared }: Parameters) -> Result<Self> {
         let base = numbers(problem, 0);
         let count = parameters.len();

@@ -1,6 +1,6 @@
-//! Tangents of a run: every operation `X_(k+1) = Phi(X_k, p)` maps `S = dX/dp` by `S_(k+1) = Phi_x S_k + Phi_p`. A *lane* is one element of
-//! a SIMD register, and holds the tangent along one direction. A *group* is the directions of one register. A *block* is a few groups. Each
-//! block computes the states of the run again.
+//! Tangents of a run: every operation `X_(k+1) = Phi(X_k, p)` maps `S = dX/dp` by `S_(k+1) = Phi_x S_k + Phi_p`, where `Phi_x` and `Phi_p`
+//! are the derivatives of `Phi`. A *lane* is one element of a SIMD register, and holds the tangent along one direction. A *group* is the
+//! directions of one register. A *block* is a few groups. Each block computes the states of the run again.
 
 use super::Prepared;
 use super::combine::{add_slopes, advance};

@@ -1,4 +1,5 @@
-//! The state rates, the law and the guards of a loop as recorded functions, with their tangents and adjoints.
+//! The state rates, the law and the guards of a loop as recorded functions, with their tangents and adjoints. A guard is a function whose
+//! change of sign ends a contact mode.
 
 use super::directions::{Directions, refused};
 use super::structure::SetUps;
@@ -74,7 +75,7 @@ impl Sizes {
     }
 }
 
-/// A recorded function `y = f(c, u, x, held)` of the loop parameters `c`, the exogenous input `u`, the state `x` and the held input. Rows
+/// A recorded function `y = f(c, u, x, held)` of the loop parameters `c`, the exogenous input `u`, the state `x` and the held input. Runs
 /// with the same structure share the function, so it does not store values of `c`.
 pub struct Function {
     ops: Vec<Op>,

@@ -1,20 +1,20 @@
 //! Derivatives of a run with respect to its parameters (Griewank and Walther 2008; Hairer, Norsett and Wanner, section I.14).
 //!
-//! A run is a list of operations on one state `X`: steps `x_next = x + h sum b_i k_i`, samples of the law, and records. The forward pass
-//! applies the operations to the tangents `X_p`. The backward pass applies the adjoints of the operations, in reverse order. It reads the
-//! states before the operations from memory, or computes them again. The rates and the law are recorded programs, which are differentiated
-//! as programs. Adaptive methods repeat the steps of the run, so that step sizes have no derivative. Where a contact changes, the tangents
-//! jump.
+//! A run is a list of operations on one state `X`: steps `x_next = x + h sum b_i k_i` with the slopes `k_i`, samples of the law, and
+//! records. The forward pass applies the operations to the tangents `X_p`. The backward pass applies the adjoints of the operations, in
+//! reverse order. It reads the states before the operations from memory, or computes them again. The state rates and the law are recorded
+//! as lists of operations, and these lists are differentiated. With an adaptive method, both passes repeat the steps of the run, and the
+//! step sizes count as constants. Where a contact changes, the tangents jump.
 //!
 //! A parameter `p` is given by runs of the problem that differ in this parameter, and by weights: `dF/dp = sum w_i F_i`. Here `F` is a loop
-//! parameter, and `F_i` its value in run `i`. Differences of results of runs are not used.
+//! parameter, the initial state or a desired motion, and `F_i` its value in run `i`. Differences of results of runs are not used.
 //!
 //! Terms of this directory:
 //!
 //! - A loop parameter is a number that is constant in a run, such as a mass, a gain, a target or a limit. It varies if a parameter `p`
 //!   changes it.
 //! - The exogenous input `u` is the desired motion and the external force.
-//! - The held input is the output of a sampled law between two samples.
+//! - The held input is the plant's input and the rate of the law's state between two samples of a sampled law.
 //! - A mode of the contacts lists for each contact whether it is apart, pressed or slack ([`Touch`](crate::plant::Touch)).
 //! - The tangent of a quantity is its derivative along a direction in the space of the parameters.
 //! - The weight of a quantity is the derivative of the weighted sum of the records with respect to it (the adjoint).
@@ -182,8 +182,8 @@ fn prepare<'a>(problem: &'a Problem<'a>, parameters: Parameters, stop: &dyn Stop
 /// array of shape `(records, numbers, parameters)`, in the units of the record per unit of the parameter. The options must have
 /// `Times::At`, and no monitors.
 ///
-/// Errors: `Input` for a parameter, method, law or plant without a derivative, `Solve` if the run ends early or has no derivative (at a
-/// grazed contact).
+/// Errors: `Input` for a parameter, method, law or plant without a derivative. `Solve` if the run ends early, grazes a contact, has tasks
+/// near a singularity or an angle above 10^6 rad.
 pub fn sensitivities(problem: &Problem, parameters: Parameters, stop: &dyn Stop) -> Result<Vec<Vec<f64>>> {
     let prepared = prepare(problem, parameters, stop)?;
     let (parts, _) = record_parts(problem);
@@ -192,7 +192,7 @@ pub fn sensitivities(problem: &Problem, parameters: Parameters, stop: &dyn Stop)
     Ok(series.into_rates())
 }
 
-/// Return `sum_k w_k' dr_k/dp` for the records `r_k = [x, tau]` of run 0 of `problem`, one number per parameter.
+/// Return `sum_k w_k' dr_k/dp` for the records `r_k = [x, tau]` of run 0 of `problem`, one number per parameter. `'` is the transpose.
 ///
 /// `weights`: the `w_k`, shape `(records, numbers)`. `memory`: an approximate limit of the stored states, in bytes. Other states are
 /// computed again. Errors: as for [`sensitivities`].

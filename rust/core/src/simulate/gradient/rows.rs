@@ -93,8 +93,7 @@ impl<'a> Rows<'a> {
         Parameters { all: &self.parameters[row], sizes: self.sizes, shared: &[] }
     }
 
-    /// Call `work` with each row and its part of the output. The derivative of a run that ends early or grazes a contact does not exist,
-    /// and its row is NaN.
+    /// Call `work` with each row and its part of the output. A row without a derivative (the error `Solve`) is NaN.
     fn each<'b, T: Fill + Send>(
         &'b self,
         threads: usize,
@@ -163,8 +162,9 @@ impl Fill for &mut [f64] {
 }
 
 /// Return the derivatives of the records of each row, at the times of the options. Each part that [`record_parts`] names has an array of
-/// shape `(rows, records, numbers, parameters)`. The numbers of a row whose run ends early or grazes a contact are NaN. Errors: `Input` for
-/// a parameter, method, law or plant without a derivative, `Memory` if the result exceeds the memory.
+/// shape `(rows, records, numbers, parameters)`. The numbers of a row are NaN where [`super::sensitivities`] has the error `Solve`, such as
+/// for a run that ends early. Errors: `Input` for a parameter, method, law or plant without a derivative, `Memory` if the result exceeds
+/// the memory.
 pub fn sensitivities_of_rows(rows: &Rows, threads: usize, poll: &mut dyn FnMut() -> bool) -> Result<Vec<Vec<f64>>> {
     let Some(first) = rows.problems.first() else { return Ok(Vec::new()) };
     let (parts, records, count) = (record_parts(first).0, records(first), rows.parameters(0).all.len());

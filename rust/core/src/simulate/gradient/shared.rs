@@ -1,10 +1,10 @@
 //! Parameters of one name that vary in the same few runs, so that no parameter needs separate runs.
 //!
-//! Most inputs of a recorded program depend on one parameter of a name: `kp_i / kd_i` depends on `kp_i` alone. So all parameters of the
-//! name may vary in the same runs. A *probe* is a run in which about half of the parameters vary. Each parameter has a code: bit `b` is set
-//! if it varies in probe `b`. For each input, the set of probes that change it is a code too. The input depends on the parameter with this
-//! code. All codes have equally many ones, and the union of two codes has more. An input that depends on several parameters therefore has a
-//! code that no parameter has. Such an input is refused.
+//! Most loop parameters depend on one parameter of a name: `kp_i / kd_i` depends only on `kp_i` among the parameters of the name `kp`. So
+//! all parameters of the name may vary in the same runs. A *probe* is a run in which some of the parameters vary. Each parameter has a
+//! code: bit `b` is set if it varies in probe `b`. For each loop parameter, the set of probes that change it is a code too. The loop
+//! parameter depends on the parameter with this code. All codes have equally many ones, and the union of two codes has more. A loop
+//! parameter that depends on several parameters therefore has a code that no parameter has. Such a loop parameter is refused.
 
 use super::Parameter;
 use crate::error::{Error, Result};
@@ -51,14 +51,15 @@ pub fn is_shared(shared: &[Shared], p: usize) -> bool {
     shared.iter().any(|group| (group.first..group.first + group.codes.len()).contains(&p))
 }
 
-/// Return the error that an input depends on several parameters of one group. The binding then varies each parameter in separate runs.
+/// Return the error that a loop parameter depends on several parameters of one group. The binding then varies each parameter in separate
+/// runs.
 pub fn entangled() -> Error {
     Error::input("shared", "has numbers that act together: expected parameters that move in different runs")
 }
 
 impl Shared {
-    /// Pass the tangent of each varying loop parameter to `put(number, parameter, tangent)`. `base`: the loop parameters of run 0.
-    /// `of(run)`: the loop parameters of another run.
+    /// Pass the tangent of each varying number to `put(number, parameter, tangent)`. `base`: the numbers of run 0, which are its loop
+    /// parameters or its initial state. `of(run)`: the same numbers of another run.
     pub fn rates(
         &self,
         base: &[f64],
@@ -88,7 +89,7 @@ impl Shared {
 mod tests {
     use super::*;
 
-    /// The tangents of the inputs `f` of a program, which are functions of the three parameters of a name.
+    /// The tangents of the loop parameters `f`, which are functions of the three parameters of a name.
     fn rates(f: impl Fn([f64; 3]) -> Vec<f64>) -> Option<Vec<(usize, usize, f64)>> {
         let (p, codes) = ([2.0, 3.0, 5.0], [0b011, 0b101, 0b110]);
         let probe =

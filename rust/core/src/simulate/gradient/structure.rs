@@ -1,10 +1,11 @@
 //! The structure of a loop's recorded functions, and a store of these functions by structure.
 //!
-//! The recording of a run follows from its set-up, from the varying loop parameters, and from the [`Key`] of the run. Loops with the same
-//! set-ups, keys, sizes and contacts therefore share their functions. The values of loop parameters belong to each loop.
+//! The *set-up* of a run is the recorded construction of its loop, before the first evaluation. The recording of a run follows from its
+//! set-up, from the varying loop parameters, and from the [`Key`] of the run. Loops with the same set-ups, keys, sizes and contacts
+//! therefore share their functions. The values of loop parameters belong to each loop.
 //!
 //! A parameter may be a constant of the recording, such as gravity. Then the key of a run with another value differs from the key of run 0.
-//! Only in this case, the recordings of both runs are compared.
+//! If the set-up or the key of a run differs from that of run 0, the recordings of both runs are compared.
 
 use super::directions::Directions;
 use super::functions::{LoopFunctions, Sizes};

@@ -1,5 +1,6 @@
 //! The jump of the tangents at a contact change (the saltation matrix of Aizerman and Gantmakher 1958). At the zero of the guard `g(x, p)`
-//! the state rates change from `f-` to `f+`, and the state is continuous.
+//! the state rates change from `f-` to `f+`, and the state `x` is continuous. `S-` and `S+` are its tangents `dx/dp` before and after the
+//! change. `g_x` and `g_p` are the derivatives of `g`.
 //!
 //! ```text
 //! S+ = S- + (f+ - f-) (g_x S- + g_p) / (g_x f-)

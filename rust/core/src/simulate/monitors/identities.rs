@@ -1,8 +1,8 @@
 //! The quantities of the identities at one state: the largest absolute entry of `N + N'` with `N = dM/dt - 2 C`, the energy `E` and the
-//! Lyapunov function `V1`. `E` is the energy stored in the plant, or the law's storage function.
+//! Lyapunov function `V1`. `'` is the transpose, `M` the mass matrix and `C` the Coriolis matrix of the plant. `E` is the energy stored in
+//! the plant, or the law's storage function.
 //!
-//! `M`, `E` and the inertial parameters are the quantities of the true plant. `dM/dt` comes from dual numbers, so that its formula is
-//! independent of `C`.
+//! `V1` contains the true inertial parameters of the plant. `dM/dt` comes from dual numbers, so that its formula is independent of `C`.
 
 use super::{Flow, Moment, Monitor, MonitorKind, Scope};
 use crate::dynamics::ArmAt;
@@ -88,8 +88,8 @@ impl<S: Real> Theory<S> {
 }
 
 /// The integrals that the balances require. The first is the integral of the law's dissipation, the rate at which its Lyapunov function
-/// decreases. The second is the integral of the power supplied to the stored energy. A law with a storage function `E` replaces them by the
-/// integrals of `F.x_dot - E'` and of `E'`, where `F.x_dot` is the external power.
+/// decreases. The second is the integral of the power supplied to the stored energy. If the monitored energy is the law's storage function
+/// `E`, they are the integrals of `F.x_dot - dE/dt` and of `dE/dt`, where `F.x_dot` is the external power.
 pub struct Exchange;
 
 impl MonitorKind for Exchange {
@@ -156,7 +156,8 @@ impl<S: Real> Monitor<S> for Energy {
     }
 }
 
-/// The passivity `int F.x_dot - (E(t) - E(0))` with the law's storage function `E`, J. It is never negative in a passive loop.
+/// The passivity `int F.x_dot dt - (E(t) - E(0))` with the law's storage function `E` and the external power `F.x_dot`, J. It is never
+/// negative in a passive loop.
 pub struct Passivity;
 
 impl MonitorKind for Passivity {
@@ -178,7 +179,7 @@ impl<S: Real> Monitor<S> for Passivity {
     }
 }
 
-/// The Lyapunov function `V1` and its balance `V1(0) - V1(t) - int s' Kd s dt`, J.
+/// The Lyapunov function `V1` and its balance `V1(0) - V1(t) - int D dt` with the law's dissipation `D`, J.
 pub struct LyapunovBalance;
 
 impl MonitorKind for LyapunovBalance {

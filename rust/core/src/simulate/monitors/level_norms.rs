@@ -1,4 +1,5 @@
-//! Norms of error and residual for each level of a law with task priorities. The law is evaluated again at the records.
+//! Norms of error and residual for each level of a law with task priorities. The law is evaluated again at the records. A *stack* is the
+//! list of the tasks of all levels. It is *regular* if no level is near a singularity.
 
 use crate::law::{Law, LawSpec, PriorityAcceleration, PriorityVelocity, Solve};
 use crate::scalar::Real;

@@ -7,12 +7,18 @@
 //! E(t) - E(0) - int P dt = 0
 //! ```
 //!
-//! `E` is the energy stored in the plant, or the law's storage function. `P` is the power supplied to it. `V1` is the Lyapunov function,
-//! where `a` are the inertial parameters and `a_hat` their estimates. For a rigid arm with Cartesian impedance, a monitor checks its target
-//! model. For a law of elastic joints with an outer loop, a monitor is `max |tau_J - u|`. A law with a storage function also has the
-//! passivity at its port, `int F.x_dot - (E(t) - E(0))`, which is never negative in a passive loop.
+//! `'` is the transpose, `M` the mass matrix, `C` the Coriolis matrix, and `s` the sliding variable with the gain `Kd`. `E` is the energy
+//! stored in the plant, or the law's storage function. `P` is the power supplied to it. `V1` is the Lyapunov function of an adaptive law
+//! with the adaptation gain `Gamma`. `D` is the law's dissipation, the rate at which `V1` decreases. `a` are the inertial parameters and
+//! `a_hat` their estimates.
 //!
-//! [`Checks`] computes the monitors on any number type, so that programs can compute them within a step.
+//! For a rigid arm with Cartesian impedance, a monitor checks its target model. For a law of elastic joints with an outer loop, a monitor
+//! is `max |tau_J - u|`. Here `tau_J` are the torques of the springs, and `u` is the command of the outer loop. A law with a storage
+//! function also has the passivity at its port, `int F.x_dot dt - (E(t) - E(0))` with the external power `F.x_dot`. It is never negative in
+//! a passive loop.
+//!
+//! [`Checks`] computes the monitors on plain numbers or on recorded values, so that programs (recorded and compiled loops) can compute them
+//! within a step.
 
 pub mod identities;
 mod level_norms;
@@ -85,9 +91,9 @@ pub struct Moment<'a, S: Real> {
     pub arm: &'a mut ArmAt<S>,
     /// Skewness, energy and Lyapunov function, with the integrals of the law's dissipation and of the supplied power.
     pub identities: Identities<S>,
-    /// `E - int P` and `V1 + int s' Kd s` at the first record.
+    /// `E - int P dt` and `V1 + int D dt` at the first record.
     pub first: [S; 2],
-    /// The loss of the law's projector. `None` for a law without a projector, or if the loss is not monitored.
+    /// The loss of the law's projector or compensated coupling. `None` for a law without them, or if the loss is not monitored.
     pub loss: Option<S>,
     /// The monitor's own integrals, from the start to this record.
     pub integrals: &'a [S],
@@ -193,7 +199,7 @@ pub fn names(problem: &Problem) -> Vec<&'static str> {
 }
 
 /// The monitors of one run. With plain numbers, the priority solver has all its algorithms. With recorded values, it has only the algorithm
-/// for regular stacks.
+/// for tasks that are not near a singularity.
 pub struct Checks<P: Solve> {
     theory: Theory<P::Number>,
     monitors: Series<P::Number>,
@@ -238,8 +244,8 @@ impl<P: Solve> Checks<P> {
         self.levels.as_mut()?.evaluate(desired, arm.trig(), &x[..self.states], out)
     }
 
-    /// Compute the monitors at state `x = [plant, z, integrals]` and input `tau`, and write them to `out`. `first` receives
-    /// `E - int P` and `V1 + int s' Kd s` of this record, and returns their values at the first record. The result is the flag that
+    /// Compute the monitors at state `x = [plant, z, integrals]` and input `tau`, and write them to `out`. `first` receives `E - int P dt`
+    /// and `V1 + int D dt` of this record, and returns their values at the first record. The result is the flag that
     /// [`LevelNorms::evaluate`] returns.
     pub fn evaluate(
         &mut self,
@@ -276,7 +282,7 @@ pub struct Monitors<'a> {
     force: Option<&'a Force>,
     checks: Checks<PrioritySolver>,
     desired: Vec<f64>,
-    /// `E - int P` and `V1 + int s' Kd s` at the first record. `None` before the first record.
+    /// `E - int P dt` and `V1 + int D dt` at the first record. `None` before the first record.
     first: Option<[f64; 2]>,
 }
 

@@ -4,7 +4,7 @@
 use super::{Moment, Monitor, MonitorKind, Scope};
 use crate::scalar::Real;
 
-/// The loss as a monitor. In a batch it is zero for a law without a projector.
+/// The loss as a monitor. In a batch it is zero for a law without a projector and without compensated coupling.
 pub struct Loss;
 
 impl MonitorKind for Loss {

@@ -1,7 +1,8 @@
 //! The torque of a static null space, computed with another method than in the law: `J J'` is factored without a clamp of singular values.
+//! `J` is the Jacobian of the controlled rows, and `'` the transpose.
 //!
-//! `N' tau_0 = tau_0 - J' (J J')^-1 J tau_0`, `tau_0 = K_n (q_n - q) + D_n (q_n' - v)`, with the stiffness `K_n`, the damping `D_n` and the
-//! desired posture `q_n` of the null space. `N' tau_0` accelerates the frame by `J M^-1 N' tau_0`.
+//! `N' tau_0 = tau_0 - J' (J J')^-1 J tau_0`, `tau_0 = K_n (q_n - q) + D_n (q_n_dot - v)`, with the stiffness `K_n`, the damping `D_n` and
+//! the desired posture `q_n` of the null space. `N' tau_0` accelerates the frame by `J M^-1 N' tau_0`, with the mass matrix `M`.
 
 use crate::law::{CartesianImpedanceSpec, NullProjection};
 use crate::linalg::cholesky;

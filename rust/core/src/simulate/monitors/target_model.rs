@@ -1,14 +1,15 @@
 //! The target model of Cartesian impedance (Hogan 1985). It holds at every instant for an arm on which only this law, gravity and the
-//! external force `F` act:
+//! external force `F` act, away from singularities:
 //!
-//! `M_x x'' + (S_x + D_m) x' + K_m (x - x_d) = F`, `M_x = (J M^-1 J')^-1`, `S_x x' = M_x (J M^-1 C v - J' v)`.
+//! `M_x x_ddot + (S_x + D_m) x_dot + K_m (x - x_d) = F`, `M_x = (J M^-1 J')^-1`, `S_x x_dot = M_x (J M^-1 C v - J_dot v)`.
 //!
-//! In the last term, `J'` is the rate of `J`, computed with dual numbers. This form of `S_x x'` needs no inverse of `J`, so that it also
-//! holds for redundant arms. `x'' = J a + J' v`, where `a` is the acceleration of the plant. For a moving target, `D_m (x' - x_d')`
-//! replaces `D_m x'`.
+//! `x` are the controlled rows of the frame's pose, `x_d` their target, `J` their Jacobian, `K_m` and `D_m` the law's stiffness and
+//! damping. `'` is the transpose. `J_dot` is computed with dual numbers. This form of `S_x x_dot` needs no inverse of `J`, so that it also
+//! holds for redundant arms. `x_ddot = J a + J_dot v`, where `a` is the acceleration of the plant. For a moving target,
+//! `D_m (x_dot - x_d_dot)` replaces `D_m x_dot`.
 //!
 //! Options of the law add to `F`: the feedforward wrench, the integral wrench, and the wrench of a static null space ([`StaticTorque`]). If
-//! the law compensates the coupling, `M_x (x'' - x_d'')` replaces `M_x x'' + S_x x'`.
+//! the law compensates the coupling, `M_x (x_ddot - x_d_ddot)` replaces `M_x x_ddot + S_x x_dot`.
 
 use super::static_torque::StaticTorque;
 use super::{Moment, Monitor, MonitorKind, Scope};
@@ -53,11 +54,11 @@ pub struct TargetModel<S: Real> {
     square_factor: Vec<S>,
     /// The error `x_d - x`, shape `(m,)`.
     e: Vec<S>,
-    /// The rate error `x' - x_d'`, shape `(m,)`.
+    /// The rate error `x_dot - x_d_dot`, shape `(m,)`.
     slip: Vec<S>,
     /// The terms of the model, shape `(m,)` each.
     terms: [Vec<S>; 5],
-    /// `x_d'` and `x_d''`, if they differ from the samples of the desired motion.
+    /// `x_d_dot` and `x_d_ddot`, if they differ from the samples of the desired motion.
     rates_of_target: Option<[Vec<S>; 2]>,
     coupled: bool,
     feedforward: Option<Vec<S>>,
@@ -217,7 +218,7 @@ impl<S: Real> TargetModel<S> {
         [largest, worst]
     }
 
-    /// Compute `x_d'` and `x_d''` for a target with a moving rotation vector.
+    /// Compute `x_d_dot` and `x_d_ddot` for a target with a moving rotation vector.
     fn turn_target(&mut self, desired: &[S]) {
         let m = self.e.len();
         if let Some([rate, second]) = &mut self.rates_of_target {

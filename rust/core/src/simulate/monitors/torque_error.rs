@@ -1,5 +1,5 @@
-//! The error of an inner torque loop: the largest `|tau_J - u|` over the joints, N m. `tau_J` is the torque of the springs, and `u` is the
-//! torque that the outer loop commands.
+//! The error of an inner torque loop: the largest `|tau_J - u|` over the joints, N m or N. `tau_J` is the torque of the springs, and `u` is
+//! the torque that the outer loop commands.
 
 use super::{Moment, Monitor, MonitorKind, Scope};
 use crate::law::{Law, LawSpec};
