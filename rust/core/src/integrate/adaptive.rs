@@ -3,14 +3,14 @@
 //! `error = sqrt(1/m sum ((x_new - x_embedded)_i / (atol_i + rtol_i max(|x_i|, |x_new_i|)))^2)`
 //!
 //! from the state `x` to `x_new`, with `m` components with error control. The method `dop853` combines two such estimates. A step with
-//! `error < 1` is accepted. The method has a polynomial over the last step (Hairer, Norsett and Wanner, Solving Ordinary Differential
-//! Equations I, sections II.4 to II.6).
+//! `error < 1` is accepted (`radau5` also accepts 1). The method has a polynomial over the last step (Hairer, Norsett and Wanner, Solving
+//! Ordinary Differential Equations I, sections II.4 to II.6).
 
 use super::{Buffer, System};
 use crate::scalar::Real;
 use crate::status::Status;
 
-/// The number of accepted and rejected steps after which a run ends.
+/// The number of accepted and rejected steps together after which a run ends.
 pub const MAX_STEPS: u64 = 10_000_000;
 
 /// The numbers of evaluations, steps and decompositions of an adaptive method since the start of the run.
@@ -145,8 +145,9 @@ impl Accuracy for Tolerances {
 
 /// An adaptive method for a system. Time runs forward. A decreasing time span requires a system with reversed time.
 ///
-/// First set the initial state through `x_mut`. Then call `begin` for a segment, and `step` until it returns `true`. A segment ends where
-/// the input or the state jumps. The next segment begins there. A jump of the state is applied through `x_mut`.
+/// The initial state is the argument `state` of the constructor, or is set through `x_mut`. Then call `begin` for a segment, and `step`
+/// until it returns `true`. A segment ends where the input or the state jumps. The next segment begins there. A jump of the state is
+/// applied through `x_mut`.
 ///
 /// ```
 /// use armlet_core::integrate::{Adaptive, Dop853, Tolerance};
@@ -184,7 +185,7 @@ pub trait Adaptive<S: Real, F: System<S>, B: Buffer<S>> {
     fn t_old(&self) -> f64;
     /// The state at the end of the last step.
     fn x(&self) -> &B;
-    /// The state, which the caller sets before `begin`.
+    /// The state, which the caller may set before `begin`.
     fn x_mut(&mut self) -> &mut B;
     /// The numbers of evaluations, steps and decompositions since the start of the run.
     fn work(&self) -> Work;

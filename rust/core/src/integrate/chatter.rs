@@ -1,10 +1,10 @@
 //! The detection of chattering along a surface on which the slope `f` jumps and which the solution cannot leave.
 //!
-//! An example is `x' = 1/2 - sign(x)` from the time at which `x = 0`. No solution exists in the classical sense, and the step size of an
-//! adaptive method decreases without limit. Every `WINDOW` attempts, a check compares `f(x)` with `f(x + d)`, where
-//! `d = f(x) max(h, 1/|f(x)|)`. Norms are relative to the allowed error. If the two slopes differ, bisection of `[x, x + d]` keeps the half
-//! in which the slope changes more. A smooth change decreases with the interval, and a jump does not. A run ends after
-//! [`System::chatter_budget`] attempts spent at jumps.
+//! An example is `x' = 1/2 - sign(x)` from the time at which `x = 0`, where `x'` is the time derivative. No solution exists in the
+//! classical sense, and the step size of an adaptive method decreases without limit. Every `WINDOW` attempts, a check compares `f(x)` with
+//! `f(x + d)`, where `d = f(x) max(h, 1/|f(x)|)` with the step size `h`. Norms are relative to the allowed error. If the two slopes differ,
+//! bisection of `[x, x + d]` keeps the half in which the slope changes more. A smooth change decreases with the interval, and a jump does
+//! not. A run ends after [`System::chatter_budget`] attempts spent at jumps.
 
 use super::adaptive::{Accuracy, Work};
 use super::step_controller::{StepController, finite};

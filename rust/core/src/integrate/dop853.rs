@@ -12,7 +12,7 @@ use super::step_controller::{Control, StepController};
 use super::{Buffer, Embedded, Scheme};
 use crate::scalar::Real;
 
-/// The tableau of the method.
+/// The tableau of DOP853, the method of order 8 of Dormand and Prince.
 ///
 /// ```
 /// use armlet_core::integrate::{Order8, Pair54, Scheme};
@@ -58,5 +58,5 @@ impl Scheme for Order8 {
     }
 }
 
-/// The Runge-Kutta method of order 8. `B` is the type of the state, `U` that of the input, and `T` that of the tolerances.
+/// The Runge-Kutta method DOP853 of order 8. `B` is the type of the state, `U` that of the input, and `T` that of the tolerances.
 pub type Dop853<B, U, T = Tolerance> = Embedded<Order8, B, U, T>;

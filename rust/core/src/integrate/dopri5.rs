@@ -7,7 +7,7 @@ use super::step_controller::{Control, StepController};
 use super::{Buffer, Embedded, Scheme};
 use crate::scalar::Real;
 
-/// The tableau of the pair.
+/// The tableau of the pair of orders 5 and 4 of Dormand and Prince.
 ///
 /// ```
 /// use armlet_core::integrate::{Pair54, Scheme};
@@ -59,7 +59,7 @@ impl Scheme for Pair54 {
     }
 }
 
-/// The method of order 5. `B` is the type of the state, `U` that of the input, and `T` that of the tolerances.
+/// The method of order 5 of Dormand and Prince. `B` is the type of the state, `U` that of the input, and `T` that of the tolerances.
 ///
 /// ```
 /// use armlet_core::integrate::events::{Event, Watched};

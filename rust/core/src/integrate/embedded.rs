@@ -1,4 +1,5 @@
-//! Explicit Runge-Kutta methods with an embedded error estimate. They are first same as last: the last slope is the first of the next step.
+//! Explicit Runge-Kutta methods with an embedded error estimate. They are first same as last: the last slope of a step is the first slope
+//! of the next step.
 //!
 //! | quantity | formula |
 //! |---|---|
@@ -50,7 +51,8 @@ pub trait Scheme {
 
     /// Return the dense output of one component: `(x(t) - x_old) / r`. Here `at = (r, 1 - r)` with `r = (t - t_old) / h`.
     ///
-    /// `delta` is the change of the component over the step. `f` are its slopes at both ends. `row(i)` is its row `i` of the dense output.
+    /// `delta` is the change of the component over the step. `f` are its slopes at both ends. `row(i)` is the component's value in row `i`
+    /// of the dense output.
     fn dense<S: Real>(at: (S, S), h: S, delta: S, f: [S; 2], row: impl Fn(usize) -> S) -> S;
 
     /// Compute the results of an attempt. `slope(k, y, dx)` writes the slope of stage `k + 1` at the state `y` to `dx`.
@@ -132,7 +134,8 @@ pub struct Embedded<C, B, U, T = Tolerance> {
 }
 
 impl<C: Scheme, B: Clone, U: Clone, T: Accuracy> Embedded<C, B, U, T> {
-    /// Return the method with this tolerance. The sizes of `state` and `input` determine the sizes of its memory.
+    /// Return the method with this tolerance and the initial state `state`. The sizes of `state` and `input` determine the sizes of its
+    /// memory.
     pub fn new(tolerance: T, state: B, input: U) -> Self {
         let like = |rows: &[&[f64]]| vec![state.clone(); rows.len()];
         Embedded {

@@ -1,7 +1,7 @@
 //! Explicit Runge-Kutta methods of fixed step size in which each stage uses only the previous slope:
 //!
-//! `k_i = f(t + c_i h, x + a_i h k_{i-1})`, `x += h/d sum_i b_i k_i`, with a common divisor `d` of the weights. The input is evaluated
-//! once per distinct `c_i`. The next step reuses the input at the end.
+//! `k_i = f(t + c_i h, x + a_i h k_{i-1})`, `x += h/d sum_i b_i k_i`, with a common divisor `d` of the weights. The input is evaluated once
+//! per distinct `c_i`. If the last `c_i` is 1, the next step reuses the input at the end.
 
 use super::{Advance, Buffer, FixedStep, System};
 use crate::scalar::Real;

@@ -55,8 +55,8 @@ pub struct Steps<M, B, U> {
 }
 
 impl<M, B: Clone, U: Clone> Steps<M, B, U> {
-    /// Return a method with steps of size `h > 0`, s. `each`: the numbers of evaluations, Jacobians and decompositions of one step. The
-    /// sizes of `state` and `input` determine the memory.
+    /// Return a method with steps of size `h > 0`, s, and the initial state `state`. `each`: the numbers of evaluations, Jacobians and
+    /// decompositions of one step. The sizes of `state` and `input` determine the sizes of its memory.
     pub fn new(method: M, h: f64, each: Work, state: B, input: U) -> Self {
         let (x_old, f_old, f) = (state.clone(), state.clone(), state.clone());
         Steps {

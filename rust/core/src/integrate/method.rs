@@ -138,7 +138,8 @@ impl Method {
         }
     }
 
-    /// Whether the method is a Rosenbrock method, which is implicit and solves only linear equations. It also requires `df/dt`.
+    /// Whether the method is a Rosenbrock method, which is implicit and solves only linear equations. It also requires `df/dt`, unless the
+    /// input is constant.
     pub fn is_rosenbrock(self) -> bool {
         match self.kind() {
             MethodKind::ExplicitSteps(_) | MethodKind::ExplicitAdaptive(_) | MethodKind::ImplicitAdaptive(ImplicitAdaptive::Radau5) => {

@@ -1,4 +1,4 @@
-//! Initial-value problems `x' = f(u(t), x)`: one method per file, each generic over the number type.
+//! Initial-value problems `x' = f(u(t), x)`, where `x'` is the time derivative: one method per file, each generic over the number type.
 //!
 //! The exogenous input `u(t)` (desired motion, applied force) depends only on the time. Stages at the same time can share it. For a plain
 //! system `x' = f(t, x)` the input is the time.
@@ -155,7 +155,7 @@ pub struct Attempt<'a, S, B> {
     pub slopes: &'a mut [B],
     /// The new state, a result, one entry per state.
     pub y: &'a mut [S],
-    /// The error estimates, results, one buffer per estimate.
+    /// The error estimates divided by `h`, results, one buffer per estimate.
     pub estimates: &'a mut [B],
 }
 
@@ -200,7 +200,7 @@ pub trait Differentiable<S: Real>: System<S> {
     }
 }
 
-/// A step whose inputs are already set. The step size may differ between lanes.
+/// A method whose step can be computed with inputs that the caller has set. The step size may differ between lanes.
 ///
 /// ```
 /// use armlet_core::integrate::{Advance, Rk4, System};

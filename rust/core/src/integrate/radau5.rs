@@ -25,9 +25,10 @@ use crate::status::Status;
 const ITERATIONS: usize = 6;
 const SHRINK: f64 = 0.2;
 const GROW: f64 = 10.0;
-/// If the step size would change by a smaller factor after an accepted step, it does not change. Then the matrix decompositions are reused.
+/// If the step size would change by a smaller factor after an accepted step, and the Jacobian is kept, it does not change. Then the matrix
+/// decompositions are reused.
 const LEAST_GROWTH: f64 = 1.2;
-/// The rounding error of the error estimate, divided by the error of one slope: `|(1, e A)|`.
+/// The rounding error of the error estimate, divided by the error of one slope: `|(1, e A)|` with the row `e = (e_1, e_2, e_3)`.
 const GAIN: f64 = 2.0;
 /// If Newton's iteration contracts by a larger factor and takes more than two iterations, the next step has a new Jacobian.
 const SLOW: f64 = 1e-3;
@@ -93,7 +94,8 @@ pub struct Radau5<S, B, U, A = Tolerance> {
 }
 
 impl<S: Real, B: Buffer<S>, U: Clone, A: Accuracy> Radau5<S, B, U, A> {
-    /// Return the method with this tolerance. The sizes of `state` and `input` determine the sizes of its memory.
+    /// Return the method with this tolerance and the initial state `state`. The sizes of `state` and `input` determine the sizes of its
+    /// memory.
     pub fn new(tolerance: A, state: B, input: U) -> Self {
         let n = state.as_ref().len();
         let three = || std::array::from_fn(|_| state.clone());
@@ -234,7 +236,8 @@ impl<S: Real, B: Buffer<S>, U: Clone, A: Accuracy> Radau5<S, B, U, A> {
         self.controller.work.evaluations += 1;
     }
 
-    /// Return `error^(-1/4)`, multiplied by `h/h_old (error_old/error)^(1/4)` of the last step `h_old` if this product is below 1.
+    /// Return `error^(-1/4)`, multiplied by the smaller of 1 and `h/h_old (error_old/error)^(1/4)`. `h_old` is the first proposed size of
+    /// the last accepted step, and `error_old` its error.
     fn predict(&self, h: f64, error: f64) -> f64 {
         let trend = match self.last {
             Some((h_old, error_old)) if error > 0.0 => (h / h_old * (error_old / error).powf(0.25)).min(1.0),

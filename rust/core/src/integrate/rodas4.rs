@@ -94,7 +94,8 @@ pub struct Rodas4<B, M, P, U, T = Tolerance> {
 }
 
 impl<B: Clone, M: Clone, P, U: Clone, T: Accuracy> Rodas4<B, M, P, U, T> {
-    /// Return the method with this tolerance. The sizes of the other arguments determine the sizes of its memory.
+    /// Return the method with this tolerance and the initial state `state`. The sizes of the other arguments determine the sizes of its
+    /// memory.
     pub fn new(tolerance: T, state: B, matrix: M, pivots: P, input: U) -> Self {
         Rodas4 {
             controller: StepController::new(tolerance),

@@ -3,8 +3,9 @@
 //! `W k1 = f(t, x) + g h f_t`, `W k2 = f(t + h, x + h k1) - 2 k1 - g h f_t`, `W = I - g h df/dx`,
 //! `x += h (3 k1 + k2) / 2`, `g = 1 - 1/sqrt 2`.
 //!
-//! The method with `g = 1 + 1/sqrt 2` is also L-stable, and stays positive for real negative poles. But its error constant is 34 times
-//! larger for `x' = lambda x`. If `W` is singular, the new state is NaN, and the run reports divergence.
+//! `f_t` is `df/dt`. The method with `g = 1 + 1/sqrt 2` is also L-stable, and stays positive for real negative poles. But its error
+//! constant is 34 times larger for `x' = lambda x`, where `x'` is the time derivative. If `W` is singular, the new state is NaN, and the
+//! run reports divergence.
 
 use super::{Buffer, Differentiable, FixedStep};
 use crate::scalar::Real;

@@ -1,6 +1,7 @@
 //! The semi-implicit (symplectic) Euler method, order 1 (Hairer, Lubich and Wanner, Geometric Numerical Integration, I.1.4):
 //!
-//! First `v += h v'(t, q, v)`, then `q += h v` with the new `v`. All other components are computed as in the explicit Euler method.
+//! First `v += h v'(t, q, v)`, then `q += h v` with the new `v`, where `v'` is the time derivative. All other components are computed as in
+//! the explicit Euler method.
 //!
 //! The system reports the rate of each position: [`System::rate_of`].
 

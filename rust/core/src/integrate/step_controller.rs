@@ -2,6 +2,7 @@
 //!
 //! PI control (Gustafsson; Hairer and Wanner, Solving Ordinary Differential Equations II, section IV.2):
 //! `h_new / h = safety error^-alpha error_old^beta`, within `[shrink, grow]`. Just after a rejection, the step size does not increase.
+//! The method `radau5` computes its next step size itself.
 
 use super::adaptive::{Accuracy, Work};
 use super::stall::StallDetector;
@@ -196,7 +197,7 @@ impl<T: Accuracy> StepController<T> {
     }
 }
 
-/// Return `x^p`. The method `rodas4` needs the fourth root in every step, and `dop853` the eighth root. Both are computed by square roots.
+/// Return `x^p`. The exponents -1/4 of `rodas4` and -1/8 of `dop853` occur in every step, and are computed by square roots.
 fn power(x: f64, p: f64) -> f64 {
     match p {
         -0.25 => 1.0 / x.sqrt().sqrt(),

@@ -73,7 +73,7 @@ impl<S: Real, B: Buffer<S>, U: Clone, A: Accuracy> Radau5<S, B, U, A> {
             let norm = (parts.iter().map(|p| p * p).sum::<f64>() / 3.0).sqrt();
             rate = norm / norm_old;
             let left = (ITERATIONS - k) as i32;
-            // In the first iteration, `rate` is NaN and both comparisons are false.
+            // In the first iteration, `rate` is NaN, and both comparisons with `rate` are false.
             if !norm.is_finite() || rate >= 1.0 || rate.powi(left) / (1.0 - rate) * norm > self.newton_tolerance {
                 return Newton { converged: false, iterations: k + 1, rate };
             }
