@@ -1,4 +1,4 @@
-//! Interruption of long work. The work calls [`look`] in its loops. If a stop is requested, `look` unwinds the stack.
+//! Interruption of long work. The work calls [`look`] in its loops. If a stop is requested, `look` unwinds the stack to [`interruptible`].
 //!
 //! [`interruptible`] sets the source of requests for one piece of work on one thread. Without a source, `look` has no effect. Unwinding
 //! drops all results of the work. Work that must return partial results checks a `simulate::Stop` instead. A call of `look` takes about 50

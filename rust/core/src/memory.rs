@@ -1,5 +1,5 @@
-//! Allocation of memory whose size the caller decides. If memory is insufficient, the result is the error
-//! `Memory`, and the process continues.
+//! Allocation of memory whose size the caller decides. If memory is insufficient, the result is the error `Memory`, and the process
+//! continues.
 
 use crate::error::{Error, Result};
 use crate::interrupt::look;
@@ -45,7 +45,8 @@ fn extend<T: Clone>(out: &mut Vec<T>, n: usize, value: &T) {
     }
 }
 
-/// Return `n` copies of `value`. The caller has already checked with [`require`] that enough memory is available.
+/// Return `n` copies of `value`. The caller has already checked with [`require`] that enough memory is available: an allocation that fails
+/// ends the process.
 pub fn copies<T: Copy>(n: usize, value: T) -> Vec<T> {
     let mut out = Vec::with_capacity(n);
     while out.len() < n {

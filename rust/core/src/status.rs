@@ -1,6 +1,6 @@
 //! The outcome of a run. A status is data: a run that diverges is a result, and not an error.
 
-/// The outcome of a run or a solve. The codes never change, and Python uses the same codes.
+/// The outcome of a run or a solve. Codes are never changed, and Python uses the same codes.
 ///
 /// ```
 /// use armlet_core::status::Status;
@@ -25,7 +25,7 @@ pub enum Status {
     Interrupted = 4,
     /// An event ended the run.
     Event = 5,
-    /// The result has a residual: a direction is lost, a task is scaled, or a lower task is not reached.
+    /// The result has a residual: a direction is lost, a task is scaled, or a lower task is not reached. Or a run has no derivative.
     Degraded = 6,
     /// No solution was found, for example because the constraints contradict each other.
     Infeasible = 7,

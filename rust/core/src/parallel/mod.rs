@@ -1,5 +1,5 @@
-//! Worker threads. The pool of threads is created at first use, and again in a forked child process. The calling thread remains responsive
-//! during the work. The division of rows into chunks does not depend on the number of threads.
+//! Worker threads. A pool of threads is created at first use, and again in a forked child process. The calling thread can check for a stop
+//! request during the work. The division of rows into chunks does not depend on the number of threads.
 //!
 //! `pool` contains the threads. Without the feature `parallel`, `serial` replaces it: one worker, with the same results.
 
@@ -20,10 +20,10 @@ use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError, mpsc};
 /// The maximum number of threads.
 pub const MOST_THREADS: usize = 1024;
 
-/// Return `ARMLET_NUM_THREADS` if it is a positive integer, otherwise the number of cores at the first call. The result is at most
-/// [`MOST_THREADS`].
+/// Return `ARMLET_NUM_THREADS` if it is a positive integer, otherwise the number of cores that were available to the process at the first
+/// call. The result is at most [`MOST_THREADS`].
 pub fn default_threads() -> usize {
-    // On Linux each count reads the files of the process's control group, which takes 50 us: more than a step of a small batch.
+    // The count is stored, because on Linux each count reads the files of the process's control group.
     static CORES: OnceLock<usize> = OnceLock::new();
     let requested = std::env::var("ARMLET_NUM_THREADS").ok().and_then(|n| n.trim().parse().ok()).filter(|&n| n > 0);
     requested.unwrap_or_else(|| *CORES.get_or_init(|| std::thread::available_parallelism().map_or(1, |n| n.get()))).min(MOST_THREADS)
@@ -77,8 +77,8 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Fill the rows of `out`, which have `length` numbers each, with `work(first, last, rows)`. Each call has `chunk` rows, the last
-/// one the remainder. Return the results in the order of the chunks. Errors: `Interrupted` after `poll` returned true.
+/// Fill the rows of `out`, which have `length` numbers each, with `work(first, last, rows)`. Each call has `chunk` rows, and the last call
+/// has the remaining rows. Return the results in the order of the chunks. Errors: `Interrupted` after `poll` returned true.
 pub fn rows<R: Send>(
     threads: usize,
     poll: &mut dyn FnMut() -> bool,
