@@ -1,4 +1,4 @@
-"""Integrate any initial-value problem `y' = f(t, y)` with armlet's methods."""
+"""Integrate any initial-value problem `dy/dt = f(t, y)` with armlet's methods."""
 
 from __future__ import annotations
 
@@ -148,7 +148,7 @@ def integrate(
     vectorized: bool = False,
     throw: bool = True,
 ) -> Integration:
-    """Solve `y' = f(t, y)`, `y(t0) = y0`, from `t0` to `t1`, forward or backward in time.
+    """Solve `dy/dt = f(t, y)`, `y(t0) = y0`, from `t0` to `t1`, forward or backward in time.
 
     Args:
         f: the right-hand side, f(t, y, *args) -> (n,): an array, or a list or tuple of floats.
@@ -170,7 +170,7 @@ def integrate(
             their differences [CurtisPowellReid1974]. It has no effect if `jac` is not None.
         args: further arguments of f, jac and events.
         max_step, first_step: largest step and first step of adaptive methods; first_step is not longer than the span.
-        positions: number of positions for "semi_implicit": y = [q, v, rest], where q and v have this length and q' = v.
+        positions: number of positions for "semi_implicit": y = [q, v, rest], where q and v have this length and dq/dt = v.
         lists: pass y to f, jac and events as a list of floats, for functions that read single elements of y.
         vectorized: f accepts states as columns, y (n, k), and returns their rates, (n, k). Then one call computes all differences of a
             Jacobian. jac and events still receive y (n,).

@@ -1,6 +1,6 @@
 """The common parts of all figures: the colours of Okabe and Ito (for colour-blind readers), the style, and the figure object.
 
-matplotlib is an optional package. This module imports it only when a figure is drawn.
+matplotlib is an optional package. This module imports it only when a function needs it.
 """
 
 from __future__ import annotations

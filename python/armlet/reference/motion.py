@@ -1,8 +1,9 @@
 """Desired motions m(t) -> q_d, v_d, a_d.
 
     Sinusoid:  q = offset + Im sum_k z_k,  z_k = amplitude_k exp(i (frequency_k t + phase_k));  d/dt multiplies z_k by i frequency_k
-    Quintic:   q = q0 + (q1 - q0) p(x),  x = t/T,  p the quintic with p = 0, 1 and p' = p'' = 0 at the ends (from a linear system)
-    BangBang:  q'' = +A before T/2, -A after,  integrated as polynomials piece by piece;  A = 4 (q1 - q0)/T^2
+    Quintic:   q = q0 + (q1 - q0) p(x),  x = t/T,  p the quintic with p = 0, 1 and dp/dx = d^2p/dx^2 = 0 at the ends
+               from a linear system
+    BangBang:  d^2q/dt^2 = +A before T/2, -A after,  integrated as polynomials piece by piece;  A = 4 (q1 - q0)/T^2
     Table:     q, v, a at knots;   between two knots the Bezier curve of degree 5 with these values, h = dt
                points q_k,   q_k + h v_k/5,   q_k + 2 h v_k/5 + h^2 a_k/20,   and in the same form from the second knot
                derivatives   from differences of the points
