@@ -1,9 +1,9 @@
 """Rest-to-rest motions under limits of speed v, acceleration a and jerk j. All joints arrive at the same time.
 
-    from rest to the speed w:    t(w) = 2 (w/j)^1/2 if a is not reached, else w/a + a/j;   distance w t(w)/2
-    one joint, distance D:       w t(w) = D for the largest speed w, found by bisection;   T = 2 t(w)
-                                 if this w exceeds v:   T = 2 t(v) + (D - v t(v))/v
-    all joints:                  the longest of these times;   the other joints are slowed down
+from rest to the speed w:    t(w) = 2 (w/j)^1/2 if a is not reached, else w/a + a/j;   distance w t(w)/2
+one joint, distance D:       w t(w) = D for the largest speed w, found by bisection;   T = 2 t(w)
+                             if this w exceeds v:   T = 2 t(v) + (D - v t(v))/v
+all joints:                  the longest of these times;   the other joints are slowed down
 """
 
 import numpy as np
