@@ -17,7 +17,7 @@ pub enum Status {
     Success = 0,
     /// The state, its derivative, a monitor or a result is not finite, or the state exceeded the limit that the caller set.
     Diverged = 1,
-    /// The adaptive step size decreased below the resolution of time.
+    /// The step size is below the resolution of time.
     StepUnderflow = 2,
     /// The maximum number of steps or iterations was reached.
     MaxSteps = 3,
@@ -25,7 +25,7 @@ pub enum Status {
     Interrupted = 4,
     /// An event ended the run.
     Event = 5,
-    /// The result has a residual: a direction is lost, a task is scaled, or a lower task is not reached. Or a run has no derivative.
+    /// The result has a residual: a direction is lost, a task is scaled, or a lower task is not reached. Or the run has no derivative.
     Degraded = 6,
     /// No solution was found, for example because the constraints contradict each other.
     Infeasible = 7,

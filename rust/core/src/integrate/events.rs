@@ -2,9 +2,10 @@
 //!
 //! An event is a change of the sign of `g` between both ends of an accepted step. At a rising crossing, `g` was negative before, and is now
 //! zero or positive. At a falling crossing, it was positive and is now zero or negative. If `g` is zero at the start of a step, this step
-//! has no event. Two changes within one step cancel and are missed. A smaller step limit can detect both. The root is bracketed until `g`
-//! is zero or no number lies between the two ends. The method is Chandrupatla's (1997): inverse quadratic interpolation where it is safe,
-//! otherwise bisection. The event is at the later end, so that a run that starts there begins after the change of sign.
+//! has no event. Two changes within one step cancel and are missed. With a smaller limit of the step size, both may be detected. The root
+//! is bracketed until `g` is zero or no number lies between the two ends. The method is Chandrupatla's (1997): inverse quadratic
+//! interpolation where it is safe, otherwise bisection. The event is at the later end, so that a run that starts there begins after the
+//! change of sign.
 
 use super::{Adaptive, Buffer, System};
 use crate::scalar::sign;

@@ -37,7 +37,7 @@ pub trait DualSystem<V: Real>: System<Dual<V>> {
     fn hold(&mut self, _input: &[V::One], _rate: &[V::One]) {}
     /// Set the switches of this system to the states `sides` of the system on plain numbers.
     fn follow(&mut self, _sides: &[i8]) {}
-    /// Whether the input is constant.
+    /// Whether the input is constant between its jumps.
     fn autonomous(&self) -> bool {
         false
     }

@@ -97,8 +97,8 @@ pub trait System<S: Real> {
     fn enter_step(&mut self, _t: f64, _x: &[S]) -> bool {
         false
     }
-    /// Update the switches of the system at state `x`, where a fixed step ends. The function may move `x` to the switch. Return whether `x`
-    /// moved.
+    /// Update the switches of the system at state `x`, where a fixed step ends. The function may change `x` to a state at the switch.
+    /// Return whether `x` changed.
     fn leave_step(&mut self, _x: &mut [S]) -> bool {
         false
     }
@@ -190,7 +190,7 @@ pub trait Differentiable<S: Real>: System<S> {
     /// Write `df/dt` at constant `x` to `dft`, shape `(n,)`. This derivative is not zero if the input changes with time. `u` is the input
     /// at time `t`.
     fn time_derivative(&mut self, t: f64, u: &Self::Input, x: &[S], dft: &mut [S]);
-    /// Whether the input is constant. Then `df/dt` is zero and is not computed.
+    /// Whether the input is constant between its jumps. Then `df/dt` is zero there and is not computed.
     fn autonomous(&self) -> bool {
         false
     }

@@ -25,8 +25,8 @@ use crate::status::Status;
 const ITERATIONS: usize = 6;
 const SHRINK: f64 = 0.2;
 const GROW: f64 = 10.0;
-/// If the step size would change by a smaller factor after an accepted step, and the Jacobian is kept, it does not change. Then the matrix
-/// decompositions are reused.
+/// After an accepted step with an unchanged Jacobian, the step size changes only if it would grow by at least this factor. Otherwise it
+/// remains the same, and the matrix decompositions are reused.
 const LEAST_GROWTH: f64 = 1.2;
 /// The rounding error of the error estimate, divided by the error of one slope: `|(1, e A)|` with the row `e = (e_1, e_2, e_3)`.
 const GAIN: f64 = 2.0;

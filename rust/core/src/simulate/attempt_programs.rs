@@ -80,8 +80,8 @@ impl WithScheme for Attempts<'_> {
 }
 
 impl AttemptProgram {
-    /// Return the program for the method of the problem. The result is `None` if the method has no attempts, if the loop has too many
-    /// `operations`, or if its code branches on data.
+    /// Return the program for the method of the problem. The result is `None` if the method is not explicit and adaptive. It is also `None`
+    /// if the loop has too many `operations`, or if its code branches on data.
     pub fn of(problem: &Problem, run: usize, common: Common, held: bool, (slots, operations): (&Slots, usize)) -> Option<Self> {
         match problem.options.method.kind() {
             MethodKind::ExplicitAdaptive(method) => method.scheme(Attempts { problem, run, common, held, slots, operations }),

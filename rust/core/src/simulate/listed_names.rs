@@ -1,4 +1,4 @@
-//! The names of the slots of a loop's programs: `q1`, `v1`, `q_d1`, `h`, `kp1`, ..
+//! The names of the slots of a loop's programs: `q1`, `v1`, `q_d1`, `h`, `kp1`, .. A slot is one number in the memory of a program.
 
 use super::layout::{Layout, Slots};
 use super::monitors;

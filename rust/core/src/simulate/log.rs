@@ -1,4 +1,5 @@
-//! The log of a group of lanes: records that programs write during some steps, until they are copied to the caller's arrays.
+//! The log of a group of lanes. Programs (recorded and compiled loops) write records to it during some steps. Then the records are copied
+//! to the caller's arrays. A frame is the memory of a program for some lanes.
 
 use super::layout::Layout;
 use crate::error::Result;

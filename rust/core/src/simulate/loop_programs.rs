@@ -1,4 +1,5 @@
-//! The programs of a recorded loop: law, step, rates, metrics and records.
+//! The programs of a recorded loop: law, step, rates, metrics and records. A *program* is the compiled code of a recording, and a *frame*
+//! is its memory. The *instants* are the times in a step at which the exogenous input is evaluated.
 
 use super::layout::Layout;
 use crate::trace::tape::Op;

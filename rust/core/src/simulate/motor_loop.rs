@@ -1,12 +1,13 @@
-//! Stability of the motor loops of elastic joints at a controller's sample time. The links are locked.
+//! Stability of the motor loops of elastic joints at a controller's sample time, for locked links.
 
 use super::problem::Problem;
 use crate::error::{Error, Result};
 use crate::law::LockedMotors;
 
 impl Problem<'_> {
-    /// Return the sample time at which the motor loop of the first run becomes unstable, s. The result is `None` if this time exceeds
-    /// `times` the problem's sample time, or does not exist. It is also `None` if the loop is unstable at the problem's sample time.
+    /// Return the sample time at which the motor loop of the first run becomes unstable, s. The search ends at the product of `times` and
+    /// the problem's sample time. The result is `None` if the search finds no unstable sample time, or if the loop is unstable at the
+    /// problem's sample time.
     pub fn sample_time_limit(&self, times: f64) -> Option<f64> {
         let period = self.options.sampling.as_ref()?.period;
         let (plant, law) = (self.plants.first()?.elastic()?, self.laws.first()?.reduction()?);

@@ -16,7 +16,7 @@ pub const FIRSTS: usize = 2;
 /// The recorded operations that compute the numbers of a record.
 pub struct Noted {
     pub numbers: Vec<Sym>,
-    /// The reference values of the monitors, computed if this is the first record.
+    /// The reference values of the monitors, if this is the first record.
     pub firsts: Vec<Sym>,
     /// One if the norms of levels are valid, zero if the solver requires another algorithm. `None` without levels.
     pub stands: Option<Sym>,
@@ -50,7 +50,8 @@ impl Notes {
         (self.monitors, norms, if self.monitors > norms { FIRSTS } else { 0 })
     }
 
-    /// Record the operations for state `x`, exogenous input `u` and input `tau`. `firsts`: the reference values, empty at the first record.
+    /// Record the operations for state `x`, exogenous input `u` and input `tau`. `firsts`: the reference values. If it is empty, those of
+    /// this record are used.
     pub fn take(&mut self, u: &Exogenous<Sym>, x: &[Sym], tau: &[Sym], firsts: &[Sym]) -> Noted {
         let mut noted = Noted { numbers: tau.to_vec(), firsts: Vec::new(), stands: None };
         let Some(checks) = &mut self.checks else { return noted };

@@ -1,4 +1,5 @@
-//! A recorded loop with the interface of a closed loop. The driver of fixed steps runs it with [`super::program_step`].
+//! A recorded loop with the interface of a closed loop. Its programs are the compiled recordings, and a frame is their memory. The driver
+//! of fixed steps runs it with [`super::program_step`].
 
 use super::assembly::Watched;
 use super::force::Wrench;

@@ -1,4 +1,5 @@
-//! Programs of the state rates of a closed loop and of their derivatives, for adaptive and implicit methods and for steppers.
+//! Programs (recorded and compiled computations) of the state rates of a closed loop and of their derivatives, for adaptive and implicit
+//! methods and for steppers.
 //!
 //! The rates are a program for one run. The derivatives are programs for lanes, with one direction per lane. A first program computes the
 //! rates and all values that the derivatives read. A second program computes the derivatives of the rates along one direction per lane, in
@@ -184,7 +185,7 @@ fn record(
     Some(RecordedRates { slots, programs })
 }
 
-/// Pair the entries with consecutive slots from `first` on: `(slot, entry)`.
+/// Pair recorded operations, given by their indices `entries`, with consecutive slots from `first` on: `(slot, index)`.
 fn to(first: usize, entries: &[u32]) -> Vec<(u32, u32)> {
     entries.iter().enumerate().map(|(k, &entry)| ((first + k) as u32, entry)).collect()
 }

@@ -1,9 +1,9 @@
 //! Settings of a sampled controller: sample times, measurements, and the times at which outputs act.
 //!
 //! Sample `k` is taken at `t_k = k T + j_k`, where the jitter `j_k` is uniform in [0, jitter). The law receives the measurement that is
-//! `sensor_delay` samples old. The measurement has noise and the resolution of the encoders. The law's output acts from `t_k + delay` on,
-//! with a limited rate of change. Every random number is a function of seed, sample and channel (splitmix64; Steele, Lea and Flood 2014).
-//! So a repeated run, and a run that continues from an intermediate state, have the same random numbers.
+//! `sensor_delay` samples old. The measurement contains noise and is rounded to the resolution of the encoders. The law's output acts from
+//! `t_k + delay` on, with a limited rate of change. Every random number is a function of seed, sample and channel (splitmix64; Steele, Lea
+//! and Flood 2014). So a repeated run, and a run that continues from an intermediate state, have the same random numbers.
 
 use super::schedule::require_memory;
 use crate::error::{Error, Result, positive};

@@ -193,8 +193,8 @@ pub fn simulate(problem: &Problem, stop: &dyn Stop) -> Result<Run> {
     simulate_observed(problem, stop, None)
 }
 
-/// Run like [`simulate`]. With an adaptive method, the observer also receives the events and the polynomials of the steps, as requested.
-/// Errors: those of [`simulate`], and [`Error::Input`] for an observer with a method of fixed steps.
+/// Run like [`simulate`]. With an adaptive method, the observer also receives the events, the contact modes and the polynomials of the
+/// steps, as requested. Errors: those of [`simulate`], and [`Error::Input`] for an observer with a method of fixed steps.
 pub fn simulate_observed(problem: &Problem, stop: &dyn Stop, mut observer: Option<&mut RunObserver>) -> Result<Run> {
     let division = problem.validate()?;
     problem.require_memory(1)?;

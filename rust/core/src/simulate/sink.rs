@@ -4,7 +4,7 @@ use super::log::Block;
 
 /// Receives the records of a group of lanes.
 pub trait Sink {
-    /// Receive record `i` of `lane`: time, s, state `[plant, z, quadratures]` and input.
+    /// Receive record `i` of `lane`: time `t`, s, state `x = [plant, law, integrals]` and input `tau`.
     fn record(&mut self, i: usize, lane: usize, t: f64, x: &[f64], tau: &[f64]);
 
     /// Receive records of all lanes with their monitors, which programs stored within steps.

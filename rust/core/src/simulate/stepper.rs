@@ -52,7 +52,7 @@ pub trait Stepping: Send {
     /// Whether [`Stepping::resume`] can reproduce the bits of the next steps. Between two samples, state and input may be insufficient.
     fn resumable(&self) -> bool;
     /// Continue after `steps` steps from the state `x`, shape `(states + p,)`, and the input `tau`, shape `(n,)`, of [`Stepping::read`].
-    /// `diverged`: whether the last step had diverged.
+    /// `diverged`: whether the last step diverged.
     fn resume(&mut self, steps: u64, x: &[f64], tau: &[f64], diverged: bool);
 }
 

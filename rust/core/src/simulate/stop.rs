@@ -1,4 +1,4 @@
-//! Requests to stop a run: by another thread, or by a regular check.
+//! Requests to stop a run: from another thread, or from a function that the run calls regularly.
 
 use std::cell::{Cell, RefCell};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -9,7 +9,7 @@ const SLICE: Duration = Duration::from_millis(20);
 /// The number of calls between two readings of the clock. Each block of fixed steps and each adaptive step makes one call.
 const CALLS_PER_CLOCK: u32 = 16;
 
-/// The regular check of a run.
+/// A source of requests to stop, which a run checks regularly.
 ///
 /// ```
 /// # use armlet_core::{arm::Arm, dynamics::Model, law::{Gain, LawSpec, PdGravitySpec}, plant::{PlantSpec, RigidSpec}, status::Status};

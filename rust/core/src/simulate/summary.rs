@@ -3,8 +3,8 @@
 use super::measures::{ErrorReference, Plan};
 use std::ops::Range;
 
-/// Overshoot is not computed if a joint starts within this distance, rad or m, of its last reference. It is also not computed if the
-/// reference still moves faster than this number per second at the end.
+/// Overshoot is not computed if a joint starts within this distance, rad or m, of its last reference position. It is also not computed if
+/// the reference still moves faster than this number, rad/s or m/s, at the last record.
 const STILL: f64 = 1e-9;
 
 /// Data of a run for its summary, in addition to the stored numbers.
@@ -69,7 +69,8 @@ impl Plan {
         all
     }
 
-    /// Return the overshoot of joint `i`: its distance beyond the extreme of the reference, divided by the distance from start to end.
+    /// Return the overshoot of joint `i`: its distance beyond the extreme of the reference. It is divided by the distance from the joint's
+    /// start to its last reference position.
     fn overshoot(&self, kept: &[f64], ends: &Ends, i: usize) -> f64 {
         let places = &self.places;
         let (end, speed) = match &self.wanted {

@@ -33,9 +33,9 @@ impl Options {
 }
 
 impl<'a> Problem<'a> {
-    /// Return one run from the joint positions `q0` and velocities `v0`, shape `(n,)` each. In an elastic plant, the springs carry the
-    /// gravity load at the start, and the motors move with the links. A velocity-controlled plant requires `v0 = 0`. Errors:
-    /// [`Error::WrongShape`] for a wrong length, [`Error::Input`] for a velocity of a velocity-controlled plant.
+    /// Return one run from the joint positions `q0`, rad or m, and velocities `v0`, rad/s or m/s, shape `(n,)` each. In an elastic plant,
+    /// the springs carry the gravity load at the start, and the motors move with the links. A velocity-controlled plant requires `v0 = 0`.
+    /// Errors: [`Error::WrongShape`] for a wrong length, [`Error::Input`] for a velocity of a velocity-controlled plant.
     pub fn new(plant: &'a PlantSpec, law: &'a LawSpec, q0: &DVector<f64>, v0: &DVector<f64>, options: Options) -> Result<Self> {
         let n = plant.n();
         for (name, value) in [("q0", q0), ("v0", v0)] {

@@ -4,7 +4,8 @@
 //! If a contact changes in a step, the step is repeated up to the change. So the mode of each contact is constant in a step, and the state
 //! rates have no corner.
 //!
-//! Functions are evaluated at four times of every step. Two changes of sign between two of these times cancel and are missed.
+//! Guards of the contacts and joints, and event functions, are evaluated at four times of every step. Two changes of sign between two of
+//! these times cancel and are missed.
 
 use super::adaptive_steps::{Cut, Watcher};
 use super::assembly::Watched;

@@ -221,7 +221,8 @@ impl<'a> Backward<'a> {
         let from = places.measured(seen(&self.prepared.timeline, k));
         self.bar[from].iter_mut().zip(plant).for_each(|(bar, weight)| *bar += weight);
         self.bar[places.z()].iter_mut().zip(law).for_each(|(bar, weight)| *bar += weight);
-        // Noise and quantisation do not change tangents. So the weight of a measurement is added to the weight of the measured state.
+        // A derivative ignores the rounding of a measurement, and noise does not depend on the state. So the weight of a measurement is
+        // added to the weight of the measured state.
         let own = places.measured(k);
         for i in 0..own.len() {
             self.bar[i] += std::mem::take(&mut self.bar[own.start + i]);

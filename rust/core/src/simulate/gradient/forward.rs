@@ -216,7 +216,8 @@ impl<'a> Forward<'a> {
         self.law.call.give([&self.u, &self.walker.shown, &[]]);
         let (from, z) = (places.measured(seen(&self.prepared.timeline, k)), places.z());
         for (g, tangent) in self.tangent.chunks_exact_mut(size).enumerate() {
-            // Noise and quantisation do not change tangents, so that the tangent of a measurement is the tangent of the state.
+            // A derivative ignores the rounding of a measurement, and noise does not depend on the state. So the tangent of a measurement
+            // is the tangent of the state.
             tangent.copy_within(0..z.start * lanes, places.measured(k).start * lanes);
             let (shown, _) = self.law.rates_of(g, &self.u_rates[g * driven..(g + 1) * driven], z.end);
             let (plant, law) = shown.split_at_mut(z.start * lanes);

@@ -62,7 +62,8 @@ pub type Parameter = Vec<(usize, f64)>;
 /// # let (law, plant) = (LawSpec::from(law), PlantSpec::from(RigidSpec::new(model.clone())));
 /// use armlet_core::simulate::{Options, Parameters, Problem, Times, sensitivities};
 ///
-/// // The joint oscillates with q = cos w t, with w = sqrt(kp / 2). The derivative with respect to kp is that of two laws.
+/// // The joint oscillates with q = cos w t, with w = sqrt(kp / 2). Two laws, with kp = 2 and kp = 3, give the derivative
+/// // of the loop parameters with respect to kp.
 /// let stiffer = LawSpec::from(PdGravitySpec::new(model, vec![0.0], Gain::scalar("kp", 1, 3.0)?, Gain::not_negative("kd", vec![0.0])?)?);
 /// let options = Options { times: Times::At(vec![1.0]), monitors: false, ..Options::fixed(1.0, 0.01) };
 /// let mut problem = Problem::from_rest(&plant, &law, &dvector![1.0], options)?;

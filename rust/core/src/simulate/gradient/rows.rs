@@ -49,8 +49,8 @@ fn part<T: Clone>(all: &[T], row: usize, each: usize) -> Vec<T> {
 
 impl<'a> Rows<'a> {
     /// Divide a problem into rows with the same number of runs. The problem has one plant or one per run, and one law or one per run. It
-    /// has no force, one force, or one per row. `parameters` has one list per row, in runs of the row. `sizes` lists the number of
-    /// parameters of each name. Errors: [`Error::WrongShape`] for another number of plants, laws or forces.
+    /// has no force, one force, or one per row. `parameters` has one list per row, whose run numbers count from the first run of the row.
+    /// `sizes` lists the number of parameters of each name. Errors: [`Error::WrongShape`] for another number of plants, laws or forces.
     pub fn of(problem: &Problem<'a>, parameters: &'a [Vec<Parameter>], sizes: &'a [usize]) -> Result<Self> {
         let (rows, runs) = (parameters.len(), problem.runs());
         let width = runs.checked_div(rows).unwrap_or(0);

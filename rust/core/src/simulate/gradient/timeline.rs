@@ -35,7 +35,8 @@ pub enum Operation {
     Back,
 }
 
-/// A change of the contacts from mode `before` to mode `after`, at a zero of a guard.
+/// A change of the contacts from mode `before` to mode `after`, at a zero of guard number `guard`. A guard is a function whose change of
+/// sign ends a mode.
 #[derive(Clone, Copy, Debug)]
 pub struct Switch {
     pub guard: usize,
