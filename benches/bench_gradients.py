@@ -23,7 +23,7 @@ import timing
 ARM = al.load_urdf(al.example_urdf("seven_axis"))
 TERMS: tuple[Any, ...] = (al.Quintic(np.zeros(7), np.full(7, 0.5), 1.0), np.full(7, 40.0), np.full(7, 20.0), np.full(70, 0.2))
 LAW = al.Adaptive(ARM, *TERMS)
-#: A law with another structure: leakage of the estimate is on.
+#: A law whose loop has another recorded code: leakage of the estimate is on.
 LEAKING = al.Adaptive(ARM, *TERMS, leakage=0.1)
 PLANT, Q0 = al.RigidArm(ARM), np.zeros(7)
 OPTIONS: dict[str, Any] = {"t_end": 2.0, "dt": 1e-3, "monitors": False}

@@ -1,4 +1,4 @@
-"""Minimum time of one link: the symmetric profile, single calls and a batch; and the optimum under full torque, certified and searched.
+"""Minimum time of one link: the symmetric profile, in single calls and in a batch, and the torque optimum, certified or by a search.
 
 python -P benches/bench_mintime.py              the table
 python -P benches/bench_mintime.py --readme     the table, written into benches/README.md
