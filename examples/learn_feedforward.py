@@ -2,7 +2,7 @@
 ============================
 
 A PD law with gravity compensation follows a fast motion with a large error, because its model of the arm is wrong. A Fourier series
-corrects its reference. Gauss-Newton steps learn the coefficients from the tangents of the loop.
+corrects its reference. Gauss-Newton steps learn the coefficients from the tangents, the derivatives of the run.
 
 Run: ``python examples/learn_feedforward.py [figure.png]``
 """
