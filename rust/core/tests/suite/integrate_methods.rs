@@ -262,8 +262,8 @@ fn events_stop_and_runs_go_on_after_jumps() {
     }
 }
 
-/// A link with an elastic joint under motor-inertia reduction. K = 1e6 N m/rad and B0 = 1e-5 give poles at 3e5 rad/s. The outer loop has 10
-/// rad/s.
+/// A link with an elastic joint under motor-inertia reduction. K = 1e6 N m/rad and B0 = 1e-5 kg m^2 give poles at 3e5 rad/s. The outer loop
+/// has a natural frequency of 10 rad/s.
 struct Elastic;
 impl Problem for Elastic {
     const N: usize = 4;
