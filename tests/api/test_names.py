@@ -1,4 +1,4 @@
-"""The public names: all names of the contract exist, and `dir(al)` has no accidental names."""
+"""The public names: all names of `CONTRACT` exist, and `dir(al)` has no accidental names."""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Concurrent learning: V1_dot = -s'Kd s - sum e_j'R e_j, convergence at rest, windows without accelerations, invalid arguments."""
+"""Concurrent learning: V1_dot = -s'Kd s - sum e_j'R e_j, convergence at rest, windows without accelerations, invalid arguments.
+
+`e_j` is the residual of sample j, and `R` the weight of samples.
+"""
 
 from __future__ import annotations
 
@@ -74,7 +77,7 @@ def test_the_samples_hold_and_the_balance_closes(name: str) -> None:
 
 
 def test_the_lyapunov_function_decreases_by_both_sums() -> None:
-    """V1 decreases by the integral of s'Kd s + sum e'R e.
+    """V1 decreases by the integral of s'Kd s + sum e_j'R e_j.
 
     Simpson's rule with 1 ms has the error 0.3^4/180, since s decays with 300 1/s at first.
     """

@@ -293,7 +293,10 @@ def test_a_loop_of_three_joints_in_every_group_of_directions() -> None:
 
 
 def test_rows_of_several_structures_have_the_bits_of_single_runs() -> None:
-    """Rows with one structure share recorded functions. A gain of one and the leakage of an estimate change the structure."""
+    """Rows with one structure share recorded functions.
+
+    A gain of one and the leakage of an estimate change the structure, because recording folds constants 0 and 1.
+    """
     rng = np.random.default_rng(8)
 
     def law(row: int) -> al.Adaptive:

@@ -1,4 +1,4 @@
-"""Many random problems for the three planners, checked by independent code.
+"""Many random problems for `time_path`, `bang_bang_time` and `torque_optimal_time`, checked without code of these planners.
 
 No limit is exceeded, no feasible problem is refused, and every number is finite. `ARMLET_RANDOM_PATHS` is the number of paths,
 `ARMLET_RANDOM_LINKS` that of one-link problems (`make test-paths CASES=`). Strata, counts and seed are printed. Paths run in
