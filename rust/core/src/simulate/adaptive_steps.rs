@@ -17,7 +17,8 @@ const ON_SAMPLE: f64 = 1e-9;
 pub struct Segments {
     pub t_end: f64,
     pub times: Times,
-    /// The times at which the input jumps, within the run, s, increasing.
+    /// The times at which the input jumps, within the run, s, increasing. With `Clock::Breaks`, they include the sample times and the times
+    /// at which outputs begin to act.
     pub breaks: Vec<f64>,
     pub clock: Clock,
     /// The limit of the state.

@@ -48,9 +48,10 @@ pub struct ClosedLoop<'a, S: Real> {
     /// For each joint, whether its position is an angle.
     angles: Vec<bool>,
     trig: Vec<(S, S)>,
-    /// The plant's input from the last evaluation of the law.
+    /// The plant's input: the saturated output of the law at its last evaluation, the output that the sampler selected, or the input of the
+    /// caller.
     pub tau: Vec<S>,
-    /// The other results of the last evaluation of the law: the rate of its state, then its dissipation if that is monitored.
+    /// The other results of the law that belong to `tau`: the rate of its state, then its dissipation if that is monitored.
     dz: Vec<S>,
     /// The size of the law's state.
     p: usize,
@@ -195,7 +196,7 @@ impl<'a, S: Real> ClosedLoop<'a, S> {
         self.dz.copy_from_slice(dz);
     }
 
-    /// The rate of the law's state at the last evaluation, followed by the law's dissipation if that is monitored.
+    /// The rate of the law's state that belongs to `tau`, followed by the law's dissipation if that is monitored.
     pub fn law_rate(&self) -> &[S] {
         &self.dz
     }
