@@ -4,8 +4,9 @@
 //!
 //! An instruction is a word of 32 bits: a pattern and three register numbers. Register `d` is in bits 0 to 4, `n` in bits 5 to 9, and `m`
 //! in bits 16 to 20. Only loads and stores access memory, so that an operand in memory is first loaded into a scratch register. Register x0
-//! points to the frame (the memory of the program), x1 to the constants, and x2 to the stream. Register x3 has the number of remaining
-//! iterations. In scalar code, the bits of a register beyond the first number are undefined.
+//! points to the frame (the memory of the program), and x1 to the constants. Register x2 points to the stream (the inputs of a program that
+//! repeats). Register x3 has the number of remaining iterations. In scalar code, the bits of a register beyond the first number are
+//! undefined.
 
 use super::instruction::{Assemble, Base, Binary, CallingConvention, Form, Order, Product, Set, Source};
 
@@ -97,7 +98,7 @@ impl Assemble for Assembler {
             Binary::AndNot => self.word(BIC, dst, b, a),
             Binary::Or => self.word(ORR, dst, a, b),
             Binary::Xor => self.word(EOR, dst, a, b),
-            // The instructions FMIN and FMAX differ from `Min` and `Max` for NaN and zeros, and are not used.
+            // FMIN and FMAX are not used, because they differ from `Min` and `Max` for NaN and zeros.
             Binary::Min => self.choose(dst, a, b, [b, a]),
             Binary::Max => self.choose(dst, a, b, [a, b]),
         }

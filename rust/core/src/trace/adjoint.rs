@@ -1,10 +1,10 @@
 //! The adjoint of a recorded computation (reverse mode, Griewank and Walther 2008, section 3.2).
 //!
 //! For `y = f(x)` with the Jacobian `J = dy/dx`, and weights `y_bar` of the outputs, the adjoint computes `x_bar = J' y_bar`. Its
-//! operations follow the operations of `y`. An *entry* is one recorded operation. An entry adds no operation if it has no effect on an
-//! output, or if it does not depend on a varying input. At a corner (such as `|x|` at zero), the result is the derivative of the selected
-//! branch. The other branch has the weight zero. The numbers of this branch may be infinite, and zero times infinity is NaN. Its products
-//! are therefore replaced by zero where the weight is zero.
+//! operations follow the operations of `y`. An *entry* is the index of a recorded operation. Entry 0 is the constant zero. An entry adds no
+//! operation if it has no effect on an output, or if it does not depend on a varying input. At a corner (such as `|x|` at zero), the result
+//! is the derivative of the selected branch. The other branch has the weight zero. The numbers of this branch may be infinite, and zero
+//! times infinity is NaN. Its products are therefore replaced by zero where the weight is zero.
 
 use super::tape::{Op, Tape};
 

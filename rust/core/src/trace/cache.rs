@@ -3,11 +3,11 @@
 use std::collections::VecDeque;
 use std::sync::{Mutex, MutexGuard, PoisonError, TryLockError};
 
-/// The maximum number of stored entries of each kind.
+/// The maximum number of entries in a cache.
 pub const KEPT: usize = 64;
 
-/// Return the content of a lock, or `None` if another thread holds the lock. The function never waits. A waiting function could wait for
-/// ever in a forked process, if another thread of the parent process held the lock during the fork.
+/// Return the content of a lock, or `None` if another thread holds the lock. The function never waits. In a forked process, the lock may
+/// remain locked for ever, because another thread of the parent process held it during the fork.
 pub fn free<T>(mutex: &Mutex<T>) -> Option<MutexGuard<'_, T>> {
     match mutex.try_lock() {
         Ok(guard) => Some(guard),
@@ -35,8 +35,8 @@ impl<T: Clone> Cache<T> {
         recent(&mut *free(&self.0)?, is)
     }
 
-    /// Store an entry. Remove the oldest entries until at most [`KEPT`] remain and `fits` is true. If another thread holds the lock,
-    /// nothing is stored.
+    /// Store an entry. Remove the least recently used entries until at most [`KEPT`] remain and `fits` is true, or until none remains. If
+    /// another thread holds the lock, nothing is stored.
     pub fn keep(&self, entry: T, fits: impl Fn(&VecDeque<T>) -> bool) {
         if let Some(mut entries) = free(&self.0) {
             add(&mut entries, entry, fits);
@@ -68,7 +68,7 @@ fn recent<T: Clone>(entries: &mut VecDeque<T>, is: impl Fn(&T) -> bool) -> Optio
     Some(entry)
 }
 
-/// Add an entry. Remove the oldest entries until at most [`KEPT`] remain and `fits` is true.
+/// Add an entry. Remove the least recently used entries until at most [`KEPT`] remain and `fits` is true, or until none remains.
 fn add<T>(entries: &mut VecDeque<T>, entry: T, fits: impl Fn(&VecDeque<T>) -> bool) {
     entries.push_back(entry);
     while entries.len() > KEPT || !entries.is_empty() && !fits(entries) {

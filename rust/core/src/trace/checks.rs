@@ -24,7 +24,7 @@ pub const ORDERS: [Order; 3] = [Order::P231, Order::P213, Order::P132];
 pub const SPECIAL: [f64; 12] =
     [0.0, -0.0, 1.0, -1.0, 1.5, f64::INFINITY, f64::NEG_INFINITY, f64::NAN, -f64::NAN, f64::MIN_POSITIVE, 5e-324, f64::MAX];
 
-/// Random bits (xorshift64*). Every run produces the same sequence.
+/// Random bits (xorshift64*). Equal seeds produce equal sequences.
 pub struct Random(pub u64);
 
 impl Random {

@@ -8,7 +8,8 @@ use super::instruction::{Assemble, Base, Binary, CallingConvention, Form, Order,
 use super::lifetimes::{Lifetimes, NEVER};
 use super::straight::{Instruction, Straight};
 
-/// A value that is read again within this number of instructions is kept in a register.
+/// A value in memory is loaded into a register if it is read again within this number of instructions. Otherwise, the instruction reads it
+/// from memory.
 const SOON: u32 = 24;
 
 /// Machine code and its constants.
@@ -166,7 +167,7 @@ impl<A: Assemble> Emitter<'_, A> {
         if spreads { Source::Spread(Base::Constants, 8 * place as i32) } else { Source::Slot(Base::Constants, 8 * place as i32) }
     }
 
-    /// Free a register for a new value. The values `keep` remain in their registers.
+    /// Return a register for a new value. If none is free, free one. The values `keep` remain in their registers.
     fn take(&mut self, keep: [u32; 3]) -> u8 {
         if let Some(free) = self.holder.iter().position(Option::is_none) {
             return free as u8;
@@ -250,7 +251,8 @@ impl<A: Assemble> Emitter<'_, A> {
             Sub(a, b) => self.binary(Binary::Sub, a, b),
             Div(a, b) => self.binary(Binary::Div, a, b),
             AndNot(a, b) => self.binary(Binary::AndNot, a, b),
-            // For equal numbers and NaN, the machine instruction returns its second operand, and `Max` returns `a`.
+            // For equal numbers and NaN, the operations of the assembler return their second operand. `Max` and `Min` of `Instruction`
+            // return `a`.
             Max(a, b) => self.binary(Binary::Max, b, a),
             Min(a, b) => self.binary(Binary::Min, b, a),
             Fma(a, b, c) => self.fused(Product::Add, a, b, c),

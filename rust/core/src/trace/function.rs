@@ -1,8 +1,9 @@
-//! Recorded functions of numbers. The program of a function is made once for all recordings with equal operations.
+//! Recorded functions of numbers. A *program* is the compiled form of a recording. Recordings with equal operations share a program, while
+//! the cache stores it.
 //!
-//! A *set-up parameter* is a number that is constant in a run. A *frame* is the memory of a program. It has these slots in order: the
-//! set-up parameters, the inputs, the largest magnitude of an angle, and the results. The program rounds like direct evaluation, so that
-//! both give the same bits.
+//! A *set-up parameter* is a number that remains the same from one evaluation to the next, such as a mass. A *frame* is the memory of a
+//! program. It has these slots in order: the set-up parameters, the inputs, the largest magnitude of an angle, and the results. The program
+//! rounds like direct evaluation (without a program). So both give the same bits, except for the signs of zeros.
 
 use super::cache::Cache;
 use super::frame::Frame;
@@ -21,7 +22,7 @@ pub const CALLS: usize = 16;
 /// The maximum sum of the recorded entries of all stored functions.
 pub const KEPT_OPERATIONS: usize = 1 << 20;
 
-/// A function, shared by all recordings of the same structure.
+/// A function, shared by all recordings with equal operations and results.
 struct StoredFunction {
     ops: Vec<Op>,
     answer: Vec<u32>,
@@ -45,8 +46,7 @@ impl FunctionLayout {
     }
 }
 
-/// A function with the memory for its numbers. It evaluates the function once, or once per lane. The *set-up parameters* in this memory are
-/// constant in a run.
+/// A function with the memory for its numbers. It evaluates the function once, or once per lane.
 #[derive(Clone)]
 pub struct Evaluation {
     function: Arc<StoredFunction>,
@@ -68,8 +68,8 @@ pub struct Recorded {
     pub answer: Vec<u32>,
 }
 
-/// Record `answer` as a function of the set-up parameters and of `inputs` inputs. The result is `None` if the code reads a number that is
-/// not a constant.
+/// Record `answer` as a function of the set-up parameters and of `inputs` inputs. The result is `None` if the code reads the value of a
+/// number that is not a constant, for example to branch on it.
 pub fn recorded<T>(inputs: usize, set_up: impl FnOnce() -> T, answer: impl FnOnce(T, &[Sym]) -> Vec<Sym>) -> Option<Recorded> {
     sym::begin();
     let made = set_up();
@@ -126,8 +126,8 @@ impl Evaluation {
         self.function.program.operations()
     }
 
-    /// Copy the rows of `given` from row `at` on to the inputs from `first` on, one row per lane. Lanes beyond the last row repeat the last
-    /// row.
+    /// Copy rows of `given`, with `width` numbers each, to `width` inputs. Row `at` goes to the first lane, and the next rows to the next
+    /// lanes. The first of these inputs has the index `first`. Lanes beyond the last row repeat the last row.
     pub fn read(&mut self, first: usize, given: &[f64], width: usize, at: usize) {
         rows::read(&mut self.frame, self.function.layout.given + first, given, width, at);
     }
@@ -177,12 +177,13 @@ impl Evaluation {
         &self.frame.numbers()[slot * lanes..(slot + count) * lanes]
     }
 
-    /// Copy `length` results from `first` on to rows of `out`, which has at most one row per lane. Return whether every number is finite.
+    /// Copy the `length` results with the indices `first`, `first + 1`, .. to the rows of `out`, which has at most one row per lane. Return
+    /// whether every number is finite. Negative zeros become positive.
     pub fn write(&self, first: usize, length: usize, out: &mut [f64]) -> bool {
         length == 0 || rows::write(&self.frame, self.function.layout.answer() + first, length, out)
     }
 
-    /// Whether all angles of lane `lane` are within the range of the sines.
+    /// Whether the magnitudes of all angles of lane `lane` are below `REDUCTION_LIMIT`. Otherwise, its results are not valid.
     pub fn is_near(&self, lane: usize) -> bool {
         let at = self.function.layout.reach() * self.lanes() + lane;
         self.frame.numbers()[at] < REDUCTION_LIMIT

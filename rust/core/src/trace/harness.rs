@@ -24,7 +24,7 @@ impl Cases {
     }
 
     /// Add a case: a function, its memory, its stream with `turns` iterations, and the expected numbers at the start of its memory
-    /// (`frame`). Bits must be equal, but all NaN are equal.
+    /// (`frame`). The bits must be equal, except that any NaN equals any other NaN.
     pub fn add(&mut self, code: &[u8], frame: &[f64], constants: &[f64], (stream, turns): (&[f64], usize), expected: &[f64]) {
         assert!(code.len().is_multiple_of(4) && expected.len() <= frame.len());
         let i = self.len;

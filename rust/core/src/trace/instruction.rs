@@ -35,7 +35,7 @@ impl Form {
         }
     }
 
-    /// The number of registers that the caller may use, without scratch registers.
+    /// The number of registers for values, without the scratch registers of the encoder.
     pub fn registers(self) -> usize {
         match self.set {
             Set::Sse2 => 15,
@@ -145,7 +145,7 @@ pub enum CallingConvention {
 }
 
 impl CallingConvention {
-    /// The convention of `extern "C"` on the system for which this crate is compiled.
+    /// The convention of `extern "C"` on the system for which this crate is compiled. The encoder of aarch64 does not read it.
     pub const HERE: CallingConvention = if cfg!(windows) { CallingConvention::Win64 } else { CallingConvention::SystemV };
 }
 

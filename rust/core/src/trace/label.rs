@@ -1,4 +1,5 @@
-//! Names of set-up parameters (`sym`). A label is the name of a scope and an index in this scope.
+//! Names of set-up parameters, which are the numbers that `sym` records while plants, laws and arms are built. A label is the name of a
+//! scope and an index in this scope.
 
 /// A name with an index. A parameter without a label has an empty name. A label without an index has index 0.
 pub type Label = (&'static str, u32);
@@ -11,7 +12,7 @@ pub(super) struct Labels {
 }
 
 impl Labels {
-    /// Label the next parameters with `name` and indices from `first` on. Return the previous label.
+    /// Label the next parameters with `name` and indices from `first` on. Return the previous label, for [`Labels::end`].
     pub fn begin(&mut self, name: &'static str, first: u32) -> Label {
         std::mem::replace(&mut self.scope, (name, first))
     }

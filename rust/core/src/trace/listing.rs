@@ -1,6 +1,7 @@
 //! Listings: a program as text, one line per operation. The stages are the recording, the instructions and the machine code.
 //!
-//! A line has the form `to = kind(operands)`. An operand is the result of an earlier line, an input, or a number.
+//! A line has the form `to = kind(operands)`. An operand is the result of an earlier line, an input, a number, or the number of bits of a
+//! shift. In machine code, results and operands can also be registers and slots of memory.
 
 use super::instruction::Form;
 use super::lower::lower;

@@ -15,7 +15,7 @@ enum Place {
     Bits(u8),
 }
 
-/// An assembler that records each operation as text: its result, its name and its operands.
+/// An assembler that records the operations instead of encoding them: the result, the name and the operands of each.
 struct Writer(Vec<(Place, &'static str, Vec<Place>)>);
 
 impl Lowered {

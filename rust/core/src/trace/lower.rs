@@ -1,9 +1,9 @@
 //! Lowering: from a recording to the instructions of one instruction set.
 //!
-//! Lowering removes entries without an effect on an output. It expands sine and cosine into the polynomials of `scalar::trig`, and replaces
-//! negation and absolute value by bit operations. A fused multiply-add is one instruction if the instruction set has it, otherwise a
-//! product and a sum. Lowering fuses and reorders nothing else. So the results have the bits of direct evaluation on the same instruction
-//! set, except for the signs of zeros.
+//! Lowering removes entries (recorded operations) without an effect on an output. It expands sine and cosine into the polynomials of
+//! `scalar::trig`, and replaces negation and absolute value by bit operations. A fused multiply-add is one instruction if the instruction
+//! set has it, otherwise a product and a sum. Lowering fuses and reorders nothing else. So the results have the bits of direct evaluation
+//! on the same instruction set, except for the signs of zeros.
 
 use super::memo::Memo;
 use super::straight::{Instruction, Part, Straight};
@@ -72,8 +72,7 @@ impl Lowering<'_> {
         })
     }
 
-    /// Lower the entries that the outputs require, in the order of the recording. Compared with depth-first order, values are needed for a
-    /// shorter time, and fewer instructions wait for the one just before them.
+    /// Lower the entries that the outputs require, in the order of the recording.
     fn entries(&mut self) {
         let mut needed = vec![false; self.ops.len()];
         self.part.outputs.iter().for_each(|&(_, value)| needed[value as usize] = true);
@@ -168,8 +167,8 @@ impl Lowering<'_> {
         self.push(Instruction::Sub(c, product))
     }
 
-    /// Compute sine and cosine of entry `a` as `scalar::trig::sin_cos_near` does. `pair` are the two operations. Return the value of entry
-    /// `top`, which is one of the two.
+    /// Compute sine and cosine of entry `a` as `scalar::trig::sin_cos_near` does. `pair` has the operations of the sine and of the cosine.
+    /// Return the instruction of entry `top`, which has one of these operations.
     fn turn(&mut self, top: u32, a: u32, pair: (Op, Op)) -> u32 {
         use Instruction as I;
         let x = self.at(a);

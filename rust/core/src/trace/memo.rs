@@ -1,4 +1,4 @@
-//! A hash map from keys to indices of entries.
+//! A hash map from keys to indices, for example of recorded operations.
 
 use std::collections::HashMap;
 use std::hash::{BuildHasherDefault, Hasher};
@@ -27,5 +27,5 @@ impl Hasher for Multiplicative {
     }
 }
 
-/// Maps each known key to the index of its entry.
+/// Maps each known key to an index.
 pub type Memo<K> = HashMap<K, u32, BuildHasherDefault<Multiplicative>>;

@@ -1,4 +1,5 @@
-//! Executable memory. Pages are written first and become executable afterwards. They are never writable and executable at the same time.
+//! Executable memory. Pages are written first and become executable afterwards. For one thread, they are never writable and executable at
+//! the same time.
 //!
 //! Rules of systems:
 //! - Linux, Windows, the BSDs, macOS on Intel: an anonymous mapping changes from writable to executable (mprotect,

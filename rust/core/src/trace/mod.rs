@@ -1,14 +1,15 @@
-//! Recorded computations as programs. A loop runs once with the number type [`Sym`], which records its operations on a *tape*. The
-//! recording is simplified. A *program* is its straight-line code for one instruction set. It computes one evaluation, or one per *lane*
-//! (one element of a SIMD register). The lanes are runs, rows of inputs, or directions of derivatives.
+//! Recorded computations as programs. A control loop or a function of an arm runs once with the number type [`Sym`], which records its
+//! operations on a *tape*. The recording is simplified. A *program* is its straight-line code for one instruction set. It computes one
+//! evaluation, or one per *lane* (one element of a SIMD register). The lanes are runs, rows of inputs, or directions of derivatives.
 //!
 //! A *frame* is the memory of a running program. A *slot* of a frame has one number per lane.
 //!
-//! Files: `sym`, `tape` and `memo` record and fold. `differentiate`, `tangents` and `adjoint` compute derivatives of a recording.
-//! `straight` and `lower` have the straight-line instructions. `lifetimes`, `emit`, `x86`, `aarch64` and `memory` make machine code.
-//! `portable` computes the same bits without machine code. `frame` is the memory of a running program, and `pages` requests large pages.
-//! `rows` copies between the caller's rows and a frame. `function` stores recorded functions. `program` is the common interface. `label`
-//! and `listing` produce text for readers.
+//! Files: `sym`, `tape` and `memo` record and fold. `segments` divides a recording. `differentiate`, `tangents` and `adjoint` compute
+//! derivatives of a recording. `straight` and `lower` have the straight-line instructions. `lifetimes`, `emit`, `instruction`, `opcode`,
+//! `x86`, `aarch64` and `memory` make machine code. `c` prints a recording as C code. `portable` computes the same bits without machine
+//! code. `frame` is the memory of a running program, and `pages` requests large pages. `rows` copies between the caller's rows and a frame.
+//! `function` makes programs of recorded functions, and `cache` stores them. `program` is the common interface of machine code and
+//! `portable`. `label`, `listing` and `listing_code` produce text for readers.
 
 pub mod aarch64;
 pub mod adjoint;

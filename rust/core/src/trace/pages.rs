@@ -1,7 +1,6 @@
 //! Large arrays in pages of 2 MiB, which Linux provides on request (`madvise`).
 //!
-//! The first access to a page is slower than writing its numbers. Writing a new array takes 4.7 ns per number with pages of 4 KiB, and 1 ns
-//! with pages of 2 MiB.
+//! The first write to a new array takes 4.7 ns per number with pages of 4 KiB, and 1 ns with pages of 2 MiB. Source: `benches/README.md`.
 
 /// Arrays of at least this size, in bytes, use pages of 2 MiB. numpy has the same limit.
 const LARGE: usize = 1 << 22;

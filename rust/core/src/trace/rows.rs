@@ -1,12 +1,13 @@
 //! Copies between rows of the caller's arrays and lanes of a frame, which is the memory of a program. A row has the numbers of one
-//! evaluation, and a lane of the frame receives this row. The copy is a transposition. With AVX2, it moves blocks of four by four numbers.
+//! evaluation, which is one lane of the frame. The copy is a transposition. With AVX2 and at least four lanes, it moves blocks of four by
+//! four numbers.
 
 use super::frame::Frame;
 use crate::scalar::lanes::{Isa, isa};
 use std::ops::Range;
 
-/// Copy the rows of `given` from row `at` on, each with `width` numbers, to the slots from `first` on: one row per lane. Lanes beyond the
-/// last row repeat the last row.
+/// Copy rows of `given`, with `width` numbers each, to consecutive slots, the first of which is `first`. Row `at` goes to the first lane,
+/// and the next rows to the next lanes. Lanes beyond the last row repeat the last row.
 pub fn read(frame: &mut Frame, first: usize, given: &[f64], width: usize, at: usize) {
     if width == 0 {
         return;
@@ -61,8 +62,8 @@ pub struct Series<'a> {
 }
 
 impl Series<'_> {
-    /// Copy the numbers with the indices `which` of every record to one row of `out` for each lane from `lane` on. Return whether all
-    /// numbers are finite. Negative zeros become positive.
+    /// For each row of `out`, copy the numbers with the indices `which` of every record from one lane. The first row has the numbers of
+    /// lane `lane`, and the next rows those of the next lanes. Return whether all numbers are finite. Negative zeros become positive.
     pub fn write(&self, which: Range<usize>, lane: usize, out: &mut [&mut [f64]]) -> bool {
         let Series { numbers, lanes, record, count } = *self;
         let length = which.len() * count;
@@ -248,8 +249,8 @@ mod avx2 {
             }
             let rows = if length == 1 { slots } else { transposed(slots) };
             let mut last = [0.0; 4];
-            // SAFETY: each store writes four numbers from the start of a row. The next row overwrites the numbers beyond the row's end. The
-            // last row is written separately.
+            // SAFETY: if `length` is 1, one store writes all four rows. Otherwise, each store writes four numbers from the start of one of
+            // the first three rows. The next row overwrites the numbers beyond the row's end. The last row is written separately.
             unsafe {
                 for (i, &row) in rows.iter().enumerate().take(if length == 1 { 1 } else { 3 }) {
                     _mm256_storeu_pd(out.as_mut_ptr().add(i * length), row);

@@ -1,9 +1,9 @@
-//! An interpreter of the x86-64 instructions that the encoder emits. Its results have the bits of a processor.
+//! An interpreter of the x86-64 instructions that the encoder emits. Its results have the same bits as on a processor.
 //!
-//! It runs AVX-512 code on processors without AVX-512. It follows the convention of programs. Register rdi points to the frame (the memory
-//! of the program), rsi to the constants, and rdx to the stream. The number of iterations is in rcx. It accesses no other memory, and
-//! panics on any other instruction. The result of an operation on NaN follows Intel's manual, volume 1, section 4.8.3.5: the first operand
-//! that is NaN, made quiet.
+//! It runs AVX-512 code on processors without AVX-512. It has the calling convention of programs. Register rdi points to the frame (the
+//! memory of the program), and rsi to the constants. Register rdx points to the stream (the inputs of a program that repeats). The number
+//! of iterations is in rcx. The interpreter accesses no other memory, and panics on any other instruction. The result of an operation on
+//! NaN follows Intel's manual, volume 1, section 4.8.3.5: the first operand that is NaN, made quiet.
 
 use super::instruction::Base;
 use iced_x86::{Decoder, DecoderOptions, Instruction, Mnemonic, OpKind, Register};
@@ -126,8 +126,7 @@ impl SimulatedMachine<'_> {
         self.write(i, first, vex, scalar, lanes, value);
     }
 
-    /// Return the lanes of an operand. Lanes that the instruction does not read are zero. For k1, which other code reads, all lanes are
-    /// zero.
+    /// Return the lanes of an operand. Lanes beyond an operand in memory are zero. For k1, which other code reads, all lanes are zero.
     fn read(&self, i: &Instruction, operand: u32, lanes: usize) -> Lanes {
         if i.op_kind(operand) == OpKind::Register && i.op_register(operand) == Register::K1 {
             return [0; LANES];
@@ -158,7 +157,8 @@ impl SimulatedMachine<'_> {
     }
 
     /// Write the result to a register. Legacy code preserves the rest of the register, and AVX code clears the part beyond its width. A
-    /// scalar instruction copies the second number from its first source operand, except that a load clears it.
+    /// scalar load clears the second number. Other scalar instructions keep it in legacy code, and copy it from their first source operand
+    /// in AVX code.
     fn write(&mut self, i: &Instruction, to: Register, vex: bool, scalar: bool, lanes: usize, value: Lanes) {
         let second = self.registers[number(if vex && i.op_count() > 2 { i.op_register(1) } else { to })][1];
         let register = &mut self.registers[number(to)];
@@ -196,8 +196,8 @@ fn zip(a: Lanes, b: Lanes, f: impl Fn(u64, u64) -> u64) -> Lanes {
     std::array::from_fn(|lane| f(a[lane], b[lane]))
 }
 
-/// The bits of a result. A NaN is the first operand that is NaN. Without such an operand it is the standard NaN of x86-64, which is
-/// negative.
+/// The bits of a result. If the result is NaN, it is the first operand that is NaN, made quiet. Without such an operand, it is the standard
+/// NaN of x86-64, whose sign bit is set.
 fn chosen(result: f64, operands: &[u64]) -> u64 {
     const QUIET: u64 = 1 << 51;
     match operands.iter().find(|&&x| f64::from_bits(x).is_nan()) {

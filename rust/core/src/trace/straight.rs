@@ -1,4 +1,5 @@
-//! Straight-line instructions for one instruction set, made from a recorded computation. The emitter and the portable evaluation run them.
+//! Straight-line instructions for one instruction set, made from a recorded computation. The emitter translates them to machine code, and
+//! portable evaluation runs them.
 
 use super::memo::Memo;
 use super::tape::Op;
@@ -133,7 +134,7 @@ impl Straight {
     }
 }
 
-/// A part of a recording: the entries from `start` on, and the outputs `(slot, entry)`.
+/// A part of a recording: the entries (indices of recorded operations) from `start` on, and the outputs `(slot, entry)`.
 #[derive(Clone, Copy)]
 pub struct Part<'a> {
     pub ops: &'a [Op],

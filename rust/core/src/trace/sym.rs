@@ -4,8 +4,8 @@
 //! parameters*: [`Real::from_lanes`] and [`Real::parameter`] create them, and they become inputs. The numbers 0, 1 and -1 are constants
 //! instead, and are folded. In the *evaluation*, [`input`] declares the inputs, and [`Real::splat`] creates constants.
 //!
-//! `Sym` reports two lanes. Code for one lane may branch on its value, and is therefore not selected. If code nevertheless reads a lane
-//! that is not a constant, the recording fails ([`Recording::failed`]).
+//! `Sym` has two lanes (`LANES = 2`). So generic code selects its variant for several lanes, which does not branch on values. If code
+//! nevertheless reads a lane that is not a constant, the recording fails ([`Recording::failed`]).
 
 use super::label::Label;
 use super::tape::{Moving, Op, Tape};
@@ -28,11 +28,12 @@ pub struct Sym(u32);
 /// The result of one recording.
 pub struct Recording {
     pub ops: Vec<Op>,
-    /// The values of the set-up parameters, which are constant in a run, that became inputs. They are the first inputs.
+    /// The values of the set-up parameters that became inputs. They are the first inputs.
     pub values: Vec<f64>,
     /// The labels of the set-up parameters that became inputs.
     pub labels: Vec<Label>,
-    /// The entries of all set-up parameters. Two runs share a program if these entries and all data except numbers are equal.
+    /// The entries of the set-up parameters, in the order of recording. Parameters of [`Real::fixed`] are included only if parameters vary.
+    /// Two loops can share a program if these entries are equal, and if the loops differ only in the values of parameters.
     pub structure: Vec<u32>,
     /// Whether the code read a value that is not a constant, or gave two lanes different values. Then the recording is not valid.
     pub failed: bool,

@@ -1,7 +1,9 @@
-//! A tape is the list of recorded operations. It folds constants, zeros and ones, and equal operations share an entry.
+//! A tape is the list of recorded operations. An *entry* is the index of an operation in this list. The tape folds constants, zeros and
+//! ones, and equal operations share an entry. A *set-up parameter* is a number that is constant in a run, such as a mass or a gain.
 //!
-//! Folding does not change the value of a finite computation. It simplifies `0 x`, `1 x`, `x + 0`, `-(-x)` and `a + (-b)`, and never
-//! regroups sums or products. A tape without folding records every operation, for comparisons with the folded tape.
+//! Folding does not change the value of a finite computation, except for the signs of zeros. For example, it simplifies `0 x`, `1 x`,
+//! `x + 0`, `-(-x)` and `a + (-b)`. It does not regroup sums or products. A tape without folding records every operation, for comparisons
+//! with the folded tape.
 
 use super::label::Labels;
 use super::memo::Memo;
@@ -174,8 +176,7 @@ impl Tape {
         }
     }
 
-    /// Record a set-up parameter, which is constant in a run, as an input. The values 0, 1 and -1 become constants instead, unless the
-    /// parameter varies.
+    /// Record a set-up parameter as an input. The values 0, 1 and -1 become constants instead, unless the parameter varies.
     pub fn given(&mut self, x: f64) -> u32 {
         let label = self.labels.next();
         let entry = if (x == 0.0 || x.abs() == 1.0) && !self.next_moves() {
@@ -189,8 +190,7 @@ impl Tape {
         entry
     }
 
-    /// Record a set-up parameter, which is constant in a run. Parameters of equal value that are recorded with this function share one
-    /// input, unless they vary.
+    /// Record a set-up parameter. Parameters of equal value that are recorded with this function share one input, unless they vary.
     pub fn shared(&mut self, x: f64) -> u32 {
         if self.next_moves() {
             return self.given(x);
@@ -205,8 +205,8 @@ impl Tape {
         new
     }
 
-    /// Record a set-up parameter, which is constant in a run, as a constant unless it varies. The list `structure` contains it only in a
-    /// recording with varying parameters.
+    /// Record a set-up parameter as a constant, unless it varies. The list `structure` contains it only in a recording with varying
+    /// parameters.
     pub fn fixed(&mut self, x: f64) -> u32 {
         if self.set_up && self.next_moves() {
             return self.given(x);

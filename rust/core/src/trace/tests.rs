@@ -162,7 +162,7 @@ fn machine_code_and_portable_evaluation_give_the_same_bits() {
     }
 }
 
-/// AVX-512 code on any machine: an interpreter runs its bytes.
+/// Code for all instruction sets of x86-64, on any machine: an interpreter runs its bytes.
 #[test]
 fn interpreted_machine_code_gives_the_bits_of_portable_evaluation() {
     let mut random = Random(11);
@@ -190,7 +190,7 @@ fn interpreted_machine_code_gives_the_bits_of_portable_evaluation() {
     }
 }
 
-/// A computation with all operations of `Real`.
+/// A computation with the arithmetic, the comparison and the selection of `Real`.
 fn computation<S: Real>(x: &[S], gain: S) -> [S; 5] {
     let (s, c) = (x[0] * x[1]).sin_cos();
     let far = S::select(x[2].lt(x[3]), s, c.neg_mul_add(x[1], s));

@@ -25,7 +25,7 @@ pub struct Trial {
 }
 
 impl Trial {
-    /// Compare the frame after the run. All NaN are equal here.
+    /// Compare the frame after the run with the expected frame. Any NaN equals any other NaN.
     pub fn check(&self, frame: &[f64]) {
         let same = |(a, b): (&f64, &f64)| a.to_bits() == b.to_bits() || a.is_nan() && b.is_nan();
         let wrong = frame.iter().zip(&self.expected).position(|pair| !same(pair));

@@ -2,8 +2,9 @@
 //! Intel 64 and IA-32 Architectures Software Developer's Manual, volume 2, chapter 2.
 //!
 //! An instruction is a prefix, an opcode, a ModRM byte (`mode reg rm`) and, for memory, a displacement. The prefix has the upper bits of
-//! register numbers, and the first of three operands. The encoder selects the shortest of several encodings. Register rdi points to the
-//! frame (the memory of the program), rsi to the constants, and rdx to the stream. Register rcx has the number of remaining iterations.
+//! register numbers. In VEX and EVEX, it also has the first source operand of instructions with three operands. The encoder selects the
+//! shortest of several encodings. Register rdi points to the frame (the memory of the program), and rsi to the constants. Register rdx
+//! points to the stream (the inputs of a program that repeats). Register rcx has the number of remaining iterations.
 
 use super::opcode::{Map, Opcode, Operand, Prefix, opcode};
 
@@ -23,7 +24,8 @@ const RDI: u8 = 7;
 const K1: u8 = 1;
 /// The scratch register of SSE2 code.
 const SCRATCH: u8 = 15;
-/// On Windows, the function must preserve xmm6 to xmm15. With two pushes, 8 additional bytes align the stack.
+/// On Windows, the function must preserve xmm6 to xmm15. `enter` pushes two registers, so that `STACK` has 8 additional bytes to align the
+/// stack.
 const SAVED: [u8; 10] = [6, 7, 8, 9, 10, 11, 12, 13, 14, 15];
 const STACK: i32 = 16 * SAVED.len() as i32 + 8;
 
@@ -89,8 +91,8 @@ impl Assemble for Assembler {
     }
 
     fn sqrt(&mut self, dst: u8, a: Source) {
-        // A scalar square root copies the upper half of its second operand. The encoder selects a register that the instruction already
-        // depends on.
+        // A scalar square root copies the upper half of its second operand, which no code reads. The second operand is the source register,
+        // or `dst` for a source in memory.
         let second = match a {
             _ if self.form.packed => 0,
             Source::Register(a) => a,
@@ -125,8 +127,8 @@ impl Assemble for Assembler {
     }
 
     fn less(&mut self, dst: u8, a: u8, b: Source) {
-        // SSE2 has only the signalling comparison. The signalling and the quiet comparison set different exception flags, and no code reads
-        // these flags.
+        // For `a < b`, SSE2 has only the signalling comparison. The signalling and the quiet comparison set different exception flags, and
+        // no code reads these flags.
         let compare = opcode(self.number(), Map::M0F, 0xC2).with(if self.form.set == Set::Sse2 { 0x01 } else { 0x11 });
         let registers = [dst, a, if let Source::Register(b) = b { b } else { 0 }];
         if self.form.set < Set::Avx512 || !self.form.packed && registers.iter().all(|&r| r < 16) {
@@ -167,7 +169,7 @@ impl Assemble for Assembler {
     }
 
     fn ret(&mut self) {
-        // Without vzeroupper, SSE code of the caller would be slow.
+        // Without vzeroupper, later SSE code of the caller can be slow.
         if self.form.packed && self.form.set != Set::Sse2 {
             self.bytes.extend([0xC5, 0xF8, 0x77]);
         }

@@ -1,9 +1,9 @@
-//! Constant folding for C code. Operations on known set-up parameters, except sine and cosine, are computed before the routine is written,
-//! with the rounding of the program.
+//! Constant folding for C code. An *entry* is the index of a recorded operation. Entries whose operands are known numbers, except sines and
+//! cosines, are computed before the routine is written. Their rounding is that of the C code.
 
 use super::super::tape::Op;
 
-/// The known values of entries, and the entries that are equal to others.
+/// The known values of entries, and the entries that equal other entries.
 pub struct Folded {
     pub value: Vec<Option<f64>>,
     /// For each entry, the entry that replaces it.

@@ -1,7 +1,9 @@
-//! C code of programs: routines, the functions that routines share, headers and CMake files.
+//! C code of recordings: routines, the functions that routines share, headers and CMake files. A *program* is the compiled form of a
+//! recording on this machine.
 //!
-//! The code is C99. It uses only `math.h` and `string.h`, allocates no memory and does not recurse. Its results have the bits of the engine
-//! if the compiler fuses nothing but calls of `fma()`: `-ffp-contract=off`.
+//! The code is C99. It uses only `math.h` and `string.h`, allocates no memory and does not recurse. Its results have the same bits as the
+//! program under two conditions. [`COptions::fused`] must equal `scalar::fuses()`. The compiler must fuse nothing but calls of `fma()`
+//! (`-ffp-contract=off`).
 
 mod comment;
 mod fold;

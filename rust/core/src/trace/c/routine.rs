@@ -1,7 +1,8 @@
-//! A recording as C functions of limited length: one statement per operation, in the order of the recording.
+//! A recording as C functions of limited length, in the order of the recording. An *entry* is the index of a recorded operation. An entry
+//! that must be computed at run time is one statement. A statement can contain a comparison, or compute both sine and cosine.
 //!
-//! Inputs are in an array `x`, and results in an array `y`. The array `w` has the values that a later function reads. The statements round
-//! like the program of the recording. `fma` is written where the engine fuses. The compiler must not fuse other operations.
+//! Inputs are in an array `x`, and results in an array `y`. The array `w` has the values that a later function reads. If `fused` is true,
+//! the code calls `fma` for each recorded multiply-add. The compiler must not fuse other operations.
 
 use super::super::tape::Op;
 use super::fold::Folded;
@@ -30,8 +31,8 @@ pub struct Routine<'a> {
 pub struct Printed {
     /// The functions of the routine, each `static`.
     pub functions: String,
-    /// The calls of these functions, in order, with the arrays `x`, `w` and `y`. Each function returns true if all angles are within the
-    /// range of the sines.
+    /// The calls of these functions, in order, with those of the arrays `x`, `w` and `y` that they use. Each function returns one if the
+    /// magnitudes of all angles are below `REDUCTION_LIMIT`, otherwise zero.
     pub calls: Vec<String>,
     /// The size of `w`. If it is zero, the functions have no argument `w`.
     pub slots: usize,
@@ -60,7 +61,7 @@ struct Printer<'a> {
     /// For each input, its index in `x`.
     inputs: Vec<usize>,
     statements: Vec<Statement>,
-    /// The number of statements in each function.
+    /// The number of statements in each function. The last function may have fewer.
     length: usize,
     lives: Vec<Life>,
     /// For each entry that is a result, its indices in `y`.
@@ -151,8 +152,8 @@ impl Printer<'_> {
         }
     }
 
-    /// Divide the statements into functions of equal length. Assign elements of `w` to the values that later functions read. Return the
-    /// size of `w`.
+    /// Divide the statements into functions of equal length, except the last one. Assign elements of `w` to the values that later functions
+    /// read. Return the size of `w`.
     fn divide(&mut self) -> usize {
         let parts = self.statements.len().div_ceil(LENGTH).max(1);
         self.length = self.statements.len().div_ceil(parts).max(1);
@@ -216,7 +217,7 @@ impl Printer<'_> {
         )
     }
 
-    /// Write the results that need no statement: inputs, numbers and equal entries.
+    /// Write the results that need no statement: inputs and known numbers.
     fn leaves(&self, used: &mut Used) {
         for (k, &entry) in self.routine.answer.iter().enumerate() {
             let entry = self.folded.same[entry as usize];

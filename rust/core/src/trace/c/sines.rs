@@ -1,9 +1,9 @@
-//! The sine and cosine of the engine as C code. The code has the operations of `scalar::trig`, in the same order.
+//! The sine and cosine of `scalar::trig` as C code, with the same operations in the same order.
 
 use crate::scalar::hex::hex;
 use crate::scalar::trig::{COS, PIO2, ROUND, SIN, TWO_OVER_PI};
 
-/// Return the function `name`: sine and cosine of an angle whose magnitude is below the limit. `fused`: whether it calls `fma`.
+/// Return the function `name`: sine and cosine of an angle whose magnitude is below `REDUCTION_LIMIT`. `fused`: whether it calls `fma`.
 pub fn sin_cos(name: &str, fused: bool) -> String {
     let fma = |a: &str, b: &str, c: &str| if fused { format!("fma({a}, {b}, {c})") } else { format!("{a} * {b} + {c}") };
     let fnma = |a: &str, b: &str, c: &str| if fused { format!("fma(-{a}, {b}, {c})") } else { format!("{c} - {a} * {b}") };

@@ -36,12 +36,12 @@ pub struct CFile {
 pub struct COptions {
     /// The prefix of all names and files.
     pub prefix: String,
-    /// Whether the code calls `fma` where the engine fuses. If false, every product is rounded.
+    /// Whether the code calls `fma` for multiply-add operations. If false, each product is rounded before it is added.
     pub fused: bool,
 }
 
 impl COptions {
-    /// Return options with this prefix, and with the rounding of the engine on this machine.
+    /// Return options with this prefix. `fused` is true if this processor fuses multiply-add operations.
     pub fn new(prefix: impl Into<String>) -> Self {
         COptions { prefix: prefix.into(), fused: crate::scalar::fuses() }
     }
@@ -70,6 +70,7 @@ fn is_identifier(name: &str) -> bool {
 }
 
 /// Check names of functions. Errors: `Input` if a name is not an identifier of C, is repeated, or is one that every source file defines.
+/// Also `Input` for the name of an earlier function with `_` and a number.
 pub fn require_names<'a>(argument: &str, names: impl Iterator<Item = &'a str>) -> Result<()> {
     let mut known = HashSet::new();
     for (i, name) in names.enumerate() {
@@ -196,7 +197,7 @@ impl CSource {
     }
 }
 
-/// The beginning of a source file: checks of the rounding mode, and the test for finite numbers.
+/// The beginning of a source file: checks that the compiler rounds each operation to double, and the test for finite numbers.
 fn prologue(prefix: &str) -> String {
     format!(
         "#include \"{prefix}.h\"\n#include <math.h>\n#include <string.h>\n\n\
