@@ -1,5 +1,5 @@
 //! An arm at one configuration `q`, with the intermediate results of its algorithms. It is used for occasional evaluations: terms of a law,
-//! monitors, equilibria. A control loop does not use it, because there the plant and the law share the sines of each integration stage.
+//! monitors, equilibria. Integration steps do not use it, because there the plant and the law share the sines and cosines.
 
 use super::{AnyArm, Dynamics, Model, Workspace};
 use crate::kinematics::Coordinates;
@@ -71,7 +71,7 @@ impl<S: Real> ArmAt<S> {
         self.arm.mass_matrix(&mut self.workspace, &self.trig, &self.q, m);
     }
 
-    /// Compute the Coriolis matrix `C(q, v)`, `(n, n)`, from Christoffel symbols.
+    /// Compute the Coriolis matrix `C(q, v)`, `(n, n)`, in the Christoffel factorisation.
     pub fn coriolis_matrix(&mut self, v: &[S], c: &mut [S]) {
         self.arm.coriolis_matrix(&mut self.workspace, &self.trig, &self.q, v, c);
     }
@@ -86,7 +86,7 @@ impl<S: Real> ArmAt<S> {
         self.arm.inverse_dynamics(&mut self.workspace, &self.trig, &self.q, v, a, tau);
     }
 
-    /// Compute the Slotine-Li regressor `Y(q, v, v_r, a_r)`, `(n, p)`.
+    /// Compute the Slotine-Li regressor `Y(q, v, v_r, a_r)`, `(n, p)`, for `p` inertial parameters.
     pub fn regressor(&mut self, v: &[S], v_r: &[S], a_r: &[S], y: &mut [S]) {
         self.arm.regressor(&mut self.workspace, &self.trig, &self.q, [v, v_r, a_r], y);
     }
@@ -107,7 +107,7 @@ impl<S: Real> ArmAt<S> {
         (position, &self.full)
     }
 
-    /// Compute the error `e`, `(m,)`, to `target`, and the Jacobian `j`, `(m, n)`, of Cartesian coordinates.
+    /// Compute the error `e`, `(m,)`, of `m` Cartesian coordinates to `target`, and their Jacobian `j`, `(m, n)`.
     pub fn error_and_jacobian(&mut self, coordinates: &Coordinates, target: &[S], e: &mut [S], j: &mut [S]) {
         self.arm.error_and_jacobian(&mut self.workspace, coordinates, &mut self.full, (&self.trig, &self.q), target, (e, j));
     }

@@ -1,14 +1,15 @@
 //! The Christoffel Coriolis matrix in O(n d), with the depth `d` of the tree, from composite bodies (after Echeandia and Wensing 2021).
 //!
-//! Column `j` is the inverse dynamics in polarised form (bilinear in two velocities, see `newton_euler`), for a unit rate of joint `j`. Let
-//! `V_j` be the motion of its body and `S_j = (s, z)` its unit motion. A point at `r` with the velocity `u` then has the acceleration
-//! `V_j x S_j = (alpha_v, alpha_w)` (as a rigid field) plus `z x u(r)`. So a subtree contributes with its composite inertia, its linear
-//! momentum `P`, and `K = integral of u r' dm`:
+//! Column `j` is the inverse dynamics in polarised form (bilinear in two velocities, see `newton_euler`), for the velocity and a unit rate
+//! of joint `j`. Let `V_j` be the spatial velocity of body `j`. `S_j = (s, z)` is the unit motion of joint `j`, with the linear part `s`
+//! and the angular part `z`, which is zero for a prismatic joint. A point at `r` with the velocity `u` then has the acceleration
+//! `V_j x S_j = (alpha_v, alpha_w)` (as a rigid field) plus `z x u(r)`. So a subtree contributes with its composite inertia (`m`, first
+//! moment `h`, `I`), its linear momentum `P`, and `K = integral of u r' dm`. Its force `f` and moment `n` are
 //!
 //! `f = m alpha_v + alpha_w x h + z x P`,  `n = I alpha_w + h x alpha_v + (tr K) z - K z`.
 //!
 //! `P` and `K` are relative to the velocity of the joint origin, which prevents the cancellation of large momenta. If the reference moves
-//! by `-p` with the relative velocity `-d`, then `P_new = P + m d` and `K_new = K + P p' + d (h + m p)'`. Here `p'` is a transpose.
+//! by `-p` with the relative velocity `-d`, then `P_new = P + m d` and `K_new = K + P p' + d (h + m p)'`. The prime is the transpose.
 
 use super::Dynamics;
 use super::crba::joint_column;
@@ -49,8 +50,8 @@ fn place<S: Real>(
         let (w, velocity) = if body.revolute { (z.scale_add(v[i], w_p), swept) } else { (w_p, z.scale_add(v[i], swept)) };
         let wz = w.cross(z);
         let (linear, angular) = joint_column(body.revolute, &pose);
-        // V_j x S_j at the world origin is (gamma, alpha). The origin of another joint k has the polarised acceleration gamma + alpha x o_k
-        // + z x v_k.
+        // V_j x S_j at the world origin is (gamma, alpha), linear part first. The origin of another joint k has the polarised acceleration
+        // gamma + alpha x o_k + z x v_k.
         let (alpha, gamma) = if body.revolute { (wz, -(wz.cross_add(pose.origin, z.cross(velocity)))) } else { (Vector3::zero(), wz) };
         columns[i] = Column { linear, angular, w, velocity, alpha, gamma };
         let inertia = body.inertia.rotated(pose.rotation);
@@ -67,7 +68,7 @@ pub fn coriolis_matrix<S: Real>(tree: &Tree<S>, ws: &mut Workspace<S>, trig: &[(
     place(tree, poses, composites, columns, (trig, q), v);
     let n = tree.bodies.len();
     set(c, S::zero());
-    // The sum of the last subtree stays in registers if its parent is next. With lanes there are not enough registers for this.
+    // With one lane, the sum of the last subtree is kept in a local variable if its parent is next, so that it can stay in registers.
     let (mut carried, mut carried_to) = (Composite::default(), BASE);
     for j in (0..n).rev() {
         look_at_row(j);

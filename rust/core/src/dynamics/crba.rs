@@ -1,9 +1,10 @@
 //! Mass matrix by composite bodies (Walker and Orin 1982; Featherstone 2008, section 6.2), in body axes.
 //!
 //! `I_j^c` is the inertia of the subtree of joint `j` about the joint origin, in the axes of body `j`. Then `F_j = I_j^c S_j` is the
-//! momentum of the subtree per unit rate of `j`. `F_j` is transformed from body to body towards the base, and `M_ij = S_i . F_j` for every
-//! ancestor `i` of `j`. Inertias are stored as second moments `P = integral of r r' dm = tr(I)/2 1 - I`. Their shift takes fewer products,
-//! and `S_j = e_z` selects one column: `I e_z = tr(P) e_z - P e_z`.
+//! momentum of the subtree per unit rate of `j`. `F_j` is transformed from body to body towards the base. Then `M_ij = S_i . F_j` for every
+//! ancestor `i` of `j`, and `M_jj = S_j . F_j + armature_j`. Inertias are stored as second moments
+//! `P = integral of r r' dm = tr(I)/2 1 - I`, because their shift takes fewer products. For a revolute joint, `S_j = e_z` selects one
+//! column: `I e_z = tr(P) e_z - P e_z`.
 
 use super::hinge::{congruence, over, reach, rotation, to_parent};
 use crate::arm::{BASE, Body, Tree};
@@ -89,7 +90,7 @@ pub(super) fn mass_matrix_entries<S: Real>(
     let Composites { moments, momenta, rotations } = composites;
     let (bodies, moments, momenta) = (&tree.bodies[..n], &mut moments[..n], &mut momenta[..n]);
     let (rotations, trig, q) = (&mut rotations[..n], &trig[..n], &q[..n]);
-    // The sum of the last subtree stays in registers if its first body is next. With lanes there are not enough registers for this.
+    // With one lane, the sum of the last subtree is kept in a local variable if its parent is next, so that it can stay in registers.
     let (mut next, mut next_at) = (Moments::default(), BASE);
     for i in (0..n).rev() {
         look_at_row(i);
@@ -123,7 +124,7 @@ pub(super) fn mass_matrix_entries<S: Real>(
             rotations[i] = rotation(body, trig[i]);
         }
         let (e, turn) = (&rotations[i], trig[i]);
-        // This macro repeats the loop over columns for each kind of quarter turn, so that the loop itself has no branch.
+        // This macro repeats the loop over bodies for three kinds of quarter turns, so that these loops have no branch on the kind.
         macro_rules! carry {
             ($($quarter:pat => $known:expr),+) => {
                 match body.quarter {

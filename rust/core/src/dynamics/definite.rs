@@ -2,7 +2,8 @@
 //!
 //! `M = (1 + K) D (1 + K)'`, where `K` is strictly triangular, and `D` is diagonal with `D_i = S_i' IA_i S_i + armature_i` (Jain 2011,
 //! section 7.5). `IA_i` is an articulated inertia. So `M > 0` if all `D_i > 0`. The cost is linear in the number of joints. Rounding errors
-//! scale with the second moment of the subtree about the joint, or for a slide with its mass.
+//! scale with the inertia of the subtree about the joint origin, or for a prismatic joint with the mass of the subtree. The prime is the
+//! transpose.
 
 use super::{Dynamics, Workspace, aba};
 use crate::arm::{Arm, BASE, Joint, JointKind, Tree};
@@ -12,7 +13,8 @@ use std::f64::consts::PI;
 
 /// Maximum number of sampled configurations: the zero configuration, and others within the limits.
 const SAMPLES: usize = 8;
-/// Largest product of joints and sampled configurations. It bounds the time to load a chain of thousands of links.
+/// Largest product of joints and sampled configurations, for arms with up to this number of joints. For larger arms, only the zero
+/// configuration is sampled. So a chain of thousands of links loads in limited time.
 const WORK: usize = 20_000;
 /// A `D_i` below this fraction of its scale counts as zero.
 const ROUNDING: f64 = 1e-12;
@@ -80,7 +82,8 @@ fn free_coordinates(tree: &Tree<f64>, ws: &mut Workspace<f64>, q: &[f64]) -> Vec
     free
 }
 
-/// A position of joint `i`, equal in every run. The first sample is zero, and the others are within the limits.
+/// A position of joint `i`, equal in every run. The first sample is zero, and the others are within the limits. An absent limit, or one of
+/// 1000 rad or m and more, is replaced by 180 degrees or 1 m.
 fn drawn(joint: &Joint, i: usize, sample: usize) -> f64 {
     let far = if joint.kind == JointKind::Prismatic { 1.0 } else { PI };
     let within = |x: f64, other: f64| if x.is_finite() && x.abs() < 1e3 { x } else { other };

@@ -1,8 +1,10 @@
-//! Exact derivatives of inverse and forward dynamics in O(n d), with the depth `d` of the tree.
+//! Analytical derivatives of inverse dynamics in O(n d), with the depth `d` of the tree. The derivatives of forward dynamics take O(n^3)
+//! operations.
 //!
 //! The method follows Carpentier and Mansard 2018, and Singh, Russell and Wensing 2022, in the notation of `coriolis`.
 //!
-//! Joint `j` moves its subtree as a rigid body. In addition, velocities and accelerations in the subtree change by
+//! Joint `j`, with the unit motion `S_j`, moves its subtree as a rigid body. In addition, velocities and accelerations in the subtree
+//! change by
 //!
 //! ```text
 //! psi_j = V_p x S_j,   phi_j = A_p x S_j + V_p x psi_j          (p the parent body, at the joint)
@@ -12,8 +14,9 @@
 //! d tau / d v = 2 C(q, v),   d tau / d a = M
 //! ```
 //!
-//! with `B psi = [psi_w x P; (tr K) psi_w - K psi_w]`, and the cross product `x*` of a motion and a force. Here the velocities in `P` and
-//! `K` are those in the world. For forward dynamics, `d a = -M^-1 d tau` and `d a / d tau = M^-1`.
+//! with `B psi = [psi_w x P; (tr K) psi_w - K psi_w]`, and the cross product `x*` of a motion and a force. `V` and `A` are spatial
+//! velocities and accelerations, and `f_k` is the force on body `k`. `F_j`, `I_j^c` and `B_j^c` are sums over the bodies of the subtree of
+//! `j`. Here the velocities in `P` and `K` are those in the world. For forward dynamics, `d a = -M^-1 d tau` and `d a / d tau = M^-1`.
 
 use super::Dynamics;
 use super::crba::joint_column;
@@ -128,7 +131,8 @@ pub(super) fn bodies_by_q<S: Real>(tree: &Tree<S>, ws: &mut Workspace<S>, trig: 
     }
 }
 
-/// Compute `d tau / d v = 2 C(q, v)`, `(n, n)`. With `friction`, the damping is added to the diagonal.
+/// Compute `d tau / d v = 2 C(q, v)`, `(n, n)`. With `friction`, the damping is added to the diagonal. Coulomb friction has no derivative
+/// here.
 pub fn inverse_dynamics_by_v<S: Real>(
     tree: &Tree<S>,
     ws: &mut Workspace<S>,
@@ -192,7 +196,7 @@ pub(super) fn factor<S: Real>(n: usize, m: &mut [S]) {
 }
 
 /// Compute `d a / d q`, `d a / d v` and `d a / d tau = M^-1` of forward dynamics at `(q, v)` and its acceleration `a`, each `(n, n)`,
-/// row-major. With `friction`, the damping acts. `m` is memory for `(n, n)`.
+/// row-major. With `friction`, the damping is part of `d a / d v`. `m` is memory for `(n, n)`.
 pub fn forward_dynamics_derivatives<S: Real>(
     tree: &Tree<S>,
     ws: &mut Workspace<S>,

@@ -1,8 +1,8 @@
 //! Energy, gravity torque, joint friction and the torque of external wrenches.
 //!
 //! `T = sum (m u.u + 2 u.(w x h) + w.I w) / 2 + armature v^2 / 2`, `U = -sum gravity.(m o + h)`, `g = dU/dq`,
-//! `tau_friction = damping v + friction sign(v)`, `tau_ext = J' F`. `u` and `w` are the velocity of a body's origin `o` and its angular
-//! velocity.
+//! `tau_friction = damping v + friction sign(v)`, `tau_ext = J' F`. `m`, `h` and `I` are mass, first moment and inertia of a body about its
+//! origin `o`. `u` is the velocity of `o`, and `w` the angular velocity. `F` is a wrench on a frame with the Jacobian `J`.
 
 use super::workspace::{Column, Composite};
 use crate::arm::{BASE, Body, Tree};
@@ -62,7 +62,7 @@ pub fn energy<S: Real>(tree: &Tree<S>, poses: &mut [Pose<S>], columns: &mut [Col
     (S::splat(0.5) * twice, potential)
 }
 
-/// The friction torque of a joint at the rate `v`: `damping v + friction sign(v)`.
+/// The friction torque of a joint at the rate `v`: `damping v + friction sign(v)`, N m or N.
 pub fn friction_torque<S: Real>(body: &Body<S>, v: S) -> S {
     body.friction.mul_add(sign(v), body.damping * v)
 }

@@ -121,8 +121,8 @@ impl<S: Real> BufferedTree<S> {
     }
 }
 
-/// An evaluator of one configuration after another. After its creation, it allocates only for more than two hundred joints, and for the
-/// first Christoffel symbols.
+/// An evaluator of one configuration after another. After its creation, it allocates memory only for the first Christoffel symbols, and for
+/// arms of more than 284 joints.
 #[derive(Clone, Debug)]
 pub struct Evaluator {
     engine: Box<BufferedTree<Float>>,
@@ -157,8 +157,8 @@ impl Evaluator {
         self.size
     }
 
-    /// Compute one configuration, and return whether every number is finite. This is false for a singular mass matrix and after an
-    /// overflow.
+    /// Compute one configuration, and return whether every number is finite. This is false after an overflow, and for forward dynamics with
+    /// a singular mass matrix.
     ///
     /// [`Query::inputs`] names the inputs, and `out` has the shape [`Query::shape`], row-major. Errors: `WrongShape` for a wrong
     /// size, `Input` for inputs that are not finite or a wrong index of a frame, `Memory`.
@@ -172,8 +172,8 @@ impl Evaluator {
     }
 }
 
-/// Check that arguments and output have the sizes of `query` at `count` configurations, that every input is finite, and that the frame
-/// exists.
+/// Check the sizes of inputs and output for `query` at `count` configurations. Check that every input is finite, and that the frame exists.
+/// Errors: `WrongShape` for sizes, otherwise `Input`.
 pub(super) fn check(query: &Query, inputs: &[&[f64]], count: usize, size: Size, frames: usize, out: usize) -> Result<()> {
     let names = query.inputs();
     if inputs.len() != names.len() {

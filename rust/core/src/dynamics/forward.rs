@@ -1,8 +1,7 @@
 //! Forward dynamics from the mass matrix: `M a = tau - C v - g`, `M = L' D L` with a unit lower triangular `L`.
 //!
 //! The factorisation goes from the tips to the base. So `L`, like `M`, has entries only between a joint and its ancestors (Featherstone
-//! 2008, section 6.5). For a tree, the cost is the sum of the costs of its branches. In the program of a
-//! loop, the plant shares the Newton-Euler recursion and the rotations with the law.
+//! 2008, section 6.5). In a program (a recorded, compiled loop), operations that also occur in the law are computed only once.
 
 use super::workspace::{Factors, Workspace};
 use super::{crba, newton_euler};
@@ -51,7 +50,7 @@ mod tests {
     use super::*;
     use crate::arm::{Arm, STANDARD_GRAVITY};
 
-    /// A tree with `branches` branches, each with `n` joints. Some joints are slides, and all joints have rotors. With `quarters`,
+    /// A tree with `branches` branches, each with `n` joints. Some joints are prismatic, and all joints have rotors. With `quarters`,
     /// placements are quarter turns.
     fn tree(branches: usize, n: usize, quarters: bool) -> Tree<f64> {
         let mut text = String::from("<robot name='t'><link name='base'/>");

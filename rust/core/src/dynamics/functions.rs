@@ -1,6 +1,7 @@
-//! The functions of an arm, for any number of threads. Each function is first evaluated directly, and later by its recorded program.
+//! The functions of an arm, for any number of threads. Each function is first evaluated directly. After enough evaluations it is recorded
+//! and compiled to a *program*.
 //!
-//! Both methods have the same bits. Recording a program takes about 1 ms, so a program is made after its query has occurred often enough.
+//! Both methods have the same bits.
 
 use super::Query;
 use super::evaluate::{Evaluator, check};
@@ -39,13 +40,12 @@ struct CachedQuery {
     program: Option<ArmCall>,
 }
 
-/// Largest number of joints for which the buffers are made together with the arm. For more joints, this would take longer than making the
-/// arm.
+/// Largest number of joints for which the buffers are made together with the arm. For more joints, they are made at the first call.
 const FEW_JOINTS: usize = 1024;
 
 /// The evaluator and the programs for single calls.
 struct Single {
-    /// The evaluator; `None` for a very large arm before its first call.
+    /// The evaluator; `None` for an arm of more than `FEW_JOINTS` joints before its first call.
     evaluator: Option<Evaluator>,
     cached: Vec<CachedQuery>,
 }
@@ -91,7 +91,7 @@ impl Single {
     }
 }
 
-/// The quantities of an arm at one and at many configurations. A repeated query becomes a program.
+/// The quantities of an arm at one and at many configurations. A query that occurs often is compiled.
 ///
 /// ```
 /// use armlet_core::arm::Arm;
@@ -135,7 +135,7 @@ impl Functions {
         }
     }
 
-    /// Whether [`Functions::prepare`] would make a program now, which takes milliseconds.
+    /// Whether [`Functions::prepare`] would make a program now, which can take a second.
     pub fn is_due(&self, query: &Query, count: usize) -> bool {
         let waiting = |known: &Known| if known.function.is_some() { usize::MAX } else { known.rows };
         let Some(known) = free(&self.known) else { return false };
@@ -143,7 +143,7 @@ impl Functions {
         rows < usize::MAX && rows + count >= ROWS_BEFORE_PROGRAM && query.operations(self.arm.size()) <= LONGEST
     }
 
-    /// Announce `count` more rows of the query, and make its program if this saves time. Errors: `Memory`.
+    /// Announce `count` more rows of the query, and make its program if [`Functions::is_due`] is true. Errors: `Memory`.
     pub fn prepare(&self, query: &Query, count: usize) -> Result<()> {
         let due = self.is_due(query, count);
         let function = if due { Some(Arc::new(ArmFunction::new(&self.arm, query)?)) } else { None };

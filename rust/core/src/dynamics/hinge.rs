@@ -1,11 +1,12 @@
-//! Transforms over a joint, between the axes of a body and the axes of its parent: `x_parent = R_0 Rz(q) x + p`, or for a slide `R_0 x + p
-//! + R_0 e_z q`. If the placement `R_0` is a quarter turn, only `Rz` costs products.
+//! Transforms over a joint, between the axes of a body and the axes of its parent: `x_parent = R_0 Rz(q) x + p`, or for a prismatic joint
+//! `x_parent = R_0 x + p + R_0 e_z q`. `R_0` and `p` are the placement of the joint at `q = 0`. If `R_0` is a quarter turn, only `Rz` takes
+//! products.
 
 use crate::arm::Body;
 use crate::scalar::Real;
 use crate::spatial::{Lift, Matrix, Matrix3, QuarterTurn, Sym3, Vector, Vector3};
 
-/// The rotation `R_0 Rz(q)` of a joint, or `R_0` of a slide. It is used only if the placement is not a quarter turn.
+/// The rotation `R_0 Rz(q)` of a revolute joint, or `R_0` of a prismatic joint. It is used only if the placement is not a quarter turn.
 pub(crate) fn rotation<S: Real>(body: &Body<S>, trig: (S, S)) -> Matrix3<S> {
     if body.revolute { body.rotation.lift::<S>().rotate_z(trig) } else { body.rotation.lift() }
 }

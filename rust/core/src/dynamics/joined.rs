@@ -1,5 +1,6 @@
-//! The dynamics of an arm with joints that follow others: `q_b = G q + c`, with a constant `G`. `q_b` has all joints, `q` the coordinates.
-//! The dynamics of the bodies, with the subscript `b`, are projected:
+//! The dynamics of an arm with joints that follow others: `q_b = G q + c`, with a constant `G`. `q_b` has the positions of all joints, and
+//! `q` those of the joints that follow no other. The prime is the transpose. The dynamics of the bodies, with the subscript `b`, are
+//! projected:
 //!
 //! `M = G' M_b G`, `C = G' C_b G` (again the Christoffel matrix, because `G` is constant), `g = G' g_b`, `Y = G' Y_b`. Forward dynamics
 //! uses a Cholesky factor of `M`.
@@ -20,7 +21,7 @@ enum Form {
     Square,
     /// A matrix `X` becomes `G' X`. The two numbers are the row lengths of `X` and of the result.
     Rows(usize, usize),
-    /// No projection: the result does not depend on the coordinates.
+    /// No projection: the result is a number that is the same for all joints and for the coordinates.
     Scalar,
 }
 

@@ -1,11 +1,10 @@
 //! The dynamics for control, for every kind of arm: `M(q) a + C(q, v) v + g(q) = tau`.
 //!
 //! `C` is the Christoffel factorisation: `C(q, x) y = C(q, y) x`, and `dM/dt - 2 C` is skew-symmetric. Matrices are row-major slices.
-//! `trig[i]` is (sin, cos) of coordinate `i`; it is never read if the coordinate is not an angle. Plant and law share `trig`, which is
-//! computed once per stage of an integration step.
+//! `trig[i]` is (sin, cos) of coordinate `i`; it is never read if the coordinate is not an angle. A plant and a law at the same `q` share
+//! `trig`.
 //!
-//! A *slide* is a prismatic joint. A joint that *follows* another joint, its *leader*, is a mimic joint. An *ancestor* of a joint is any
-//! joint between it and the base.
+//! A joint that *follows* another joint, its *leader*, is a mimic joint. An *ancestor* of a joint is any joint between it and the base.
 
 #[doc(hidden)]
 pub mod aba;
@@ -90,7 +89,7 @@ pub trait Dynamics<S: Real> {
 
     /// Compute the mass matrix `M(q)`, `(n, n)`.
     fn mass_matrix(&self, ws: &mut Self::Workspace, trig: &[(S, S)], q: &[S], m: &mut [S]);
-    /// Compute the Coriolis matrix `C(q, v)`, `(n, n)`, from Christoffel symbols.
+    /// Compute the Coriolis matrix `C(q, v)`, `(n, n)`, in the Christoffel factorisation.
     fn coriolis_matrix(&self, ws: &mut Self::Workspace, trig: &[(S, S)], q: &[S], v: &[S], c: &mut [S]);
     /// Compute the gravity torque `g(q)`, `(n,)`.
     fn gravity(&self, ws: &mut Self::Workspace, trig: &[(S, S)], q: &[S], g: &mut [S]);
@@ -103,8 +102,8 @@ pub trait Dynamics<S: Real> {
     /// Compute the Slotine-Li regressor, `(n, p)`: `Y(q, v, v_r, a_r) pi = M a_r + C(q, v) v_r + g`. `rates`
     /// is `[v, v_r, a_r]`.
     fn regressor(&self, ws: &mut Self::Workspace, trig: &[(S, S)], q: &[S], rates: [&[S]; 3], y: &mut [S]);
-    /// Add `Y pi`, `(n,)`, to `y_pi`, and write `Y^T s`, `(p,)`, to `yt_s`, for the regressor `Y` and any parameters `pi`. The matrix `Y`
-    /// is not formed. `rates` is `[v, v_r, a_r]`, `by_parameters` is `(pi, y_pi)`, and `by_rates` is `(s, yt_s)`.
+    /// Add `Y pi`, `(n,)`, to `y_pi`, and write `Y' s`, `(p,)`, to `yt_s`, for the regressor `Y`, any parameters `pi` and any joint rates
+    /// `s`. The matrix `Y` is not formed. `rates` is `[v, v_r, a_r]`, `by_parameters` is `(pi, y_pi)`, and `by_rates` is `(s, yt_s)`.
     fn regressor_products(
         &self,
         ws: &mut Self::Workspace,

@@ -82,6 +82,7 @@ impl Model {
     }
 
     /// Names of the columns of the regressor: inertial parameters, then armature if `armature`, then damping and friction if `friction`.
+    /// The planar PR arm has only `A`, `B` and `C`.
     pub fn column_names(&self, armature: bool, friction: bool) -> Vec<String> {
         let Model::Tree(arm) = self else { return ["A", "B", "C"].map(String::from).to_vec() };
         let of_joints = |what: &'static str| arm.joint_names().map(move |joint| format!("{what}[{joint}]"));

@@ -1,5 +1,6 @@
-//! Newton-Euler recursion in body axes, without linear velocities (Luh, Walker and Paul 1980). Slotine and Li's law requires its polarised
-//! form:
+//! Newton-Euler recursion in body axes, without linear velocities (Luh, Walker and Paul 1980). Slotine and Li's law requires its
+//! *polarised* form. There, products of the velocity `v` with itself are replaced by symmetric products of `v` and the reference velocity
+//! `vr`:
 //!
 //! ```text
 //! U = [wd]x + ([w]x [wr]x + [wr]x [w]x) / 2,   acceleration at r:  a + U r
@@ -8,10 +9,13 @@
 //! f_i = m a + U h,   n_i = integral of r x (U r) dm + h x a
 //! ```
 //!
-//! These are the equations of a revolute joint. A slide has no terms with `v`, `vr` and `ar` in `w`, `wr` and `wd`. It adds
-//! `z ar + (w x z) vr + (wr x z) v` to `a`. `vr` and `ar` are the reference velocity and acceleration, and `[w]x` is a cross-product
-//! matrix. The bias is quadratic in the velocity, so its polarised form is `C(q, v) vr` with the Christoffel matrix `C`. With `vr = v` this
-//! is the ordinary inverse dynamics.
+//! These are the equations of a revolute joint. A prismatic joint has no terms with `v`, `vr` and `ar` in `w`, `wr` and `wd`. It adds
+//! `z ar + (w x z) vr + (wr x z) v` to `a`. `ar` is the reference acceleration of the joint, `z` the joint axis, and `[w]x` a cross-product
+//! matrix. `w`, `wr` and `wd` are the angular velocity, the reference angular velocity and the angular acceleration. `a` is the
+//! acceleration of the body's origin, and `m` and `h` are mass and first moment. The index `p` is the parent, and the vector `p` the joint
+//! origin in its axes. `R'` is the transpose of the rotation to these axes. `f_i` and `n_i` are the force and the moment of the body alone.
+//! The bias is quadratic in the velocity, so its polarised form is `C(q, v) vr` with the Christoffel matrix `C`. With `vr = v` this is the
+//! ordinary inverse dynamics.
 
 use super::hinge::{reach, rotation, to_body, to_parent};
 use super::workspace::{BodyMotion, Link};

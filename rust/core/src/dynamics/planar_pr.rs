@@ -34,8 +34,8 @@ pub struct PlanarPr<S> {
 }
 
 impl PlanarPr<f64> {
-    /// Create an arm with `A` in kg, `B` in kg m and `C` in kg m^2. Errors: `Input` if the mass matrix is not positive
-    /// definite at every `q`.
+    /// Create an arm with `A` in kg, `B` in kg m and `C` in kg m^2. Errors: `Input` if a number is not finite, or if the mass matrix is not
+    /// positive definite at every `q`.
     pub fn new(a: f64, b: f64, c: f64) -> Result<Self> {
         positive("A", a)?;
         finite("B", &[b])?;
@@ -162,7 +162,7 @@ impl<S: Real> Dynamics<S> for PlanarPr<S> {
         (s, yt_s): (&[S], &mut [S]),
     ) {
         let (y12, y22) = columns(trig[1], v, v_r, a_r);
-        // In these sums the values that are computed last are added last. This shortens the longest chain of dependent operations.
+        // In these sums, the values that are computed last are added last, so that the longest chain of dependent operations is shorter.
         y_pi[0] = y12.mul_add(pi[1], a_r[0].mul_add(pi[0], y_pi[0]));
         y_pi[1] = y22.mul_add(pi[1], a_r[1].mul_add(pi[2], y_pi[1]));
         yt_s[0] = a_r[0] * s[0];

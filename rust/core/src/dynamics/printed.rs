@@ -1,5 +1,6 @@
 //! Functions of an arm as C code. Each quantity is recorded once, and [`crate::trace::c`] prints it. The C code has the bits of
-//! [`super::Evaluator`], if [`COptions::fused`] is [`crate::scalar::fuses`].
+//! [`super::Evaluator`], or of [`PlanarPr::evaluate`], if [`COptions::fused`] equals [`crate::scalar::fuses`] and the compiler fuses only
+//! calls of `fma`.
 
 use super::{Dynamics, Model, PlanarPr, Quantity, Query, Size};
 use crate::arm::JointKind;
@@ -204,12 +205,12 @@ return {prefix}_refuse({upper}_NOT_FINITE, {answers}, out);\n{calls}    return {
     }
 }
 
-/// The known inputs of a recording: `Some` for numbers of the set-up, `None` for the other inputs.
+/// The known inputs of a recording: `Some` for set-up parameters (constant numbers, such as masses), `None` for the other inputs.
 pub(crate) fn given(recorded: &Recorded) -> Vec<Option<f64>> {
     recorded.values.iter().map(|&x| Some(x)).chain((0..recorded.inputs).map(|_| None)).collect()
 }
 
-/// Record a query of the planar PR arm, without fused products, like its evaluation.
+/// Record a query of the planar PR arm without fused products, because its direct evaluation does not fuse.
 fn planar_pr(arm: &PlanarPr<f64>, query: &Query) -> Result<Recorded> {
     if query.friction || query.armature {
         return Err(Error::input("friction, armature", "are not part of this arm: expected False for planar_pr, got True"));

@@ -89,7 +89,7 @@ impl Compute for MassMatrix {
         // `out` is zeroed only before the first of several equal queries, as for the Jacobian.
         crba::mass_matrix_on_zeros(&engine.tree, &mut engine.ws.mass, &engine.trig, &engine.inputs[0], &mut engine.out);
     }
-    /// Write entry by entry. A read of four entries together would wait for the last single store.
+    /// Write each entry directly to `out`, not to the buffer `engine.out`, unless joints follow others.
     fn answer<S: Real>(engine: &mut BufferedTree<S>, query: &Query, out: &mut [f64]) -> bool {
         let n = engine.tree.n();
         if engine.tree.joining.is_some() {

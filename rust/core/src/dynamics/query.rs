@@ -57,7 +57,7 @@ pub enum Quantity {
     /// M`.
     InverseDynamicsDerivatives,
     /// Dynamics along a path of slope `v` and curvature `a`: `q, v, a -> (3, n)`, with the rows `M v`, `M a + C v` and `g`. The first two
-    /// rows exclude gravity, because a short move needs torques far below the weight of the arm.
+    /// rows exclude gravity, because its rounding errors could exceed the torques of a short motion.
     PathDynamics,
     /// Derivatives of forward dynamics: `q, v, tau -> (3 n, n)`. The three stacked blocks are `d a / d q`, `d a / d v` and `d a / d tau`.
     ForwardDynamicsDerivatives,
@@ -123,7 +123,7 @@ pub struct Query {
     /// Index of the frame of the wrench `[f; n]` (world axes, at the frame origin) in inverse and forward dynamics.
     pub wrench: Option<usize>,
     /// Whether joint friction acts. Friction is added to bias and inverse dynamics, and subtracted from the torque in forward dynamics.
-    /// With friction, the regressor has the additional columns `diag(v_r)` and `diag(sign v)`.
+    /// Derivatives include only its viscous part. With friction, the regressor has the additional columns `diag(v_r)` and `diag(sign v)`.
     pub friction: bool,
     /// Whether the regressor has the additional columns `diag(a_r)` for rotor inertias, before the columns of friction.
     pub armature: bool,
@@ -224,7 +224,7 @@ impl Query {
         // The Christoffel symbols require one Coriolis matrix per joint.
         let times = if self.quantity == Christoffel { n as f64 } else { 1.0 };
         let (n, bodies) = (n as f64, bodies as f64);
-        // A projected mass matrix has no vanishing entries.
+        // The mass matrix of an arm with joints that follow others has no vanishing entries.
         let joined = if bodies > n && matches!(self.quantity, ForwardDynamics | ForwardDynamicsDerivatives) { n * n * n } else { 0.0 };
         times * (bodies * (joint + bodies * pair) + n * n * n * solved + joined)
     }

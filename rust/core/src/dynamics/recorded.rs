@@ -1,6 +1,7 @@
-//! A quantity of an arm as a recorded function: it maps configurations in lanes to results in lanes, for any number of threads.
+//! A quantity of an arm as a recorded function, compiled to a *program*. It maps configurations in lanes to results in lanes, for any
+//! number of threads.
 //!
-//! Arms with the same placements share a program, if their inertial parameters also have the same zeros and ones.
+//! Arms with the same placements can share a program, if the values 0, 1 and -1 occur at the same places among their inertial parameters.
 
 use super::Query;
 use super::evaluate::BufferedTree;
@@ -13,7 +14,7 @@ use crate::trace::cache::free;
 use crate::trace::function::{self, Evaluation, Recorded, record};
 use std::sync::Mutex;
 
-/// Number of groups of lanes after which the program's results are checked.
+/// Number of runs of the program, each for one group of lanes, after which its results are checked.
 const BLOCK: usize = 16;
 
 pub(super) struct ArmFunction {
@@ -30,7 +31,7 @@ fn widths(query: &Query, n: usize) -> Vec<usize> {
     (0..query.inputs().len()).map(|k| query.input_length(k, n)).collect()
 }
 
-/// Evaluate a query, which reads its inputs one after another and may fail.
+/// Evaluate a query for its inputs, which follow one another in `inputs`. Errors: `Memory`.
 fn answer_of<S: Real>(mut engine: BufferedTree<S>, mut inputs: &[S], query: &Query, widths: &[usize]) -> Result<Vec<S>> {
     for (input, &width) in engine.inputs.iter_mut().zip(widths) {
         let (own, rest) = inputs.split_at(width);
@@ -46,13 +47,13 @@ pub(super) fn recording(arm: &Arm, query: &Query) -> Result<Recorded> {
     recorded_by(arm, query, &widths, |inputs, set_up, answer| function::recorded(inputs, set_up, answer))
 }
 
-/// Record a query, for one configuration or for lanes. An arm with a new structure requires a new program.
+/// Record a query and make its program, for one configuration or for one per lane.
 pub(super) fn recorded(arm: &Arm, query: &Query, lanes: bool) -> Result<Evaluation> {
     let widths = widths(query, arm.n());
     recorded_by(arm, query, &widths, |inputs, set_up, answer| record(lanes, inputs, set_up, answer))
 }
 
-/// Call `record` with the number of inputs and the set-up.
+/// Call `record` with the number of inputs, the function that makes the buffers, and the evaluation.
 fn recorded_by<T>(
     arm: &Arm,
     query: &Query,
@@ -111,8 +112,8 @@ impl ArmFunction {
         Ok(ArmFunction { others: Mutex::new(vec![first.clone()]), first, widths: widths(query, arm.n()), length: query.length(arm.size()) })
     }
 
-    /// Run the program for all rows of the inputs. `direct` computes a row without the program if an angle is outside the range of the
-    /// program's sine, or if the result is not finite.
+    /// Run the program for all rows of the inputs. `direct` computes a row without the program if the magnitude of an angle is not below
+    /// `REDUCTION_LIMIT`, or if the result is not finite.
     pub fn rows(&self, inputs: &[&[f64]], out: &mut [f64], mut direct: impl FnMut(usize, &mut [f64]) -> Result<()>) -> Result<()> {
         let mut evaluation = free(&self.others).and_then(|mut others| others.pop()).unwrap_or_else(|| self.first.clone());
         let (lanes, length) = (evaluation.lanes(), self.length);

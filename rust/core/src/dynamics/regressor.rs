@@ -1,11 +1,13 @@
 //! The Slotine-Li regressor `Y(q, v, vr, ar) pi = M ar + C(q, v) vr + g`, with the Christoffel factorisation `C`.
 //!
-//! A body with the acceleration field `a + U r` (`newton_euler`) resists the unit motion `(v, w)` of a joint with the torque
+//! A body with the acceleration field `a + U r` (`newton_euler`) resists the unit motion of a joint with the torque below. `(v, w)` are the
+//! velocity of the body's origin and the angular velocity in this motion:
 //!
 //! `tau = m (v.a) + h.(U' v + a x w) + <sym([w]x' U), integral of r r' dm>`,
 //!
-//! which is linear in the ten parameters of the body. `<A, B> = tr(A' B)`, and `[w]x` is a cross-product matrix. Fields and motions are
-//! computed outwards, in body axes. `Y' s` is the same expression, for the motion `(v, w)` of the body under the joint rates `s`.
+//! which is linear in the ten parameters of the body. `m` and `h` are mass and first moment. `<A, B> = tr(A' B)`, the prime is the
+//! transpose, and `[w]x` is a cross-product matrix. Fields and motions are computed outwards, in body axes. `Y' s` is the same expression,
+//! for the motion `(v, w)` of the body under the joint rates `s`.
 
 use super::hinge::to_body;
 use super::newton_euler::{inwards, moment_of, outwards};

@@ -9,9 +9,9 @@ use nalgebra::{DMatrix, DVector, Isometry3, Matrix3, Rotation3, Translation3, Un
 
 /// # On nalgebra's types
 ///
-/// `q`, `v`, `a` and `tau` are `(n,)`. A frame is an index (see [`crate::arm::Arm::frame_index`]). A wrong size is the error
-/// `WrongShape`. A number that is not finite or an index of no frame is the error `Input`. A result that is not finite, because of a
-/// singular mass matrix or an overflow, is the error `Solve`.
+/// `q`, `v`, `a` and `tau` are `(n,)`. A frame is an index (see [`crate::arm::Arm::frame_index`]). A wrong size is the error `WrongShape`.
+/// A number that is not finite, or an index without a frame, is the error `Input`. A result that is not finite, because of a singular mass
+/// matrix or an overflow, is the error `Solve`.
 ///
 /// ```
 /// use armlet_core::arm::Arm;
@@ -55,7 +55,7 @@ impl Evaluator {
         self.answer(Quantity::MassMatrix, &[q])
     }
 
-    /// Coriolis matrix `C(q, v)`, `(n, n)`, from Christoffel symbols.
+    /// Coriolis matrix `C(q, v)`, `(n, n)`, in the Christoffel factorisation.
     pub fn coriolis_matrix(&mut self, q: &DVector<f64>, v: &DVector<f64>) -> Result<DMatrix<f64>> {
         self.answer(Quantity::CoriolisMatrix, &[q, v])
     }

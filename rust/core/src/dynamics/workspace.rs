@@ -7,7 +7,8 @@ use crate::memory::copies;
 use crate::scalar::Real;
 use crate::spatial::{Inertia, Matrix, Matrix3, PARAMETERS, Spatial, Sym3, Vector, Vector3};
 
-/// Angular velocities, and the acceleration field `a + U r` of a body.
+/// The motion of a body, with the names of `newton_euler`: angular velocity `w`, reference angular velocity `wr`, angular acceleration
+/// `wd`, and the acceleration field `a + U r`.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct BodyMotion<S: Real> {
     pub w: Vector3<S>,
@@ -17,7 +18,7 @@ pub struct BodyMotion<S: Real> {
     pub u: Matrix3<S>,
 }
 
-/// The memory of one body in the Newton-Euler recursions.
+/// The memory of one body in the Newton-Euler recursions. `f` and `n` are force and moment in body axes.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Link<S: Real> {
     /// Rotation to the axes of the parent; not used if the placement is a quarter turn.
@@ -48,7 +49,8 @@ impl<S: Real> Composite<S> {
     }
 }
 
-/// An articulated inertia and a bias force, in world axes, about the joint origin: `f = M a + H wd + b_f`, `n = H' a + I wd + b_n`.
+/// An articulated inertia and a bias force, in world axes, about the joint origin: `f = M a + H wd + b_f`, `n = H' a + I wd + b_n`, with
+/// the transpose `H'`. The fields `mass`, `h` and `inertia` are `M`, `H` and `I`. The fields `f` and `n` are `b_f` and `b_n`.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Handle<S: Real> {
     pub mass: Sym3<S>,
@@ -65,7 +67,8 @@ impl<S: Real> Handle<S> {
     }
 }
 
-/// The memory of one body in the articulated-body recursion.
+/// The memory of one body in the articulated-body recursion, with the names of `aba`: `c = (ca, cw)`, `U = (uf, un)`, `u = tau - S.b`.
+/// `inverse` is `1/D`. `w` is the angular velocity, and `(a, wd)` the acceleration.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Articulated<S: Real> {
     pub handle: Handle<S>,
@@ -81,8 +84,8 @@ pub struct Articulated<S: Real> {
     pub wd: Vector3<S>,
 }
 
-/// The motion `(linear, angular)` at the world origin per unit rate of a joint, and the product `(gamma, alpha)` of `coriolis`. `w` and
-/// `velocity` are the angular velocity of the body and the velocity of its origin.
+/// The motion `(linear, angular)` at the world origin per unit rate of a joint, and the product `V_j x S_j = (gamma, alpha)` of `coriolis`.
+/// `w` and `velocity` are the angular velocity of the body and the velocity of its origin.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Column<S: Real> {
     pub linear: Vector3<S>,
@@ -100,7 +103,8 @@ pub struct Factors<S> {
     pub inverse: Vec<S>,
 }
 
-/// The data of one joint: its column, the motion of its body, `phi` and `psi`, and the wrench on its subtree.
+/// The data of one joint for `derivatives`. `(linear, angular)` is its unit motion at the world origin. `v`, `w`, `a` and `wd` are the
+/// motion of its body, and `(f, n)` is the wrench on its subtree.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Slope<S: Real> {
     pub linear: Vector3<S>,
