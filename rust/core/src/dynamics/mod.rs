@@ -1,4 +1,4 @@
-//! The dynamics for control, for every kind of arm: `M(q) a + C(q, v) v + g(q) = tau`.
+//! The dynamics of all kinds of arms, for control: `M(q) a + C(q, v) v + g(q) = tau`.
 //!
 //! `C` is the Christoffel factorisation: `C(q, x) y = C(q, y) x`, and `dM/dt - 2 C` is skew-symmetric. Matrices are row-major slices.
 //! `trig[i]` is (sin, cos) of coordinate `i`; it is never read if the coordinate is not an angle. A plant and a law at the same `q` share

@@ -1,4 +1,5 @@
-//! A cache of programs made from recordings. A later recording with the same structure uses the stored program.
+//! A cache of the most recently used entries, such as programs of recordings. A later recording that matches a stored entry uses its
+//! program.
 
 use std::collections::VecDeque;
 use std::sync::{Mutex, MutexGuard, PoisonError, TryLockError};

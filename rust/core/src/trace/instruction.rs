@@ -45,7 +45,7 @@ impl Form {
         }
     }
 
-    /// Whether the set has fused multiply-add, which rounds once.
+    /// Whether the instruction set has fused multiply-add, which rounds once.
     pub fn has_fused(self) -> bool {
         self.set > Set::Sse2
     }

@@ -110,7 +110,7 @@ impl Program {
         self.operations
     }
 
-    /// Whether the program computes sines. Its results are then valid only for angles below the limit of `scalar::trig`.
+    /// Whether the program computes sines. Its results are then valid only for angles whose magnitude is below `REDUCTION_LIMIT`.
     pub fn turns(&self) -> bool {
         self.turns
     }
