@@ -72,7 +72,8 @@ pub struct ChainJoint {
     pub xyz: [f64; 3],
     /// Inertial parameters of the body, in the body frame, in the order of [`crate::spatial`]. SI units.
     pub phi: [f64; 10],
-    /// Index of the parent joint in the list, which must be earlier. `Some(None)` is the base. `None` is the previous joint.
+    /// Index of the parent joint in the list, which must be earlier. `Some(None)` is the base. `None` is the previous joint, or the base
+    /// for the first joint.
     pub parent: Option<Option<usize>>,
     /// Limits of position, speed and torque.
     pub limits: Limits,
@@ -97,7 +98,7 @@ impl ChainJoint {
 /// The approximate memory of a joint in an arm and in its model, including names, in bytes.
 const BYTES_PER_JOINT: usize = 4096;
 
-/// Refuse a number of joints that does not fit in memory, before allocation begins. Errors: `Memory`.
+/// Refuse a number of joints that needs more memory than is available, before allocation begins. Errors: `Memory`.
 pub(crate) fn require_memory(joints: usize) -> Result<()> {
     memory::require(joints.saturating_mul(BYTES_PER_JOINT))
 }
@@ -240,7 +241,7 @@ pub(super) fn depth_first(parents: &[Option<usize>]) -> Vec<usize> {
     order
 }
 
-/// Return the unit vector along `axis`.
+/// Return the unit vector along `axis`. Errors: `Input` for an axis that is zero or not finite.
 pub(super) fn unit(argument: &str, axis: [f64; 3]) -> Result<[f64; 3]> {
     finite(argument, &axis)?;
     // The axis is scaled first, so that tiny and huge axes neither underflow nor overflow.

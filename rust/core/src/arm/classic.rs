@@ -20,7 +20,7 @@ use crate::spatial::{Inertia, Matrix3, Placement, RotationMatrix, Vector3};
 ///
 /// let row = DhRow { kind: JointKind::Revolute, a: 1.0, alpha: 0.0, d: 0.0, theta: 0.0, phi: [0.0; 10] };
 /// let frame = |convention| Evaluator::new(&Arm::from_dh(&[row.clone()], convention, [0.0; 3])?).pose(&dvector![FRAC_PI_2], 0);
-/// // The joint axis is before the link of length `a`, or behind it.
+/// // In the standard convention, the joint moves the link of length `a`. In the modified convention, the joint is at the end of this link.
 /// assert!((frame(Convention::Standard)?.translation.y - 1.0).abs() < 1e-15);
 /// assert!((frame(Convention::Modified)?.translation.x - 1.0).abs() < 1e-15);
 /// assert_eq!(Convention::parse("modified")?, Convention::Modified);
@@ -168,8 +168,8 @@ impl Arm {
     /// Return the pendulum `I a + G sin(theta) = tau`, where theta is measured from the downward vertical.
     ///
     /// `inertia`: `I`, kg m^2. `gravity_moment`: `G`, N m. The pendulum is a point mass `G^2 / (I g0^2)` at the distance `I g0 / G`. It
-    /// moves in the x-y plane, with the gravity `g0 = 9.81` m/s^2 along -y. Errors: `Input` if `inertia` is not positive, or a number not
-    /// finite.
+    /// moves in the x-y plane, with the gravity `g0 = 9.81` m/s^2 along -y. Errors: `Input` if `inertia` is not positive, or if a number is
+    /// not finite.
     pub fn pendulum(inertia: f64, gravity_moment: f64) -> Result<Arm> {
         crate::error::positive("inertia", inertia)?;
         finite("gravity_moment", &[gravity_moment])?;

@@ -2,9 +2,10 @@
 //! *leader*.
 //!
 //! A follower has its own body. Its drive and its limits are combined with the drive and the limits of the leader: `tau = G' tau_joints`
-//! with `q_joints = G q + c`. The rotor inertia and the viscous friction of the follower, multiplied with `multiplier^2`, are added to the
-//! leader. The Coulomb friction of the follower, multiplied with `|multiplier|`, is added too. The follower's limits restrict the position
-//! range of the leader. The effort limit of the follower is ignored, because the motor of the leader moves all joints.
+//! with `q_joints = G q + c`, where the prime is the transpose. The rotor inertia and the viscous friction of the follower, multiplied with
+//! `multiplier^2`, are added to the leader. The Coulomb friction of the follower, multiplied with `|multiplier|`, is added too. The
+//! follower's limits restrict the position range and the speed of the leader. The effort limit of the follower is ignored, because the
+//! motor of the leader moves all joints.
 
 use super::{Arm, Joint, Limits};
 use crate::error::{Error, Result, finite, listed};
@@ -61,8 +62,8 @@ pub const MOST_BODIES: usize = 256;
 /// The index of a joint's leader, the multiplier and the offset.
 pub type Follows = (usize, f64, f64);
 
-/// For each joint, find the free joint that it follows through a chain of followers. The result is `None` for free joints. The error is the
-/// index of a joint in a cycle of followers.
+/// For each joint, find the joint without a leader that it follows, directly or through a chain of followers. The result is `None` for a
+/// joint without a leader. The error is the index of a joint in a cycle of followers.
 pub fn resolved(given: &[Option<Follows>]) -> std::result::Result<Vec<Option<Follows>>, usize> {
     let (mut out, mut known) = (given.to_vec(), vec![false; given.len()]);
     let (mut way, mut passed) = (Vec::new(), vec![false; given.len()]);

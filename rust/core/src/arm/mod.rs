@@ -70,7 +70,7 @@ pub struct Arm {
 }
 
 impl Clone for Arm {
-    /// Clone the arm. The copy of a large arm takes long, and calls [`look`].
+    /// Clone the arm. The copy of a large arm takes long. So it checks for an interrupt ([`look`]).
     fn clone(&self) -> Self {
         Arm {
             name: self.name.clone(),

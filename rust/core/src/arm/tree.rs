@@ -46,7 +46,8 @@ pub struct Body<S: Real> {
     /// The quarter turn that equals `rotation`, if there is one.
     pub quarter: Option<QuarterTurn>,
     pub translation: Vector3<f64>,
-    /// Whether the joint's origin equals the parent's origin in every state, as in a wrist. Then moments need no shift.
+    /// Whether the joint's origin equals the parent's origin in every state, as in a spherical wrist. Then first moments and inertias are
+    /// not shifted from one origin to the other.
     pub concentric: bool,
     /// The inertia in compiled axes, about the joint origin.
     pub inertia: Inertia<S>,
@@ -101,8 +102,8 @@ pub struct Tree<S: Real> {
     pub is_shallow: bool,
 }
 
-/// A tree is shallow if the mean number of joints on the path to a body is at most this limit. A joint without a quarter turn counts as
-/// [`GENERAL`] joints. Forward dynamics with the mass matrix is then faster (`docs/adr/0008`).
+/// A tree is shallow if it has at most [`MOST_JOINTS`] joints, and at most this mean number of joints on the path to a body. A joint whose
+/// placement is not a quarter turn counts as [`GENERAL`] joints. Forward dynamics with the mass matrix is then faster (`docs/adr/0008`).
 const SHALLOW: f64 = 7.0;
 /// The relative computing time of a joint whose placement is not a quarter turn. The unit is the time of a joint with a quarter turn.
 const GENERAL: f64 = 1.25;
@@ -240,8 +241,8 @@ impl<S: Real> Tree<S> {
         Tree::lanes(&compiled)
     }
 
-    /// Set the inertial parameters, shape `(10 bodies,)`, in the body frames of the model, in the order of [`crate::spatial`], lane by
-    /// lane.
+    /// Set the inertial parameters, shape `(10 bodies,)`, in the body frames of the model, in the order of [`crate::spatial`]. They may
+    /// differ between lanes.
     pub fn set_parameters(&mut self, pi: &[S]) {
         for (body, p) in self.bodies.iter_mut().zip(pi.chunks_exact(PARAMETERS)) {
             look();

@@ -46,8 +46,8 @@ impl UrdfJoint {
     }
 }
 
-/// For each joint of the file, find the free joint that it follows. Drives and limits of followers are combined with the drives and limits
-/// of their leaders. Errors: `Model`.
+/// For each joint of the file, find the joint without a leader that it follows. Drives and limits of followers are combined with the drives
+/// and limits of their leaders. Errors: `Model`.
 pub fn join(source: &Source, robot: &mut Robot, mode: MimicMode) -> Result<Vec<Option<Follows>>> {
     let index: HashMap<&str, usize> = robot.joints.iter().enumerate().map(|(i, joint)| (joint.name.as_str(), i)).collect();
     let mut given = vec![None; robot.joints.len()];

@@ -6,10 +6,10 @@
 //!
 //! In an arm, a body has a rotation matrix and ten inertial parameters. Angles and centres of mass in a file may round them. Then the
 //! writer adds the attribute `rotation` to `<origin>`, and `parameters` to `<inertial>`. These two attributes are also extensions of URDF.
-//! The reader uses them if they agree with the rounded numbers. So an arm that is written and read again has the same bits, and a number
-//! changed by hand is effective.
+//! The reader uses them if they agree with the rounded numbers. So an arm that URDF can represent has the same bits after it is written and
+//! read again. A number changed by hand is effective.
 //!
-//! Implausible numbers are refused (`plausible`), because rounding errors would dominate the dynamics of such an arm.
+//! Numbers beyond the limits of `plausible` are refused, because rounding errors would dominate the dynamics of such an arm.
 
 #[cfg(feature = "urdf")]
 mod assemble;

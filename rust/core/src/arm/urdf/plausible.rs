@@ -1,5 +1,5 @@
 //! Limits of the numbers in a robot's file. A number beyond its limit indicates a lost exponent or a wrong unit, and rounding errors would
-//! dominate the dynamics. Every real machine is within the limits: a crane, a ship, a gantry with a model in millimetres.
+//! dominate the dynamics. A crane, a ship, and a gantry with a model in millimetres are within the limits.
 
 use crate::spatial::{Sym3, Vector, Vector3};
 

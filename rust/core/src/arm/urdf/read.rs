@@ -2,7 +2,7 @@
 //! (`assemble`).
 //!
 //! Reading time is linear in the size of the file. The code recurses only for undeclared prefixes, at most eight times. Before parsing, a
-//! scan of the text refuses everything that slows the XML parser: many attributes in one tag, many namespaces, deep nesting.
+//! scan of the text refuses texts that slow the XML parser: many attributes in one tag, many namespaces, deep nesting.
 
 use super::followers::MimicMode;
 use super::{assemble, declaration, element};
@@ -137,8 +137,8 @@ fn too_large() -> String {
     format!("is too large: expected at most {MAX_BYTES} bytes")
 }
 
-/// Refuse sizes that no robot needs and that slow the parser. Except for `xmlns`, the scan skips comments and quoted text. The parser
-/// reports malformed text.
+/// Refuse texts that slow the parser: too many namespaces, attributes in one tag, or nested elements. Except for `xmlns`, the scan skips
+/// comments and quoted text. The parser reports malformed text.
 fn scan(source: &Source, text: &str) -> Result<()> {
     if let Some((at, _)) = text.match_indices("xmlns").nth(MAX_NAMESPACES) {
         return Err(source.error(source.line(at), format!("declares too many namespaces: expected at most {MAX_NAMESPACES}")));

@@ -1,4 +1,5 @@
-//! The URDF writer. An arm that is written and read again has the same bits. If `c = h / m` or angles are rounded, exact numbers are added.
+//! The URDF writer. An arm that is written and read again has the same bits, except for the properties in the report. If the centre of mass
+//! or the angles of a rotation are rounded, attributes with the exact numbers are added.
 
 use super::plausible::negative_moment;
 use super::plausible::{DRIVE, INERTIA, LENGTH, MASS};
@@ -29,7 +30,7 @@ pub struct Written {
 }
 
 impl Arm {
-    /// Return the arm as URDF: one link per frame, and one for each body without a frame at its origin.
+    /// Return the arm as URDF: one link per frame, and one for the base and each body without a frame at its origin.
     pub fn to_urdf(&self) -> Written {
         let mut report = Vec::new();
         let mut taken: HashSet<String> =
