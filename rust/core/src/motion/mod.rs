@@ -113,7 +113,7 @@ impl Motion {
         }
     }
 
-    /// Times at which integrators restart, because a derivative of the motion jumps, s, increasing. A table has none.
+    /// Times at which integrators restart, because a derivative of the motion jumps, s, increasing. The list is empty for a table.
     pub fn breaks(&self) -> Vec<f64> {
         match self {
             Motion::Hold(_) | Motion::Sinusoid(_) | Motion::Table(_) => Vec::new(),
@@ -124,7 +124,7 @@ impl Motion {
     }
 }
 
-/// Write `[x_d, x_d', x_d'']` of each motion at time `t` to `out`, one motion after another, in the order that laws read.
+/// Write the desired position, velocity and acceleration of each motion at time `t`, s, to `out`, one motion after another.
 pub fn sample_all<'a, S: Real>(motions: impl IntoIterator<Item = &'a Motion>, t: f64, out: &mut [S]) {
     let mut at = 0;
     for motion in motions {

@@ -1,5 +1,5 @@
-//! A path `s -> q(s)` of `n` joints, without time. It has one polynomial of at most degree five per piece. Splines and tables are twice
-//! continuously differentiable.
+//! A path `s -> q(s)` of `n` joints, without time. It has one polynomial of at most degree five per piece. A path made by `spline`,
+//! `waypoints` or `table` is twice continuously differentiable.
 //!
 //! ```text
 //! q(s) = sum_k c_k x^k,   x = (s - s_p) / h_p in piece p,   s_p <= s <= s_p + h_p
@@ -8,8 +8,8 @@
 //! ```
 //!
 //! with natural ends (`q'' = 0`), clamped ends (`q' = 0`) or the not-a-knot condition (`q'''` continuous at the second and the last but one
-//! waypoint). `h_k = s_(k+1) - s_k` is the length of piece `k`, and `'` is `d/ds`. A table of `q, q', q''` is interpolated by the quintic
-//! that has all three values at both ends of a piece.
+//! waypoint). The knots are at the path positions `s_k`. `h_k = s_(k+1) - s_k` is the length of piece `k`, and `'` is `d/ds`. A table of
+//! `q, q', q''` is interpolated by the quintic that has all three values at both ends of a piece.
 
 use crate::error::{Error, Result, finite};
 use crate::interrupt::look;
@@ -62,7 +62,7 @@ pub struct Path {
     knots: Vec<f64>,
     /// Coefficients `c_k` of the polynomials `q(x) = sum c_k x^k`, `(P, TERMS, n)`.
     coefficients: Vec<f64>,
-    /// Start and end of the path, `(n,)` each, without rounding errors.
+    /// Start and end of the path, `(n,)` each, exactly as they were passed.
     ends: [Vec<f64>; 2],
 }
 

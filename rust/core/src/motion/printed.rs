@@ -1,5 +1,5 @@
-//! Motions as C code: functions of time with the operations of [`Motion::sample`]. The bits are equal too if armlet and the C code call the
-//! same C library, or no function of it.
+//! Motions as C code: functions of time with the operations of [`Motion::sample`]. The results have equal bits under two conditions. The C
+//! compiler fuses no products. Armlet and the C code call the same C library, or no function of it.
 
 use super::{BangBang, Motion, Quintic, Sinusoid, Table, TimedPath};
 use crate::error::{Error, Result};
@@ -54,7 +54,7 @@ impl Motion {
     }
 }
 
-/// C code that computes the result from `s`, its rate `ds` and its acceleration `dds`.
+/// C code that computes the result from the timing `s`, which increases from 0 to 1, its rate `ds` and its acceleration `dds`.
 const ALONG: &str = "    for (i = 0; i < N; i++) {
         const double d = q1[i] - q0[i];
         out[i] = s == 1.0 ? q1[i] : q0[i] + d * s;
@@ -195,8 +195,8 @@ impl Table {
     }
 }
 
-/// C code for `cosh w`, `sinh(w)/w` and `tanh(w/2)/w` with `w^2 = z`, or their circular counterparts. It calls the C library. Its bits
-/// equal the bits of armlet if armlet calls the same C library.
+/// C code for `cosh w`, `sinh(w)/w` and `tanh(w/2)/w` with `w^2 = z`. For `z < 0`, the functions are `cos w`, `sin(w)/w` and `tan(w/2)/w`
+/// with `w^2 = -z`. The code calls the C library.
 const WAVES: &str = "        double wave_c, wave_s, wave_t;
         if (fabs(z) < 1e-3) {
             wave_c = 1.0 + z * (1.0 / 2.0 + z * (1.0 / 24.0 + z * (1.0 / 720.0 + z * (1.0 / 40320.0 + z / 3628800.0))));

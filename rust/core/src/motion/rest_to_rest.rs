@@ -1,7 +1,7 @@
-//! Motions from rest to rest on a straight line in joint space, `q = q0 + (q1 - q0) s(t)`, with one of two timings:
+//! Motions from rest to rest on a straight line in joint space, `q = q0 + (q1 - q0) s(t)`, with one of two timings over the duration `T`:
 //!
 //! - quintic, with zero end accelerations: `s = 10 x^3 - 15 x^4 + 6 x^5`, `x = t / T`;
-//! - symmetric bang-bang: `s'' = 4 / T^2` for `T/2`, then its negative. The acceleration is right-continuous, and zero after `T`.
+//! - symmetric bang-bang: `s_ddot = 4 / T^2` for `T/2`, then its negative. The acceleration is right-continuous, and zero from `T` on.
 
 use crate::error::{Error, Result, finite, positive};
 use crate::scalar::Real;
@@ -44,7 +44,8 @@ impl Timing for QuinticTiming {
         } else {
             let x = t * rate;
             let y = 1.0 - x;
-            // The derivatives are s' = 30 x^2 (1-x)^2 and s'' = 60 x (1-x)(1-2x). In this factored form they vanish exactly at the ends.
+            // With respect to x, the derivatives of s are 30 x^2 (1-x)^2 and 60 x (1-x)(1-2x). In this factored form they vanish exactly at
+            // the ends.
             [x * x * x * (10.0 + x * (6.0 * x - 15.0)), 30.0 * (x * y) * (x * y) * rate, 60.0 * x * y * (y - x) * rate * rate]
         }
     }

@@ -77,7 +77,7 @@ impl Sinusoid {
         [q, v, a]
     }
 
-    /// Compute [`super::Motion::sample_each`] for eight times per register. Products are not fused, as in single samples.
+    /// Compute [`super::Motion::sample_each`] for eight times together. Products are not fused, as in single samples.
     pub(super) fn sample_each(&self, times: &[f64], stride: usize, out: &mut [f64]) {
         let n = self.dof();
         for (times, rows) in times.chunks(8).zip(out.chunks_mut(8 * stride)) {

@@ -7,7 +7,8 @@
 //! v = q' r,   a = q' u + q'' r^2
 //! ```
 //!
-//! Here `r_i = sqrt(x_i)` and `h = s_(i+1) - s_i`. `v` and `a` are joint velocities and accelerations, with `q' = dq/ds`.
+//! Here `x_i` is the squared path speed at the grid point `s_i`, `r_i = sqrt(x_i)`, and `h = s_(i+1) - s_i`. In the segment from `s_i`, `u`
+//! begins at `u_0` and has the slope `b`. `v` and `a` are joint velocities and accelerations, with `q' = dq/ds`.
 //!
 //! `TimedPath::cubic` makes `u` linear in time between the points, so that `s(t)` is a C2 cubic spline. The acceleration is
 //! right-continuous. The motion holds the start before time zero, and the end after `duration`. At `duration` it has its end speed.
@@ -74,7 +75,7 @@ fn arc(z: f64) -> f64 {
     }
 }
 
-/// `cosh(w)`, `sinh(w)/w` and `tanh(w/2)/w` with `w^2 = z`; their circular counterparts for `z < 0`.
+/// `cosh(w)`, `sinh(w)/w` and `tanh(w/2)/w` with `w^2 = z`. For `z < 0`: `cos(w)`, `sin(w)/w` and `tan(w/2)/w` with `w^2 = -z`.
 fn waves(z: f64) -> (f64, f64, f64) {
     if z.abs() < 1e-3 {
         let cosh = 1.0 + z * (1.0 / 2.0 + z * (1.0 / 24.0 + z * (1.0 / 720.0 + z * (1.0 / 40320.0 + z / 3628800.0))));
