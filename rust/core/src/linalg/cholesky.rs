@@ -13,8 +13,8 @@ pub fn factor(n: usize, a: &[f64]) -> Option<Vec<f64>> {
     (factor_into(n, a, &mut l) == 1.0).then_some(l)
 }
 
-/// Write the lower factor to the lower triangle of `l`, and leave the other entries unchanged. Return one if `a` is positive definite,
-/// otherwise zero.
+/// Write the lower factor to the lower triangle of `l`, and leave the other entries unchanged. Return one in lanes where `a` is positive
+/// definite, otherwise zero.
 pub fn factor_into<S: Real>(n: usize, a: &[S], l: &mut [S]) -> S {
     let (zero, infinity, mut definite) = (S::zero(), S::splat(f64::INFINITY), S::splat(1.0));
     for i in 0..n {

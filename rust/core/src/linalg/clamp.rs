@@ -1,5 +1,6 @@
 //! The spectral clamp `sigma -> sigma / max(sigma, eps)^2` of singular values. It equals the pseudo-inverse if `sigma >= eps`, is
-//! continuous in the matrix, and is bounded by `1/eps`. The clamp leaves the fraction `1 - min(1, (sigma/eps)^2)` of a direction free.
+//! continuous in the matrix, and is bounded by `1/eps`. In task priority, the clamp leaves the fraction `1 - min(1, (sigma/eps)^2)` of the
+//! singular direction to lower levels.
 
 /// Return the gain of the clamped inverse, in 1/unit of `sigma`. It is zero for `sigma = 0`, also if `eps = 0`.
 #[inline]

@@ -8,7 +8,7 @@
 //!
 //! The sweeps make `B = V' A V` nearly diagonal. Then `f(A) = V F V'`, where `F_ii = f(B_ii)` and
 //! `F_ij = B_ij (f(B_ii) - f(B_jj)) / (B_ii - B_jj)` (Daleckii and Krein). So the result includes the off-diagonal entries of `B` to first
-//! order. The derivative of the result does not depend on the derivative of `V`.
+//! order. To this order, the result and its derivative do not depend on the choice of `V`.
 
 use super::jacobi_rotation::{JacobiRotation, least_to_turn};
 use crate::scalar::Real;

@@ -1,6 +1,7 @@
 //! Eigenvalues of any square matrix by the QR algorithm with a limited number of iterations (Golub and Van Loan, Matrix Computations, 7.5).
 //!
-//! The matrix is first balanced (Parlett and Reinsch 1969), because rates of position and of motor speed differ by orders of magnitude.
+//! The matrix is first balanced (Parlett and Reinsch 1969), because the rows of a Jacobian can differ by orders of magnitude. Examples are
+//! the rates of positions and of motor speeds.
 
 use crate::error::{Error, Result, finite};
 use crate::status::Status;
@@ -61,7 +62,7 @@ mod tests {
 
     #[test]
     fn knows_oscillators() {
-        // x'' + 2 zeta w x' + w^2 x = 0 for two very different frequencies w, rad/s.
+        // x_ddot + 2 zeta w x_dot + w^2 x = 0 for two very different frequencies w, rad/s.
         let (slow, fast) = ((0.5, 1.0), (0.1, 1e4));
         let block = |(zeta, w): (f64, f64)| [0.0, 1.0, -w * w, -2.0 * zeta * w];
         let (s, f) = (block(slow), block(fast));

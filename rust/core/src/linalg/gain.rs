@@ -5,7 +5,8 @@ use crate::linalg::cholesky::require_positive_definite;
 use crate::scalar::Real;
 use nalgebra::DMatrix;
 
-/// A gain of size `n`. It is symmetric positive definite, except for gains of [`Gain::not_negative`] and internal products.
+/// A gain of size `n`. It is symmetric positive definite, except for gains of [`Gain::not_negative`] and results of computations with
+/// gains.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Gain {
     n: usize,
@@ -171,7 +172,7 @@ impl Gain {
     }
 }
 
-/// Products of a gain with vectors, as used in a step.
+/// Products of a gain `K` with vectors, for a control step. The prime is the transpose.
 pub trait Multiply<S: Real> {
     /// Write `y = K x`.
     fn multiply(&self, x: &[S], y: &mut [S]);
@@ -251,7 +252,7 @@ impl<S: Real, B: AsRef<[S]>> Multiply<S> for Full<B> {
     }
 }
 
-/// A gain that is diagonal or full, as known at run time, with one gain per lane.
+/// A gain per lane. All gains are diagonal, or all are full, which is known only at run time.
 #[derive(Clone, Debug)]
 pub enum AnyGain<S> {
     Diagonal(Diagonal<Vec<S>>),

@@ -82,7 +82,7 @@ impl<S: Real> Entry for Complex<S> {
     }
 }
 
-/// A decomposition with at least this number of rows takes milliseconds.
+/// The number of rows from which a decomposition calls `stopped`, because it takes milliseconds or longer.
 const LONG: usize = 200;
 
 /// Decompose `a`, shape `(n, n)`, in place. `pivots[k]` is the index of the row that is exchanged with row `k`.

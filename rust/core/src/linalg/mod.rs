@@ -1,4 +1,5 @@
-//! Small dense linear algebra on row-major slices, with their sizes as separate arguments. The number of iterations is always limited.
+//! Small dense linear algebra on row-major slices, with their sizes as separate arguments. Iterative algorithms have a limit on the number
+//! of iterations.
 //!
 //! The routines of a control step reuse their memory: `cholesky::factor_into`, `ClampedInverse`, `lu`, `Pairs` and `Svd::decompose`.
 

@@ -1,4 +1,4 @@
-//! Orthonormal null bases, `A N = 0` with `N'N = I`, from the right singular vectors beyond the rank.
+//! Orthonormal null bases, `A N = 0` with `N'N = I`, from the right singular vectors beyond the rank. The prime is the transpose.
 //!
 //! The formula `I - A'(A A')^-1 A` is not used. It squares the condition number, and so increases the error of the projector.
 

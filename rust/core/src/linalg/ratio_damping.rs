@@ -1,6 +1,6 @@
-//! The damping matrix `D = 2 zeta M^1/2 (M^-1/2 K M^-1/2)^1/2 M^1/2`, for which every mode of `M x'' + D x' + K x = 0` has the damping
-//! ratio `zeta`. Method: double diagonalisation, `M = Q'Q`, `K = Q' diag(k) Q`, `D = 2 zeta Q' diag(k)^1/2 Q` (Albu-Schaeffer, Ott, Frese
-//! and Hirzinger 2003).
+//! The damping matrix `D = 2 zeta M^1/2 (M^-1/2 K M^-1/2)^1/2 M^1/2`, for which every mode of `M x_ddot + D x_dot + K x = 0` has the
+//! damping ratio `zeta`. Method: double diagonalisation, `M = Q'Q`, `K = Q' diag(k) Q`, `D = 2 zeta Q' diag(k)^1/2 Q` (Albu-Schaeffer, Ott,
+//! Frese and Hirzinger 2003).
 
 use super::{Gain, symmetric_eigen};
 use crate::error::{Result, positive};

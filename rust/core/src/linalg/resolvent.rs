@@ -1,5 +1,5 @@
 //! Linear systems `(s I - J) u = b`, where `J` is the Jacobian of a mechanical system. Its state is
-//! `x = [x_1, x_1', x_2, x_2', ..., rest]`, with blocks of one number per joint. The row of a position `p` with the rate `c` is
+//! `x = [x_1, x_1_dot, x_2, x_2_dot, ..., rest]`, with blocks of one number per joint. The row of a position `p` with the rate `c` is
 //! `s u_p - u_c = b_p`. So the positions are eliminated. For each other row `r`, an equation remains:
 //! `s u_r - sum (J_rc + J_rp / s) u_c = b_r + sum J_rp b_p / s`. The sums are over all `c`, the components that are not positions; `J_rp`
 //! is zero without a position `p` of the rate `c`.

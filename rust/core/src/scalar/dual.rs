@@ -1,5 +1,5 @@
-//! Dual numbers `a + sum b_k eps_k` with `eps_i eps_k = 0`. They compute exact derivatives along one direction or along several:
-//! `f(x + v eps) = f(x) + f'(x) v eps`.
+//! Dual numbers `a + sum b_k eps_k` with `eps_i eps_k = 0`. They compute derivatives without truncation error along one direction or along
+//! several, where the prime is the derivative: `f(x + v eps) = f(x) + f'(x) v eps`.
 //!
 //! The derivatives `b_k` are the lanes of a number, and share the value `a`. A Jacobian of `n` columns takes `ceil(n / lanes)` evaluations.
 

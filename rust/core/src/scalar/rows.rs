@@ -29,8 +29,8 @@ pub fn read_one<S: Real>(given: &[f64], to: &mut [S]) -> bool {
     bad == [0; 4]
 }
 
-/// Copy numbers with one lane to a row. Return whether all numbers are finite. Negative zeros become positive, because programs do not keep
-/// their signs.
+/// Copy numbers with one lane to a row. Return whether all numbers are finite. Negative zeros become positive, because programs (recorded,
+/// compiled functions) do not keep the signs of zeros.
 #[inline(always)]
 pub fn write_one<S: Real>(values: &[S], out: &mut [f64]) -> bool {
     let ((fours, rest), (to_fours, to_rest)) = (values.as_chunks::<4>(), out.as_chunks_mut::<4>());

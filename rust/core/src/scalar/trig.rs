@@ -6,7 +6,7 @@
 //! coefficients). From `|x| = REDUCTION_LIMIT` on, and for NaN, the library function is
 //! called for each such lane.
 
-/// Below this `|x|`, rad, the reduction in three parts is accurate enough.
+/// Below this `|x|`, rad, sine and cosine have an error of at most 1.5 units in the last place.
 pub const REDUCTION_LIMIT: f64 = 1.0e6;
 
 pub(crate) const TWO_OVER_PI: f64 = std::f64::consts::FRAC_2_PI;
@@ -30,7 +30,8 @@ pub(crate) const COS: [f64; 6] = [
     4.166_666_666_666_660_190_37e-2,
 ];
 
-/// Return `a b + c`. Callers set `FUSED` only if [`fuses`](super::fuses) is true. Generic code for x86-64 would call the C library.
+/// Return `a b + c`. Callers set `FUSED` only if [`fuses`](super::fuses) is true. `f64::mul_add` would call the C library in code that is
+/// compiled for all x86-64 processors.
 #[inline(always)]
 pub(super) fn fma<const FUSED: bool>(a: f64, b: f64, c: f64) -> f64 {
     if !FUSED {

@@ -1,7 +1,8 @@
-//! The inertia of a body about the origin of its frame: mass `m`, first moment `h = m c`, and second moment `I`. It satisfies
+//! The inertia of a body about the origin of its frame: mass `m`, first moment `h = m c`, and moment of inertia `I`. `c` is the centre of
+//! mass. The force `f` and the moment `n` on the body are
 //!
-//! `f = m a + wd x h + w x (w x h)`, `n = I wd + w x I w + h x a`. Here `f, n` are force and moment, `a` is the acceleration of the origin,
-//! and `w, wd` are angular velocity and acceleration.
+//! `f = m a + wd x h + w x (w x h)`, `n = I wd + w x I w + h x a`. Here `a` is the acceleration of the origin, and `w, wd` are angular
+//! velocity and acceleration.
 //!
 //! If the reference point moves by `-p`, the old origin is at `p` relative to the new origin. Then `h_new = h + m p` and `I_new = I + (h.p
 //! + p.h_new) 1 - (p h_new' + h p')`, where the prime is the transpose (Huygens-Steiner).

@@ -19,10 +19,10 @@ use nalgebra::Matrix3;
 /// ```
 pub trait RotationMatrix: Sized {
     const IDENTITY: Self;
-    /// Return `Rz(yaw) Ry(pitch) Rx(roll)`, angles in rad. If an angle is a multiple of a right angle up to decimal rounding, its sine and
+    /// Return `Rz(yaw) Ry(pitch) Rx(roll)`, angles in rad. If an angle is a multiple of a right angle up to rounding (1e-15), its sine and
     /// cosine are exact. So a rotation that permutes the axes is exact.
     fn from_rpy(rpy: [f64; 3]) -> Self;
-    /// Return angles, rad, for which [`RotationMatrix::from_rpy`] returns this rotation.
+    /// Return angles, rad, for which [`RotationMatrix::from_rpy`] returns this rotation, up to rounding.
     fn to_rpy(self) -> [f64; 3];
     /// Return the rotation by `angle`, rad, about the unit vector `axis` (Rodrigues).
     fn from_axis_angle(axis: Vector3<f64>, angle: f64) -> Self;

@@ -6,10 +6,11 @@
 //! d(P || Q) = log(|Q| / |P|) + tr(Q^-1 P) - 4 >= 0
 //! ```
 //!
-//! A body is physically possible if `P > 0`, and only then. In this case, a mass distribution without negative density and not on one plane
-//! has these parameters. Let `L` be the dual of `y = Y' s`, so that `tr(P(pi) L) = pi . y` for every `pi`. The adaptation law
-//! `P_hat' = gamma P_hat L P_hat` then has the property `d/dt d(P || P_hat) / gamma = (pi_hat - pi) . y`. Slotine and Li's proof requires
-//! this property of an adaptation law. `P_hat` remains positive definite.
+//! Here `h'`, `r'` and `Y'` are transposes, `c` is the centre of mass, and `|P|` is the determinant. A body is physically possible if
+//! `P > 0`, and only then. In this case, a mass distribution without negative density and not on one plane has these parameters. Let `L` be
+//! the dual of `y = Y' s`, with the regressor `Y` of the body and the sliding variable `s`, so that `tr(P(pi) L) = pi . y` for every `pi`.
+//! The adaptation law `d P_hat / dt = gamma P_hat L P_hat` then has the property `d/dt d(P || P_hat) / gamma = (pi_hat - pi) . y`. Slotine
+//! and Li's proof requires this property of an adaptation law. `P_hat` remains positive definite.
 
 use super::{PARAMETERS, parameter::INERTIA};
 use crate::scalar::Real;
@@ -68,8 +69,8 @@ pub fn adjoint<S: Real>(w: &Pseudo<S>) -> [S; PARAMETERS] {
     [w[3][3], twice(0, 3), twice(1, 3), twice(2, 3), xx, -twice(0, 1), yy, -twice(0, 2), -twice(1, 2), zz]
 }
 
-/// Return `d pi_hat / dt` of a body's estimate. Its pseudo-inertia follows `P_hat' = gamma P_hat L P_hat`, where `L` is the [`dual`] of
-/// `y = Y' s`. This is gradient descent in the natural metric.
+/// Return `d pi_hat / dt` of a body's estimate. Its pseudo-inertia follows `d P_hat / dt = gamma P_hat L P_hat`, where `L` is the [`dual`]
+/// of `y = Y' s`. This is gradient descent in the natural metric.
 #[inline]
 pub fn natural_rate<S: Real>(pi_hat: &[S; PARAMETERS], y_t_s: &[S; PARAMETERS], gamma: S) -> [S; PARAMETERS] {
     let (p, l) = (pseudo_inertia(pi_hat), dual(y_t_s));

@@ -1,5 +1,5 @@
-//! The identity, and rotations by 90, 180 or 270 degrees about x, and by 90 or 270 degrees about y. With z along the joint axis, most joint
-//! placements of robots are of this kind. They need no product, because components only change their places and signs. Example with
+//! The identity, and rotations by 90, 180 or 270 degrees about x, and by 90 or 270 degrees about y. With z along the joint axis, the joint
+//! placements of many robots are of this kind. They take no product, because components only change their places and signs. Example with
 //! `R = Rx(90)`:
 //!
 //! `R (x, y, z) = (x, -z, y)`, and `M R` has the columns `(m_x, m_z, -m_y)`.
@@ -7,7 +7,7 @@
 use super::{Matrix, Matrix3, RotationMatrix, Sym3, Vector, Vector3};
 use crate::scalar::Real;
 
-/// The identity, or a rotation about x or y by a multiple of a right angle. Its products permute components.
+/// The identity, or a rotation by 90, 180 or 270 degrees about x, or by 90 or 270 degrees about y. Its products permute components.
 ///
 /// ```
 /// use armlet_core::spatial::{Matrix3, QuarterTurn, RotationMatrix, Vector3};

@@ -2,7 +2,7 @@
 //!
 //! Of four formulas for the unit quaternion `(w, u)`, the code selects the one with the largest square root (Shepperd 1978). Then
 //! `log R = 2 atan2(|u|, |w|) sign(w) u / |u|`, which is accurate at every angle. Near the identity, the factor of `sign(w) u` is
-//! `2 / w (1 - |u|^2/(3 w^2))`.
+//! `2 / |w| (1 - |u|^2/(3 w^2))`.
 
 use super::{Matrix3, Vector3};
 use crate::scalar::Real;
@@ -50,7 +50,7 @@ pub fn rotation_log<S: Real>(r: &Matrix3<S>) -> Vector3<S> {
 }
 
 /// Return the rotation matrix of the rotation vector `r = vector`, rad (Rodrigues): `cos t 1 + sin t / t [r]x + (1 - cos t) / t^2 r r'`
-/// with `t = |r|` and the cross-product matrix `[r]x`.
+/// with `t = |r|`, the cross-product matrix `[r]x` and the transpose `r'`.
 #[inline]
 pub fn rotation_exp<S: Real>(vector: [S; 3]) -> Matrix3<S> {
     let [x, y, z] = vector;
@@ -129,7 +129,7 @@ mod tests {
     fn its_derivative_at_the_identity_is_the_rate_of_turning() {
         let turning = rotation_exp([0.0; 3]);
         let rate = [0.3, -0.2, 0.5];
-        // At R = 1, the derivative is R' = [rate]x R.
+        // At R = 1, the derivative is R_dot = [rate]x R.
         let r = Matrix3::from_columns(&std::array::from_fn::<_, 3, _>(|c| {
             let column = Vector3::from(rate).cross(turning.axis(c));
             Vector3::from(std::array::from_fn(|k| Dual::new(turning.axis(c)[k], column[k])))

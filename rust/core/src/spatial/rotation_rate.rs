@@ -1,7 +1,7 @@
 //! The angular velocity of a rotation `exp(r)` whose rotation vector `r` changes, and the derivative of this velocity.
 //!
-//! From the left Jacobian, `w = r' + b r x r' + c r x (r x r')`, with `b = (1 - cos t) / t^2`, `c = (t - sin t) / t^3` and `t = |r|`.
-//! See Chirikjian, Stochastic Models, Information Theory, and Lie Groups, volume 2, 10.86.
+//! From the left Jacobian, `w = r_dot + b r x r_dot + c r x (r x r_dot)`, with `b = (1 - cos t) / t^2`, `c = (t - sin t) / t^3` and
+//! `t = |r|`. See Chirikjian, Stochastic Models, Information Theory, and Lie Groups, volume 2, 10.86.
 
 use super::{Vector, Vector3};
 use crate::scalar::Real;
@@ -24,7 +24,7 @@ fn series<S: Real>(s: S, first: usize) -> (S, S) {
 }
 
 /// Return angular velocity, rad/s, and angular acceleration, rad/s^2, of `exp(r)` in world axes. Arguments: the rotation vector `r`, rad,
-/// and its time derivatives `r'`, rad/s, and `r''`, rad/s^2.
+/// and its time derivatives `rate`, rad/s, and `acceleration`, rad/s^2.
 pub fn rotation_rate<S: Real>(r: Vector3<S>, rate: Vector3<S>, acceleration: Vector3<S>) -> (Vector3<S>, Vector3<S>) {
     let (one, two) = (S::splat(1.0), S::splat(2.0));
     let square = r.dot(r);
