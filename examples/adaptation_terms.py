@@ -23,13 +23,13 @@ rich = al.Sinusoid([0.1, 0.2], [[0.5, 0.3], [0.6, 0.3]], [[1.1, 3.1], [1.7, 4.3]
 poor = al.Quintic([0.1, 0.2], [0.8, -0.5], 3.0)
 motions = {"sum of sines": rich, "quintic and hold": poor}
 
-# A rotor and a link that rotate about the same axis cannot be distinguished, so the rotor inertias are known here. The base parameters are
-# all parameters that affect the motion.
+# The inertias of a rotor and of a link that rotate about the same axis cannot be distinguished. So the law knows the rotor inertias. The base
+# parameters are all combinations of inertial parameters that affect the motion.
 base = arm.base_parameters()
 viscous = {"friction": ("viscous",)}
 
-# Concurrent learning requires samples of an earlier motion. Here they are windows of 0.2 s from the first 8 s of a plain run. Windows need
-# no measured acceleration.
+# Concurrent learning requires samples of an earlier motion. Here they are windows of 0.2 s from a run of 8 s without concurrent learning.
+# Windows need no measured acceleration.
 plain = al.Adaptive(arm, rich, kp=60.0, kd=20.0, gamma=3.0, base=base, **viscous)
 earlier = al.simulate(plant, plain, [0.1, 0.2], t_end=8.0, dt=2e-3)
 samples = al.select_samples(plain, earlier.q, earlier.v, earlier.tau, 20, t=earlier.t, window=0.2)
@@ -58,7 +58,7 @@ def rate(t: np.ndarray, x: np.ndarray) -> float:
 
 
 def settled(t: np.ndarray, error: np.ndarray, band: float) -> float:
-    """The time after which the error stays below `band`, s; infinity if it is above in the last twentieth of the run."""
+    """The time after which the error stays below `band`, s; infinity if the error exceeds it in the last twentieth of the run."""
     outside = np.flatnonzero(error > band)
     if not len(outside):
         return 0.0
@@ -86,7 +86,7 @@ if len(sys.argv) > 1:
     figure = plt.figure(figsize=(9.0, 3.6), layout="constrained")
     axes = figure.subplots(1, 2, sharey=True)
     for ax, motion_name in zip(axes, motions, strict=True):
-        # Four curves coincide after the quintic: each is drawn narrower than the one below it.
+        # With the quintic, four curves coincide: each is drawn narrower than the one below it.
         for name, width in zip(laws, (1.2, 5.0, 1.2, 3.4, 2.0, 1.0, 1.2), strict=True):
             t, _, wrong = curves[name, motion_name]
             ax.semilogy(t, wrong, linewidth=width, solid_capstyle="butt", label=name)

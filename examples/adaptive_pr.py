@@ -1,7 +1,8 @@
 """Adaptive tracking
 =================
 
-An adaptive law tracks a motion of a planar PR robot. The law does not know the robot's parameters. The tracking error goes to zero.
+An adaptive law tracks a motion of a robot with a prismatic and a revolute joint (PR). The law does not know the inertial parameters of the
+robot. The tracking error goes to zero.
 
 Run: ``python examples/adaptive_pr.py [figure.png]``
 """

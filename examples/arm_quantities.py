@@ -2,8 +2,8 @@
 ====================
 
 The figure has a planar arm in four poses, with two quantities of its tip. One is the ellipse of tip velocities for joint velocities of
-norm one. The other is the effective mass in every direction. The script also checks identities of the mass matrix, the Coriolis matrix
-and inverse dynamics.
+norm one. The other is the effective mass of the tip by direction. The script also checks identities of the mass matrix, the Coriolis
+matrix and inverse dynamics.
 
 Run: ``python examples/arm_quantities.py [figure.png]``
 """

@@ -1,8 +1,8 @@
 """Path of poses
 =============
 
-From poses of the tool, the script computes a timed motion. The tool follows straight lines with rounded corners. The motion is as fast as
-the torque limits and the speed limits of the tool allow.
+From three poses of a tool, the script computes a timed motion. The tool follows straight lines with a rounded corner. The motion is as fast
+as the limits of torque and joint speed, and the limits of the tool's speed and acceleration, allow.
 
 Run: ``python examples/cartesian_path.py [figure.png]``
 """

@@ -1,8 +1,8 @@
 """Collision detection
 ===================
 
-A momentum observer distinguishes a collision from sensor noise. From 10,000 noisy runs, the figure compares the delay of the detection with
-the rate of false alarms.
+A momentum observer estimates external torques. A collision is detected when its estimate exceeds a threshold, which sensor noise should not
+exceed. For 10,000 noisy runs, the figure has the delay of the detection over the rate of false alarms.
 
 Run: ``python examples/collision_detection.py [figure.png]``
 """
@@ -57,8 +57,8 @@ for gain in (25.0, 50.0, 100.0):  # 1/s
     for sigmas, alarms, median, late in rows[::2]:
         print(f"  {sigmas:4.2f} sigmas: false alarms {100 * alarms:6.2f} %, delay {1e3 * median:5.1f} ms, 99 % within {1e3 * late:5.1f} ms")
 
-# The observer outside of the loop and the observer inside `Guarded` are compared. Only the velocities have noise here, because a loop knows
-# its commanded torque.
+# An observer outside of the loop and the observer of a `Guarded` law are compared. Only the velocities have noise here, because the law
+# knows its commanded torque.
 gain, sigmas = 50.0, 4.5
 rng = np.random.default_rng(1)
 observer = al.MomentumObserver(arm, gain)

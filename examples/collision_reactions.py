@@ -1,8 +1,9 @@
 """Reactions to a collision
 ========================
 
-An arm hits a wall that its law does not know. The momentum observer in the sampled loop detects the contact. The arm then continues,
-stops, floats or retracts. The table has the peak force of each reaction, and the delay of the detection in 10,000 noisy runs.
+An arm hits a wall that its law does not know. A momentum observer in the sampled loop detects the contact. The arm then continues, stops,
+floats (its gravity is compensated) or retracts. The script prints the peak force for each reaction, and the delay of the detection in
+10,000 noisy runs.
 
 Run: ``python examples/collision_reactions.py [figure.png]``
 """
@@ -20,7 +21,7 @@ wall = al.Wall("link2", tip, [-1.0, 0.0, 0.0], stiffness=2e4, damping=50.0)
 plant = al.RigidArm(arm, wall=wall)
 tracking = al.ComputedTorque(arm, motion, kp=400.0, kd=40.0)
 
-# The thresholds are six standard deviations of the residual, in a run of free motion with sensor noise.
+# The thresholds are the absolute mean plus six standard deviations of the observer's residual, in a free motion with sensor noise.
 noise = {"v": 2e-3}  # rad/s, standard deviation of each sample
 sampled = al.Sampling(1e-3, noise=noise, seed=1)
 observer = al.MomentumObserver(arm, 60.0)

@@ -1,8 +1,8 @@
 """Elastic joints against a wall
 =============================
 
-A seven-axis arm with elastic joints presses against a wall under Cartesian impedance control. The figure has the contact force, the joint
-torques, and limits of the controller.
+A seven-axis arm with elastic joints presses against a wall under Cartesian impedance control. The figure has the tip and its target, the
+contact force and the joint torques. The script also prints limits of the controller.
 
 Run: ``python examples/elastic_wall.py [figure.png]``
 """

@@ -1,8 +1,9 @@
 """Pictures of the exam
 ====================
 
-The script draws the PR robot of exercise 1, and figures 2 and 4 of exercise 4. These figures have the symmetric motion of a link under
-gravity with its acceleration, and its inertial torque and gravity torque over time. The two torques always have opposite signs.
+The script draws pictures of a written exam in robotics (docs/exam.md). They are the robot of exercise 1, with a prismatic and a revolute
+joint, and figures 2 and 4 of exercise 4. These figures have position, speed and acceleration of the symmetric motion of a link under
+gravity, and its inertial torque and gravity torque over time. The two torques have opposite signs.
 
 Run: ``python examples/exam_pictures.py [figure.png]``
 """

@@ -1,8 +1,8 @@
 """Exciting motion
 ===============
 
-The script computes the periodic motion within the joint limits that determines the base parameters best. It simulates a noisy record of
-this motion and identifies the arm from the record.
+The script computes a periodic motion within the joint limits, from which the base parameters can be identified with small errors. These are
+the combinations of inertial parameters that affect the motion. It simulates a noisy record of the motion and identifies the arm from it.
 
 Run: ``python examples/exciting_motion.py [figure.png]``
 """
@@ -22,8 +22,8 @@ duration, samples = 10.0, 200
 motion = al.exciting_motion(drawn, duration, limits={"a_max": 10.0}, noise=noise, harmonics=3, samples=samples, iterations=60)
 print(motion)
 
-# Record of twenty periods, with noise on the torque. The periodic motion has a nonzero initial velocity. A robot can reach this velocity
-# from rest by a quintic motion.
+# Record of twenty periods, with noise on the torque. The periodic motion has a nonzero initial velocity. A real robot would first move from
+# rest to this velocity.
 t = np.arange(20 * samples) * (duration / samples)
 q, v, a = (np.array(x) for x in zip(*(motion(time) for time in t), strict=True))
 tau = built.inverse_dynamics(q, v, a) + noise * rng.normal(size=q.shape)
@@ -34,7 +34,7 @@ guess = found.base.projection @ drawn.parameters
 print(f"{found.base.count} base parameters, condition {found.condition:.0f}")
 print(f"largest error as drawn {np.abs(guess - true).max():.3f}, as identified {np.abs(found.values - true).max():.4f} (SI)")
 
-# Twenty periods divide the deviations predicted for one period by the square root of twenty.
+# For twenty periods, the standard deviations predicted for one period are divided by the square root of twenty.
 assert np.all(np.abs(found.values - true) < 4.5 * found.deviations)
 assert np.allclose(found.deviations, motion.deviations / np.sqrt(20.0), rtol=0.1)
 

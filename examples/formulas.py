@@ -1,8 +1,8 @@
 """Formulas of an arm
 ==================
 
-The script prints the mass matrix of a shoulder with two parallel axes as a formula. It compares the formulas with numbers of the core, and
-prints the regressor of the exam's PR robot in LaTeX.
+The script prints the mass matrix of an arm with two parallel joint axes as a formula. It compares the formulas with numbers that the Rust
+core computes, and prints the regressor of a robot with a prismatic and a revolute joint in LaTeX.
 
 Run: ``python examples/formulas.py``
 """

@@ -1,8 +1,8 @@
 """Identification
 ==============
 
-From a noisy record of a six-axis arm, the script identifies the base parameters and their standard deviations. Then it computes a
-physically possible robot from these parameters.
+From a noisy record of the motion of a six-axis arm, the script identifies the base parameters with their standard deviations. These are the
+combinations of inertial parameters that affect the motion. Then it computes a physically possible robot near these parameters.
 
 Run: ``python examples/identification.py [figure.png]``
 """
@@ -13,7 +13,7 @@ import numpy as np
 
 import armlet as al
 
-# `drawn` is the nominal model. `built` is the real arm: each of its parameters differs by up to 20 %.
+# `drawn` is the nominal model. `built` takes the place of the real arm: each of its parameters differs by up to 20 %.
 drawn = al.load_urdf(al.example_urdf("six_axis"))
 rng = np.random.default_rng(4)
 built = drawn.with_parameters(drawn.parameters * rng.uniform(0.8, 1.2, drawn.parameters.size))

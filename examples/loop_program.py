@@ -1,8 +1,8 @@
 """The program of a loop
 =====================
 
-A *program* is the straight-line code of one step of a loop. The example is a pendulum under PD control with gravity
-compensation. The script prints its simplified program, and the number of lines in each form: recorded, simplified, lowered to the
+armlet compiles a control loop to a *program*, which is straight-line machine code. The example is a step of a pendulum under PD control with
+gravity compensation. The script prints its simplified program, and the number of lines in each form: recorded, simplified, lowered to the
 instruction set, and machine code.
 
 Run: ``python examples/loop_program.py [figure.png]``
@@ -17,7 +17,7 @@ law = al.PDGravity(arm, target=[1.0], kp=40.0, kd=7.0)
 program = al.loop_program(al.RigidArm(arm), law, method="euler")
 print(program)
 
-# For larger loops, this table has the number of operations that the recording has, and the number that remain after simplification.
+# For larger loops, the table has the number of operations in the recording, and the number after simplification.
 print("\n   arm            recorded  simplified  instructions  longest chain")
 six = al.load_urdf(al.example_urdf("six_axis"))
 arms = {"pendulum": arm, "planar 2R": al.planar_arm([0.5, 0.4]), "planar 4R": al.planar_arm([0.4] * 4), "six axes": six}

@@ -4,8 +4,8 @@
 A law of armlet controls a MuJoCo model. The script compares this loop with a loop that armlet simulates.
 
 The loop is sampled: MuJoCo calls the law once per step and holds the torque during the step. With MuJoCo's Runge-Kutta method both loops
-integrate equal equations by the same method, so they differ only by rounding. With MuJoCo's semi-implicit Euler method they differ by the
-error of this method, which is proportional to the step.
+integrate equal equations by the same method, so they differ only by rounding errors. With MuJoCo's semi-implicit Euler method they differ by
+the error of this method, which is proportional to the step.
 
 Run: ``python examples/mujoco_loop.py [figure.png]``; needs mujoco (``pip install 'armlet[mujoco]'``).
 """
@@ -69,7 +69,7 @@ goal = np.abs(runge_kutta[-1] - motion(3.0)[0]).max()
 print(f"MuJoCo by Runge-Kutta and armlet: {same:.1e} rad apart at most in {steps} steps")
 print(f"MuJoCo by semi-implicit Euler and armlet: {near:.1e} rad")
 print(f"distance to the goal after 3 s: {goal:.1e} rad")
-# `same`: MuJoCo and armlet round accelerations differently, and the loop is contracting. `near`: the error of Euler's method is
+# `same`: only rounding errors of the accelerations differ, and the loop does not amplify them. `near`: the error of Euler's method is
 # proportional to the step.
 assert same < 1e-10 and 1e-6 < near < 10.0 * dt and goal < 1e-4
 

@@ -1,11 +1,12 @@
 """Null space of an impedance law
 ==============================
 
-A Cartesian spring holds the tip of a seven-axis arm. A joint spring in the null space moves the arm to another posture.
+A Cartesian spring holds the tip of a seven-axis arm. Springs of the joints move the arm to another posture; a projector on the null space
+removes the part of their torque that moves the tip.
 
 The script compares three laws: the static projector, the dynamically consistent projector, and the consistent projector with compensated
-coupling. The torque of the consistent projector does not accelerate the tip. But the motion in the null space still moves the tip through
-`C v` and `J_dot v`, unless the law compensates these terms.
+coupling. The torque of the consistent projector does not accelerate the tip. But the motion of the joints still moves the tip through the
+Coriolis torque ``C v`` and the term ``J_dot v`` of the Jacobian ``J``, unless the law compensates these terms.
 
 Run: ``python examples/null_space.py [figure.png]``
 """

@@ -4,8 +4,8 @@
 A two-joint arm lifts a tool that its controller does not know. Three controllers run at 1 kHz and measure only positions.
 
 PD with gravity compensation has a steady-state error. An integral term removes the error slowly. A disturbance observer estimates the
-torque of the tool within a fraction of a second. The lower panel compares the estimate with the weight of the tool. The estimate also
-includes the tool's inertia.
+torque of the tool within a fraction of a second. The lower panel compares the estimate with the gravity torque of the tool. The estimate
+also includes the torque of the tool's inertia.
 
 Run: ``python examples/pid.py [figure.png]``
 """

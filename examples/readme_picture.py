@@ -1,7 +1,7 @@
 """The picture of the README
 =========================
 
-The picture has one result of each of the four systems from which armlet originated.
+The picture has one result of each of four systems: adaptive tracking, task priority, elastic joints and minimum time.
 
     python examples/readme_picture.py docs/images
 
@@ -22,7 +22,7 @@ from armlet.figures import COLOURS
 
 
 def adaptive(ax):
-    """Adaptive control: the tracking error goes to zero although all parameters of the PR robot are unknown."""
+    """Adaptive control: the tracking error goes to zero, although the law does not know the parameters of the robot."""
     arm = al.planar_pr(A=2.0, B=0.5, C=0.5)
     motion = al.Sinusoid(offset=[0.0, 0.3], amplitude=[0.5, 0.8], frequency=[1.0, 1.7], phase=[0.0, 0.0])
     law = al.Adaptive(arm, motion, kp=[40.0, 20.0], kd=[20.0, 10.0], gamma=5.0)
@@ -35,7 +35,7 @@ def adaptive(ax):
 
 
 def priority(ax):
-    """Task priority: joint speeds of the 4R arm near the algorithmic singularity q4 = 0, by the methods "exact" and "clamp"."""
+    """Task priority: joint speeds of a planar arm near a singularity of two tasks at q4 = 0, by the methods "exact" and "clamp"."""
     arm = al.planar_arm([1.0, 1.0, 0.25, 0.25])
     q4 = np.concatenate([-np.geomspace(0.5, 1e-4, 200), np.geomspace(1e-4, 0.5, 200)])
     q = np.stack([0 * q4, 0 * q4 + np.pi / 2, 0 * q4 + np.pi / 2, q4], axis=1)
@@ -50,7 +50,7 @@ def priority(ax):
 
 
 def elastic(ax):
-    """Elastic joints: the controller makes the tip a spring-damper. A force pushes it, and the deflection must be that of the spring."""
+    """Elastic joints: the controller makes the tip a spring and a damper. A force moves the tip by the deflection of the spring."""
     arm = al.planar_arm([0.5, 0.4], masses=[3.0, 2.0])
     K_J, B, K = np.array([800.0, 500.0]), np.array([0.4, 0.25]), np.array([300.0, 200.0])
     x_d, F = arm.position([0.3, 1.2], "link2")[:2], np.array([10.0, -15.0])

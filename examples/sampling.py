@@ -1,8 +1,9 @@
 """Effects of sampling
 ===================
 
-The stability proof of an adaptive law is valid in continuous time. With a longer sample time the tracking error is larger, and the Lyapunov
-balance is no longer zero. An additional delay of one sample has an effect of similar size.
+The stability proof of an adaptive law is valid in continuous time. There the Lyapunov balance, the residual of an identity of the proof, is
+zero. With a sample time it is not zero, and the tracking error is larger. The figure has both over the sample time, without delay and with a
+delay of one sample.
 
 Run: ``python examples/sampling.py [figure.png]``
 """

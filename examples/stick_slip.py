@@ -1,12 +1,11 @@
 """A joint that sticks and slips
 ==============================
 
-PD control, then PID control, moves a link to 1 rad. Its friction is higher at rest than in motion.
+PD control, or PID control, moves a link to 1 rad. The friction of the link is higher at rest than in motion.
 
 Under PD the link stops before its target, because friction balances the remaining torque. Under PID the integral grows until the link
-slips.
-The link passes the target and sticks on the other side. This repeats forever and is called hunting. The LuGre friction model has no switch
-between stick and slip, and the link hunts with this model too.
+slips. The link then passes the target and sticks on the other side. This repeats without end and is called hunting. The LuGre friction model
+has no switch between sticking and slipping, and the link hunts with this model too.
 
 Run: ``python examples/stick_slip.py [figure.png]``
 """

@@ -1,10 +1,10 @@
 """Gains for a bandwidth
 =====================
 
-The script computes gains of a seven-axis arm for a bandwidth of 15 rad/s, and the largest sample time.
+The script computes gains of a seven-axis arm for a bandwidth of 15 rad/s and a sample time, and prints the largest stable bandwidths.
 
-``suggest_gains`` evaluates the mass matrix over the workspace. The step responses are those of one link under a sampled controller. Its
-three bandwidths are a fraction of the largest stable one, almost the largest, and 10 % above the largest. The last response diverges.
+``suggest_gains`` evaluates the mass matrix at configurations within the joint limits. The script also simulates one link under a sampled
+controller with three bandwidths: a fraction of the largest stable one, almost the largest, and 10 % above it. The last response diverges.
 
 Run: ``python examples/suggested_gains.py``.
 """

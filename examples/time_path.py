@@ -1,7 +1,7 @@
 """Timing of a path
 ================
 
-The script computes the fastest motion of an arm along a path, within torque limits.
+The script computes the fastest motion of a seven-axis arm along a path, within limits of torques and joint speeds.
 
 Run: ``python examples/time_path.py [figure.png]``
 """

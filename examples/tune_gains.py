@@ -3,8 +3,8 @@
 
 Differential evolution finds gains of a joint controller for payloads that the controller does not know.
 
-A two-joint arm in a horizontal plane is under PD control, with samples every 2 ms, 4 ms delay, noisy speeds and limited torque. The cost of
-gains is the largest settling time over three payloads, plus terms for overshoot and torque.
+A two-joint arm in a horizontal plane is under PD control, with samples every 2 ms, 4 ms delay, noisy speeds and limited torque. The cost is
+the largest value, over three payloads, of the settling time plus terms for overshoot and torque.
 
 Run: ``python examples/tune_gains.py [figure.png]``; needs scipy (``pip install 'armlet[tune]'``).
 """

@@ -1,7 +1,7 @@
 /* The controller in C: `controller PORT RATE SAMPLES OUT` runs the exported law on a clock.
  *
- * It writes OUT: whether memory is locked and SCHED_FIFO is permitted, the last answer of the robot, then for each cycle how late it began and
- * when its command was on its way, both in s after the deadline; all float64.
+ * It writes OUT, all float64: whether memory is locked and SCHED_FIFO is permitted, the last answer of the robot, then for each cycle the
+ * times at which it began and at which its command was sent, both in s after the deadline.
  */
 #define _GNU_SOURCE
 #include "law.h"
@@ -22,7 +22,7 @@
 #define START (-1.0)
 
 
-/* How long after `deadline` it is now, s. */
+/* The present time minus `deadline`, s. */
 static double after(const struct timespec *deadline)
 {
     struct timespec now;
@@ -45,7 +45,7 @@ static int reserve(void)
     return sched_setscheduler(0, SCHED_FIFO, &priority) == 0;
 }
 
-/* A socket to the robot whose answers have 5 s to come. */
+/* A socket to the robot. It waits up to 5 s for an answer. */
 static int connected(int port)
 {
     struct timeval patience = {.tv_sec = 5};

@@ -22,7 +22,7 @@ n = arm.n
 def expected(rate: float, samples: int) -> np.ndarray:
     """State `[q, v]` after `samples` samples of this loop, simulated by armlet alone."""
     dt = 1.0 / rate
-    # The run has one additional step, whose result is not used. The last step ends at `t_end` and may differ from `dt` by rounding.
+    # The run has one additional step, whose result is not used, because the last step ends at `t_end` and may differ from `dt` by rounding.
     options = {"monitors": False, "check_limits": False}  # the motion leaves the range of the fourth joint
     run = al.simulate(plant, law, q0, t_end=(samples + 1) * dt, dt=dt, sample_time=dt, **options)
     return np.concatenate([run.q[samples], run.v[samples]])

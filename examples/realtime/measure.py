@@ -2,8 +2,8 @@
 
 Run: ``python measure.py [--seconds 10] [--figure latency.png]``
 
-The script first compares the final states with `al.simulate`. Then, for 1 kHz and 4 kHz, it prints how late the cycles began and
-when their commands were sent. It also prints the number of commands that were sent after the next deadline.
+For 1 kHz and 4 kHz, the script runs both controllers, and compares the final state of the robot with `al.simulate`. It prints how late the
+cycles began and when their commands were sent. It also prints the number of commands that were sent after the next deadline.
 """
 
 import argparse
