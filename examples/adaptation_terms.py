@@ -23,8 +23,8 @@ rich = al.Sinusoid([0.1, 0.2], [[0.5, 0.3], [0.6, 0.3]], [[1.1, 3.1], [1.7, 4.3]
 poor = al.Quintic([0.1, 0.2], [0.8, -0.5], 3.0)
 motions = {"sum of sines": rich, "quintic and hold": poor}
 
-# The inertias of a rotor and of a link that rotate about the same axis cannot be distinguished. So the law knows the rotor inertias. The base
-# parameters are all combinations of inertial parameters that affect the motion.
+# The inertias of a rotor and of a link that rotate about the same axis cannot be distinguished. So the law knows the rotor inertias. The
+# base parameters are all combinations of inertial parameters that affect the motion.
 base = arm.base_parameters()
 viscous = {"friction": ("viscous",)}
 

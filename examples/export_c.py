@@ -1,8 +1,8 @@
 """A law as C
 ==========
 
-The script writes an adaptive law of a six-axis arm as C99 code and compiles it. It calls the C function from Python with the states of a run
-of armlet at its samples. Torques and estimates have equal bits.
+The script writes an adaptive law of a six-axis arm as C99 code and compiles it. It calls the C function from Python with the states of a
+run of armlet at its samples. Torques and estimates have equal bits.
 
 Run: ``python examples/export_c.py [folder]``
 """

@@ -1,8 +1,9 @@
 """An arm with a gripper
 =====================
 
-An arm with two joints has a parallel gripper. The joint of the right finger follows the joint of the left finger (``<mimic>`` of a URDF), so
-both fingers have one degree of freedom. ``q`` has three entries for four joints. A computed-torque law closes the gripper while the arm moves.
+An arm with two joints has a parallel gripper. The joint of the right finger follows the joint of the left finger (``<mimic>`` of a URDF),
+so both fingers have one degree of freedom. ``q`` has three entries for four joints. A computed-torque law closes the gripper while the arm
+moves.
 
 Run: ``python examples/gripper.py [figure.png]``
 """

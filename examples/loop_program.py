@@ -1,9 +1,9 @@
 """The program of a loop
 =====================
 
-armlet compiles a control loop to a *program*, which is straight-line machine code. The example is a step of a pendulum under PD control with
-gravity compensation. The script prints its simplified program, and the number of lines in each form: recorded, simplified, lowered to the
-instruction set, and machine code.
+armlet compiles a control loop to a *program*, which is straight-line machine code. The example is a step of a pendulum under PD control
+with gravity compensation. The script prints its simplified program, and the number of lines in each form: recorded, simplified, lowered to
+the instruction set, and machine code.
 
 Run: ``python examples/loop_program.py [figure.png]``
 """

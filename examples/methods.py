@@ -2,8 +2,8 @@
 =======================
 
 For eight integration methods, the figure has the error of the state of a pendulum after ten seconds over the number of evaluations of its
-equation, on logarithmic axes. For fixed steps the negative slope is the order of the method. For adaptive steps the tolerance determines the
-error.
+equation, on logarithmic axes. For fixed steps the negative slope is the order of the method. For adaptive steps the tolerance determines
+the error.
 
 Run: ``python examples/methods.py [figure.png]``
 """

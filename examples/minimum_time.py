@@ -1,8 +1,8 @@
 """Minimum time
 ============
 
-One link moves under gravity and a torque limit. The script computes the feasible durations of a symmetric bang-bang profile, and the fastest
-motion within the torque limit.
+One link moves under gravity and a torque limit. The script computes the feasible durations of a symmetric bang-bang profile, and the
+fastest motion within the torque limit.
 
 Run: ``python examples/minimum_time.py [figure.png]``
 """

@@ -4,8 +4,8 @@
 A law of armlet controls a MuJoCo model. The script compares this loop with a loop that armlet simulates.
 
 The loop is sampled: MuJoCo calls the law once per step and holds the torque during the step. With MuJoCo's Runge-Kutta method both loops
-integrate equal equations by the same method, so they differ only by rounding errors. With MuJoCo's semi-implicit Euler method they differ by
-the error of this method, which is proportional to the step.
+integrate equal equations by the same method, so they differ only by rounding errors. With MuJoCo's semi-implicit Euler method they differ
+by the error of this method, which is proportional to the step.
 
 Run: ``python examples/mujoco_loop.py [figure.png]``; needs mujoco (``pip install 'armlet[mujoco]'``).
 """

@@ -2,8 +2,8 @@
 ===================
 
 The stability proof of an adaptive law is valid in continuous time. There the Lyapunov balance, the residual of an identity of the proof, is
-zero. With a sample time it is not zero, and the tracking error is larger. The figure has both over the sample time, without delay and with a
-delay of one sample.
+zero. With a sample time it is not zero, and the tracking error is larger. The figure has both over the sample time, without delay and with
+a delay of one sample.
 
 Run: ``python examples/sampling.py [figure.png]``
 """

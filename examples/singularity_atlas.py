@@ -1,13 +1,13 @@
 """A singularity atlas
 ===================
 
-The figure has the singularities of a planar arm with four revolute joints (4R) and two tasks. It also has the joint speeds of five methods of
-task priority on a path through them.
+The figure has the singularities of a planar arm with four revolute joints (4R) and two tasks. It also has the joint speeds of five methods
+of task priority on a path through them.
 
 The level sets over the angles of joints 2 and 4 are those of three functions. They are det J_E = L^4/16 sin q2 sin q4, and the smallest
 singular values of J1 and of J2 P1. J1 and J2 are the Jacobians of the tasks, J_E has the rows of both, P1 projects on the null space of J1,
-and the links have the lengths L, L, L/4 and L/4. The path is that of a closed loop through q4 = 0, where the two tasks conflict (algorithmic
-singularity).
+and the links have the lengths L, L, L/4 and L/4. The path is that of a closed loop through q4 = 0, where the two tasks conflict
+(algorithmic singularity).
 
 Run: ``python examples/singularity_atlas.py [figure.png]``
 """

@@ -4,8 +4,8 @@
 PD control, or PID control, moves a link to 1 rad. The friction of the link is higher at rest than in motion.
 
 Under PD the link stops before its target, because friction balances the remaining torque. Under PID the integral grows until the link
-slips. The link then passes the target and sticks on the other side. This repeats without end and is called hunting. The LuGre friction model
-has no switch between sticking and slipping, and the link hunts with this model too.
+slips. The link then passes the target and sticks on the other side. This repeats without end and is called hunting. The LuGre friction
+model has no switch between sticking and slipping, and the link hunts with this model too.
 
 Run: ``python examples/stick_slip.py [figure.png]``
 """

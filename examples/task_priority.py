@@ -1,8 +1,8 @@
 """Task priority
 =============
 
-A planar arm with four revolute joints (4R) has two tasks in an order of priority. The script prints the direction of the second task that is
-lost at a singularity. The figure has the joint speeds of five methods on a path through it.
+A planar arm with four revolute joints (4R) has two tasks in an order of priority. The script prints the direction of the second task that
+is lost at a singularity. The figure has the joint speeds of five methods on a path through it.
 
 Run: ``python examples/task_priority.py [figure.png]``
 """
