@@ -90,7 +90,7 @@ impl Arm {
         for frame in &self.frames {
             let (body, place) = frame.body.map_or((None, Placement::IDENTITY), |b| moved[b]);
             let locked = frame.body.is_some_and(|b| moved[b].0.is_none() || moved[b].1 != Placement::IDENTITY);
-            // A frame of a locked joint now belongs to a fixed joint with the same name.
+            // In the new arm, a frame of a locked joint belongs to a fixed joint with the same name.
             let name = frame.body.filter(|_| locked && frame.joint.is_none()).map(|b| self.joints[b].name.clone());
             arm.frames.push(Frame { body, placement: place.then(&frame.placement), joint: name.or(frame.joint.clone()), ..frame.clone() });
         }

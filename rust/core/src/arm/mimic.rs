@@ -71,7 +71,7 @@ pub fn resolved(given: &[Option<Follows>]) -> std::result::Result<Vec<Option<Fol
         look();
         let mut i = start;
         while let (false, Some((leader, ..))) = (known[i], given[i]) {
-            // The chain passes this joint a second time, so that the joint is in a cycle.
+            // The chain passes this joint a second time. So the joint is in a cycle.
             if passed[i] {
                 return Err(i);
             }

@@ -62,7 +62,7 @@ fn place<S: Real>(
     }
 }
 
-/// Compute the Coriolis matrix `C(q, v)`, `(n, n)`, from Christoffel symbols.
+/// Compute the Coriolis matrix `C(q, v)`, `(n, n)`, in the Christoffel factorisation.
 pub fn coriolis_matrix<S: Real>(tree: &Tree<S>, ws: &mut Workspace<S>, trig: &[(S, S)], q: &[S], v: &[S], c: &mut [S]) {
     let (poses, composites, columns) = (&mut ws.poses[..], &mut ws.composites[..], &mut ws.columns[..]);
     place(tree, poses, composites, columns, (trig, q), v);

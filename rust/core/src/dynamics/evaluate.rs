@@ -157,8 +157,8 @@ impl Evaluator {
         self.size
     }
 
-    /// Compute one configuration, and return whether every number is finite. This is false after an overflow, and for forward dynamics with
-    /// a singular mass matrix.
+    /// Compute one configuration, and return whether every number is finite. This is false after an overflow. It is also false if the mass
+    /// matrix in forward dynamics or its derivatives is singular.
     ///
     /// [`Query::inputs`] names the inputs, and `out` has the shape [`Query::shape`], row-major. Errors: `WrongShape` for a wrong
     /// size, `Input` for inputs that are not finite or a wrong index of a frame, `Memory`.

@@ -135,7 +135,7 @@ impl<'a, S: Real> Joined<'a, S> {
         });
     }
 
-    /// Compute `Y pi` and `Y' s` for the regressor `Y`. `rates` are `v`, `v_r`, `a_r` and `s`.
+    /// Add `Y pi` to `y_pi`, and write `Y' s` to `yt_s`, for the regressor `Y`. `rates` are `v`, `v_r`, `a_r` and `s`.
     pub fn regressor_products(self, ws: &mut Workspace<S>, at: Place<S>, rates: [&[S]; 4], pi: &[S], y_pi: &mut [S], yt_s: &mut [S]) {
         self.project(ws, at, rates, Form::Vector, y_pi, |ws, (trig, q), [v, v_r, a_r, s], y_pi| {
             y_pi.fill(S::zero());

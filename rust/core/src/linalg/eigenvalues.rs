@@ -1,7 +1,7 @@
 //! Eigenvalues of any square matrix by the QR algorithm with a limited number of iterations (Golub and Van Loan, Matrix Computations, 7.5).
 //!
-//! The matrix is first balanced (Parlett and Reinsch 1969), because the rows of a Jacobian can differ by orders of magnitude. Examples are
-//! the rates of positions and of motor speeds.
+//! The matrix is first balanced (Parlett and Reinsch 1969), because its entries can differ by orders of magnitude. In a linearised loop,
+//! these are for example the derivatives of positions and of motor speeds.
 
 use crate::error::{Error, Result, finite};
 use crate::status::Status;

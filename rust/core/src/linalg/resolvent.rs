@@ -1,8 +1,8 @@
-//! Linear systems `(s I - J) u = b`, where `J` is the Jacobian of a mechanical system. Its state is
+//! Linear systems `(s I - J) u = b`, where `J` is the Jacobian of the equations of a mechanical system. The state of the system is
 //! `x = [x_1, x_1_dot, x_2, x_2_dot, ..., rest]`, with blocks of one number per joint. The row of a position `p` with the rate `c` is
 //! `s u_p - u_c = b_p`. So the positions are eliminated. For each other row `r`, an equation remains:
-//! `s u_r - sum (J_rc + J_rp / s) u_c = b_r + sum J_rp b_p / s`. The sums are over all `c`, the components that are not positions; `J_rp`
-//! is zero without a position `p` of the rate `c`.
+//! `s u_r - sum (J_rc + J_rp / s) u_c = b_r + sum J_rp b_p / s`. The sums are over all components `c` that are not positions. If `c` is not
+//! the rate of a position, the terms with `p` are absent.
 
 use super::lu::{self, Entry};
 use crate::scalar::Real;

@@ -68,7 +68,8 @@ impl Svd {
 
     /// Decompose the matrix `a`, shape `(m, k)`, row-major.
     ///
-    /// Errors: `Input` for a wrong length, a size beyond the memory or an entry that is not finite, `Solve` at the limit of sweeps.
+    /// Errors: `Input` for a wrong length, a size larger than in [`Svd::new`] or an entry that is not finite. `Solve` if the rotations do
+    /// not converge.
     pub fn decompose(&mut self, a: &[f64], m: usize, k: usize) -> Result<()> {
         let p = m.min(k);
         if a.len() != m * k || self.work.len() < m * k || self.vt.len() < k * k || self.s.len() < p || self.ut.len() < p * m {

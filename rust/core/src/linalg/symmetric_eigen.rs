@@ -10,7 +10,7 @@ const MAX_SWEEPS: usize = 60;
 /// Return the eigenvalues in ascending order, and the orthonormal eigenvectors as rows of an array, shape `(n, n)`, row-major.
 ///
 /// `a`: shape `(n, n)`, row-major. Its symmetric part `(a + a')/2` is decomposed. Errors: `Input` for entries that are not finite or a
-/// wrong length, `Solve` at the limit of sweeps.
+/// wrong length, `Solve` if the rotations do not converge.
 pub fn symmetric_eigen(a: &[f64], n: usize) -> Result<(Vec<f64>, Vec<f64>)> {
     if a.len() != n * n {
         return Err(Error::input("matrix", format!("is not square: expected {} entries, got {}", n * n, a.len())));

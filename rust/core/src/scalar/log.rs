@@ -16,7 +16,7 @@ const LOG: [f64; 7] = [
     1.479_819_860_511_658_591e-1,
 ];
 
-/// `log 2`, rounded to 33 bits, and the rounding error.
+/// The first 32 bits of `log 2`, and the rest.
 const LN_2: [f64; 2] = [6.931_471_803_691_238_164_90e-1, 1.908_214_929_270_587_700_02e-10];
 
 /// Return `log x` to 1 ulp for a positive normal number `x`. For other numbers, the result is undefined.

@@ -137,7 +137,8 @@ pub fn divergence<S: Real>(pi: &[S; PARAMETERS], pi_hat: &[S; PARAMETERS]) -> S 
 fn excess<S: Real>(x: S) -> S {
     let k = S::splat;
     let d = x - k(1.0);
-    // The expression is 2 (d - log(1 + d)) + d^2. Its series d^2/2 - d^3/3 + .. with eight terms has an error below (1e-2)^10.
+    // The expression is 2 (d - log(1 + d)) + d^2. For |d| < 1e-2, d - log(1 + d) is the series d^2/2 - d^3/3 + .. with eight terms, whose
+    // error is below (1e-2)^10.
     let term = |i: u32| k(if i.is_multiple_of(2) { 1.0 } else { -1.0 } / f64::from(i));
     let near = (2..10).rev().fold(S::zero(), |sum, i| d * sum + term(i)) * d * d;
     let difference = S::select(d.abs().lt(k(1e-2)), near, d - ln(x));

@@ -41,7 +41,7 @@ impl Differentiation {
         outputs.iter().map(|&output| rates[output as usize]).collect()
     }
 
-    /// The number of recorded entries.
+    /// The number of entries, including those of the added derivatives.
     pub fn length(&self) -> u32 {
         self.tape.ops.len() as u32
     }

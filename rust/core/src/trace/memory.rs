@@ -110,7 +110,7 @@ fn flush(start: *const u8, bytes: usize) {
 fn flush(start: *const u8, bytes: usize) {
     use core::arch::asm;
     let (start, end) = (start as usize, start as usize + bytes);
-    // SAFETY: reads the sizes of the cache lines, and cleans lines of a mapped range.
+    // SAFETY: reads the sizes of the cache lines, and cleans or invalidates lines of a mapped range.
     unsafe {
         let sizes: usize;
         asm!("mrs {}, ctr_el0", out(reg) sizes, options(nomem, nostack));

@@ -90,7 +90,7 @@ impl Program {
         Program::of(&straight, scratch.free, form, engine)
     }
 
-    /// Make a program from instructions that are lowered for the set of `form`. Its internal values use slots from `free` on.
+    /// Make a program from instructions that are lowered for the instruction set of `form`. Its internal values use slots from `free` on.
     pub fn of(straight: &Straight, free: usize, form: Form, engine: Engine) -> Self {
         let (operations, turns, stream) = (straight.operations(), straight.reach.is_some(), straight.stream);
         if let Some((code, constants, slots)) = machine(straight, free, form, engine) {

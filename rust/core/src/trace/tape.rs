@@ -99,7 +99,7 @@ pub(super) struct Tape {
     /// The labels of the set-up parameters that became inputs.
     pub labels: Labels,
     /// The entries of the set-up parameters in the order of recording. A parameter that is recorded by `fixed` is in the list only if the
-    /// recording has varying parameters. Recordings with different structures have different lists.
+    /// recording has varying parameters. Recordings can share a program only if their lists are equal.
     pub structure: Vec<u32>,
     pub inputs: u32,
     pub set_up: bool,

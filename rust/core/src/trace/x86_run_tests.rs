@@ -1,4 +1,4 @@
-//! Tests of encoded operations against plain Rust, on the instruction sets of this processor.
+//! Tests of encoded operations against plain Rust, on this processor and in the simulator.
 
 use super::super::checks::{Operation, Random};
 use super::super::memory::Code;

@@ -1,8 +1,8 @@
 //! Reader and writer of URDF.
 //!
 //! The reader uses links as frames, inertia, and joints with limits (revolute, continuous, prismatic, fixed, mimic). It uses damping,
-//! Coulomb friction, and the rotor inertia `armature` of `<dynamics>`, an extension of URDF. The report counts everything else. Meshes are
-//! never opened.
+//! Coulomb friction, and the rotor inertia `armature` of `<dynamics>`, an extension of URDF. The report counts all other elements. Meshes
+//! are never opened.
 //!
 //! In an arm, a body has a rotation matrix and ten inertial parameters. Angles and centres of mass in a file may round them. Then the
 //! writer adds the attribute `rotation` to `<origin>`, and `parameters` to `<inertial>`. These two attributes are also extensions of URDF.

@@ -11,7 +11,7 @@ use crate::scalar::trig::REDUCTION_LIMIT;
 use std::collections::HashMap;
 use std::fmt::Write;
 
-/// The largest number of statements in one function. The compile time per statement grows with the length of a function.
+/// The largest number of statements in one function. It limits the time in which a compiler optimises a function.
 const LENGTH: usize = 2000;
 
 const NONE: usize = usize::MAX;
