@@ -1,5 +1,6 @@
 //! An arm at one configuration `q`, with the intermediate results of its algorithms. It is used for occasional evaluations: terms of a law,
-//! monitors, equilibria. Integration steps do not use it, because there the plant and the law share the sines and cosines.
+//! monitors, equilibria. Integration steps do not use it, because there the plant and the law share the sines and cosines. Joint torques
+//! are in N m for revolute joints, and in N for prismatic joints.
 
 use super::{AnyArm, Dynamics, Model, Workspace};
 use crate::kinematics::Coordinates;

@@ -1,8 +1,8 @@
 //! The dynamics of all kinds of arms, for control: `M(q) a + C(q, v) v + g(q) = tau`.
 //!
-//! `C` is the Christoffel factorisation: `C(q, x) y = C(q, y) x`, and `dM/dt - 2 C` is skew-symmetric. Matrices are row-major slices.
-//! `trig[i]` is (sin, cos) of coordinate `i`; it is never read if the coordinate is not an angle. A plant and a law at the same `q` share
-//! `trig`.
+//! `C` is the Christoffel factorisation: `C(q, x) y = C(q, y) x`, and `dM/dt - 2 C` is skew-symmetric. Matrices are row-major slices. All
+//! units are SI: rad and N m for revolute joints, m and N for prismatic joints. `trig[i]` is (sin, cos) of coordinate `i`; it is never read
+//! if the coordinate is not an angle. A plant and a law at the same `q` share `trig`.
 //!
 //! A joint that *follows* another joint, its *leader*, is a mimic joint. An *ancestor* of a joint is any joint between it and the base.
 

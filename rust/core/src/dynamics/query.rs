@@ -1,4 +1,5 @@
-//! Queries of an arm: the quantities of [`super::Evaluator`], their inputs, options and shapes.
+//! Queries of an arm: the quantities of [`super::Evaluator`], their inputs, options and shapes. All units are SI: rad and N m for revolute
+//! joints, m and N for prismatic joints.
 
 use crate::arm::{Arm, Tree};
 use crate::scalar::{Isa, Real, isa};
@@ -37,9 +38,9 @@ pub enum Quantity {
     Regressor,
     /// Kinetic and potential energy, J: `q, v -> (2,)`.
     Energy,
-    /// Pose of a frame, a homogeneous transform: `q -> (4, 4)`.
+    /// Pose of a frame, a homogeneous transform with the position in m: `q -> (4, 4)`.
     Pose,
-    /// Position and rotation vector `log R` of a frame: `q -> (6,)`.
+    /// Position, m, and rotation vector `log R`, rad, of a frame: `q -> (6,)`.
     PoseVector,
     /// Position of a frame, m: `q -> (3,)`.
     Position,

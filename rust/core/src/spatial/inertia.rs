@@ -29,7 +29,7 @@ pub mod parameter {
 /// // A point mass of 2 kg at x = 0.5 m.
 /// let point = Inertia::about_com(2.0, Vector3::new(0.5, 0.0, 0.0), Sym3::zero());
 /// assert_eq!((point.moment.x, point.inertia.0), (1.0, [0.0, 0.0, 0.5, 0.0, 0.0, 0.5]));
-/// // About a point 1 m to the left of the origin.
+/// // About the point x = -1 m.
 /// let shifted = point.shifted(Vector3::new(1.0, 0.0, 0.0));
 /// assert_eq!((shifted.moment.x, shifted.inertia.0[5]), (3.0, 4.5));
 /// assert_eq!(shifted.com().0, Some(Vector3::new(1.5, 0.0, 0.0)));

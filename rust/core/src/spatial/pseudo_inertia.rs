@@ -186,7 +186,7 @@ mod tests {
         let slope = (4.0 * fine - coarse) / 3.0;
         let want = 2.0 * (dot(&OTHER, &y) - dot(&BODY, &y));
         assert!((slope - want).abs() < 1e-8 * want.abs(), "{slope} {want}");
-        // A lane of eight has the same rate.
+        // Lane 3 of eight lanes has the same rate, up to rounding.
         use crate::scalar::Array8;
         let lift = |x: &[f64; 10]| x.map(Array8::splat);
         let lanes = natural_rate(&lift(&OTHER), &lift(&y), Array8::splat(2.0));

@@ -164,7 +164,7 @@ impl Assemble for Assembler {
 
     fn shift_left(&mut self, dst: u8, a: u8, bits: u8) {
         debug_assert!(bits < 64 && (self.form.set != Set::Sse2 || dst == a));
-        // The prefix contains the destination register.
+        // In VEX and EVEX, the prefix contains the destination register.
         self.encode(opcode(Prefix::P66, Map::M0F, 0x73).with(bits), 6, dst, Operand::Register(a));
     }
 
