@@ -104,7 +104,7 @@ pub fn decompose<E: Entry>(n: usize, a: &mut [E], pivots: &mut [usize], mut stop
                 (most, pivot) = (size, i);
             }
         }
-        // The condition also refuses NaN.
+        // The comparisons are false for NaN, so that NaN is refused too.
         if !(most > 0.0 && most < f64::INFINITY) {
             return false;
         }

@@ -32,7 +32,7 @@ const SAME: f64 = 1e-12;
 /// let slopes = |ends| Path::slopes(&[0.0, 1.0, 2.0], &[0.0, 1.0, 0.0], 1, ends);
 /// assert_eq!(slopes(Ends::Clamped)?, [0.0, 0.0, 0.0]);
 /// assert!((slopes(Ends::Natural)?[0] - 1.5).abs() < 1e-15);
-/// // With three waypoints, the condition gives one parabola.
+/// // With three waypoints, the not-a-knot condition gives one parabola.
 /// assert_eq!(slopes(Ends::NotAKnot)?, [2.0, 0.0, -2.0]);
 /// # Ok::<(), armlet_core::error::Error>(())
 /// ```

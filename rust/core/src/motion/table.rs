@@ -116,7 +116,7 @@ impl Table {
     pub fn along(&self, times: &[f64]) -> Option<usize> {
         let at = |t: f64| (t - self.start) * self.rate;
         let first = at(*times.first()?).round();
-        // NaN fails the comparison.
+        // For NaN, the comparison with `ON_KNOT` is false. So the times are not knots.
         let on = times.iter().enumerate().fold(true, |on, (k, &t)| on & ((at(t) - (first + k as f64)).abs() < ON_KNOT));
         let inside = first >= 0.0 && first + times.len() as f64 <= self.knots as f64;
         (on && inside).then(|| 3 * self.dof * first as usize)
