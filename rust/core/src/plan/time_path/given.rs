@@ -1,6 +1,5 @@
 //! The arguments of the planner, and their validation.
 
-use super::FIRST_GRID;
 use super::along::Along;
 use super::magnitudes::FASTEST;
 use super::mover::Mover;
@@ -8,6 +7,9 @@ use super::rows::Friction;
 use super::tip::{Tip, TipLimits};
 use crate::error::{Error, Result, finite, positive};
 use crate::motion::Path;
+
+/// The number of points of the first automatic grid.
+const FIRST_GRID: usize = 201;
 
 /// The largest number of grid points.
 const MOST: usize = 1_000_000;

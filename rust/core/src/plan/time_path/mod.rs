@@ -19,7 +19,8 @@
 //! 5. With limits of the torque rate, average the timing over time and slow it down (`rate`).
 //! 6. Further limits are part of these steps: speed and acceleration of a frame's origin (`tip`), and limits that vary along the path
 //!    (`along`). Position limits are checked separately (`positions`).
-//! 7. Without a feasible timing, report the joint, the path position, the limit, and the missing amount (`reason`).
+//! 7. Without a feasible timing, report the joint, the path position, the limit, and the missing amount (`reason`,
+//!    `infeasibility`).
 
 mod along;
 mod caps;
@@ -28,6 +29,7 @@ mod examine;
 mod friction;
 mod given;
 mod grid;
+mod infeasibility;
 mod lines;
 mod magnitudes;
 mod mover;
@@ -41,6 +43,7 @@ mod samples;
 mod setup;
 mod slow;
 mod stencil;
+mod timing;
 mod tip;
 
 pub use check::FINE;
@@ -48,6 +51,7 @@ pub use given::{PathLimits, TimePathOptions};
 pub use mover::Mover;
 pub use reason::{Bound, PathReason, Shortfall};
 pub use rows::Friction;
+pub use timing::TimePath;
 pub use tip::TipLimits;
 
 use crate::error::Result;
@@ -80,8 +84,6 @@ const GRIDS: usize = 9;
 const HALVINGS: usize = 4;
 /// The relative change of the duration at which the automatic grid is fine enough.
 const DURATION_CHANGE: f64 = 1e-4;
-/// The number of points of the first automatic grid.
-pub(crate) const FIRST_GRID: usize = 201;
 /// A relative excess between grid points above which a segment is halved, because corrections would take longer.
 const COARSE_EXCESS: f64 = 1e-3;
 /// A segment is halved if its loss of time exceeds this number times `fine`, as a fraction of the duration. `fine` is the relative excess
@@ -91,33 +93,6 @@ const LARGEST_LOSS: f64 = 0.02;
 const FIRST_REDUCTION: f64 = 1.2;
 /// The number of passes that set the slope of `u` to the slope of the active limit.
 const SLOPE_PASSES: usize = 1;
-
-/// A timing of a path, or the reason why none exists.
-///
-/// ```
-/// use armlet_core::plan::{Mover, PathLimits, TimePath, TimePathOptions, time_path};
-/// # use armlet_core::dynamics::PlanarPr;
-/// # use armlet_core::motion::{Ends, Path};
-/// # use std::sync::Arc;
-///
-/// # let arm = PlanarPr::new(3.0, 0.5, 0.2)?;
-/// // Both joints move by 1, in m and in rad, with at most 4 m/s^2 and 4 rad/s^2: T = 2 sqrt(1 / 4).
-/// let (path, _) = Path::waypoints(&[0.0, 0.0, 1.0, 1.0], 2, None, Ends::Natural)?;
-/// let limits = PathLimits { acceleration: Some(vec![4.0, 4.0]), ..PathLimits::default() };
-/// let TimePath { motion, margin, reason } = time_path(Mover::PlanarPr(arm), Arc::new(path), &limits, &TimePathOptions::default())?;
-/// assert!(reason.is_none() && margin.abs() < 1e-9);
-/// assert!((motion.duration() - 1.0).abs() < 1e-9);
-/// # Ok::<(), armlet_core::error::Error>(())
-/// ```
-#[derive(Clone, Debug, PartialEq)]
-pub struct TimePath {
-    /// The motion `q(t)` along the path. Its duration is NaN if no timing exists.
-    pub motion: TimedPath,
-    /// The smallest relative distance to a limit over the samples of the last check; NaN if no timing exists.
-    pub margin: f64,
-    /// The reason why no timing exists; `None` if one exists.
-    pub reason: Option<PathReason>,
-}
 
 /// The result of the corrections on one grid.
 enum Outcome {

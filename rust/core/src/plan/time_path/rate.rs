@@ -16,11 +16,12 @@
 //! largest change from one quotient to the next.
 
 use super::check::TOLERANCE;
+use super::given::TimePathOptions;
 use super::reason::{Bound, PathReason, Shortfall};
 use super::rows::{Points, Request};
 use super::setup::PathProblem;
+use super::timing::TimePath;
 use super::tip::length;
-use super::{TimePath, TimePathOptions};
 use crate::error::Result;
 use crate::interrupt::look;
 use crate::motion::TimedPath;

@@ -1,7 +1,7 @@
 //! The planning problem on a grid: the rows at all grid points, and their limits.
 
 use super::along::Along;
-use super::check::{Course, Limits, TOLERANCE, WINDOW, inner_places};
+use super::check::{Course, Limits, WINDOW, inner_places};
 use super::given::{Checked, PathLimits, TimePathOptions, checked};
 use super::grid::{grid, spans};
 use super::lines::{BLOCK, LimitRows};
@@ -9,10 +9,9 @@ use super::mover::Mover;
 use super::rows::{Friction, Points, Request};
 use super::stencil::Stencil;
 use super::tip::Tip;
-use super::{PathReason, TimePath};
 use crate::error::{Error, Result, finite};
 use crate::memory;
-use crate::motion::{Path, TimedPath};
+use crate::motion::Path;
 use crate::scalar::sign;
 use std::sync::Arc;
 
@@ -272,22 +271,5 @@ impl<'a> PathProblem<'a> {
                 format!("are both missing: expected one of them where the frame does not move, at s = {}", self.rows.s[i]),
             )),
         }
-    }
-
-    /// The result for a path that is one point. The duration is zero if the torque limits allow the arm to be held at this point.
-    pub fn hold(&self) -> Result<TimePath> {
-        let (row, upper, beyond) = self.tightest(0, 0.0, 0.0);
-        if beyond > TOLERANCE {
-            return self.refuse(PathReason::holding(self, row, upper, beyond));
-        }
-        Ok(TimePath { motion: TimedPath::still(self.path.clone()), margin: -beyond, reason: None })
-    }
-
-    /// The result without a timing, with the reason.
-    pub fn refuse(&self, reason: PathReason) -> Result<TimePath> {
-        let knots = self.path.knots();
-        let ends = vec![knots[0], knots[knots.len() - 1]];
-        let motion = TimedPath::new(self.path.clone(), ends, vec![f64::NAN; 2], vec![0.0])?;
-        Ok(TimePath { motion, margin: f64::NAN, reason: Some(reason) })
     }
 }

@@ -10,11 +10,11 @@
 //! `q' = dq/ds`, `d` is the viscous friction coefficient, and `g` the static torque with Coulomb friction. `M` is the mass matrix, and `C`
 //! the matrix of Coriolis and centrifugal torques. Bisection finds a `c` that satisfies all limits. The result is not the fastest timing.
 
-use super::TimePath;
 use super::check::TOLERANCE;
 use super::reach::Profile;
 use super::samples::Samples;
 use super::setup::PathProblem;
+use super::timing::TimePath;
 use crate::error::Result;
 use crate::motion::TimedPath;
 
