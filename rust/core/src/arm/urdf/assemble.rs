@@ -2,7 +2,8 @@
 
 use super::element::{Robot, UrdfJoint};
 use super::followers;
-use super::read::{Source, UrdfOptions};
+use super::options::UrdfOptions;
+use super::source::Source;
 use crate::arm::{Arm, Frame, Joint};
 use crate::error::{Error, Result, listed};
 use crate::interrupt::look;

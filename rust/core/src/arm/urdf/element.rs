@@ -1,7 +1,7 @@
 //! The links and joints of a file: XML elements as numbers, with their line numbers.
 
 use super::plausible::{ANGLE, Bound, DRIVE, INERTIA, LENGTH, MASS, axis_problem, negative_moment};
-use super::read::{Source, XACRO};
+use super::source::{Source, XACRO};
 use crate::arm::build::unit;
 use crate::arm::{JointKind, Limits};
 use crate::error::Result;

@@ -2,43 +2,12 @@
 //! follows.
 
 use super::element::{Robot, UrdfJoint};
-use super::read::Source;
+use super::options::MimicMode;
+use super::source::Source;
 use crate::arm::mimic::{Leader, Moved, no_motion, resolved};
 use crate::arm::{Arm, Follows};
-use crate::error::{Error, Result};
+use crate::error::Result;
 use std::collections::HashMap;
-
-/// The treatment of mimic joints.
-///
-/// ```
-/// use armlet_core::arm::{Arm, MimicMode, UrdfOptions};
-///
-/// let gripper = r#"<robot name="gripper"><link name="palm"/><link name="left"/><link name="right"/>
-///     <joint name="l" type="continuous"><parent link="palm"/><child link="left"/></joint>
-///     <joint name="r" type="continuous"><parent link="palm"/><child link="right"/><mimic joint="l" multiplier="-1"/></joint></robot>"#;
-/// let joints = |mimic| Arm::read_urdf(gripper, "gripper.urdf", &UrdfOptions { mimic, ..UrdfOptions::default() }).map(|arm| arm.n());
-/// assert_eq!((joints(MimicMode::Joined)?, joints(MimicMode::Independent)?), (1, 2));
-/// # Ok::<(), armlet_core::error::Error>(())
-/// ```
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum MimicMode {
-    /// A mimic joint has one degree of freedom together with its leader.
-    #[default]
-    Joined,
-    /// Every joint moves independently.
-    Independent,
-}
-
-impl MimicMode {
-    /// Return the treatment of mimic joints with this name: `"joined"` or `"independent"`. Errors: `Input` for other names.
-    pub fn parse(name: &str) -> Result<Self> {
-        match name {
-            "joined" => Ok(MimicMode::Joined),
-            "independent" => Ok(MimicMode::Independent),
-            _ => Err(Error::input("mimic", format!("is unknown: expected joined or independent, got {name}"))),
-        }
-    }
-}
 
 impl UrdfJoint {
     fn moved(&self) -> Moved {

@@ -19,16 +19,20 @@ mod declaration;
 mod element;
 #[cfg(feature = "urdf")]
 mod followers;
+#[cfg(feature = "urdf")]
+mod options;
 // Without the feature `urdf`, only the writer uses the limits of this module, and not all of them.
 #[cfg_attr(not(feature = "urdf"), allow(dead_code))]
 mod plausible;
 #[cfg(feature = "urdf")]
 mod read;
+#[cfg(feature = "urdf")]
+mod source;
 mod write;
 
 #[cfg(feature = "urdf")]
-pub use followers::MimicMode;
+pub use options::{MimicMode, UrdfOptions};
 pub(super) use plausible::negative_moment;
 #[cfg(feature = "urdf")]
-pub use read::{MAX_BYTES, MAX_DEPTH, UrdfOptions};
+pub use read::{MAX_BYTES, MAX_DEPTH};
 pub use write::Written;

@@ -4,9 +4,10 @@
 //! Reading time is linear in the size of the file. The code recurses only for undeclared prefixes, at most eight times. Before parsing, a
 //! scan of the text refuses texts that slow the XML parser: many attributes in one tag, many namespaces, deep nesting.
 
-use super::followers::MimicMode;
+use super::options::UrdfOptions;
+use super::source::{Source, XACRO};
 use super::{assemble, declaration, element};
-use crate::arm::{Arm, STANDARD_GRAVITY};
+use crate::arm::Arm;
 use crate::error::{Error, Result};
 use crate::interrupt::look;
 use crate::memory;
@@ -24,56 +25,6 @@ const MAX_NAMESPACES: usize = 64;
 const MAX_NODES: u32 = 1_000_000;
 /// The number of undeclared prefixes that a text may use.
 const MAX_UNDECLARED: usize = 8;
-
-/// The file name and line starts of a text, for errors.
-pub struct Source<'a> {
-    file: &'a str,
-    starts: Vec<usize>,
-}
-
-impl<'a> Source<'a> {
-    fn new(file: &'a str, text: &str) -> Self {
-        let ends = text.bytes().enumerate().filter(|(_, byte)| *byte == b'\n').map(|(i, _)| i + 1);
-        Source { file, starts: std::iter::once(0).chain(ends).collect() }
-    }
-    /// Return the line of a byte offset, counted from 1.
-    pub(super) fn line(&self, at: usize) -> u32 {
-        self.starts.partition_point(|start| *start <= at) as u32
-    }
-    pub(super) fn error(&self, line: u32, problem: impl Into<String>) -> Error {
-        Error::Model { file: self.file.into(), line, problem: problem.into() }
-    }
-}
-
-/// Options of the URDF reader. `root` and `tip` are link names. The link `root` becomes the fixed base, and `gravity` is in its axes.
-/// With `tip`, only the joints between `root` and `tip` remain.
-///
-/// ```
-/// use armlet_core::arm::{Arm, UrdfOptions, example_urdf};
-///
-/// let options = UrdfOptions { root: Some("column"), tip: Some("left_hand"), ..UrdfOptions::default() };
-/// let arm = Arm::read_urdf(example_urdf("two_arms")?, "two_arms", &options)?;
-/// assert_eq!(arm.joint_names().collect::<Vec<_>>(), ["left_shoulder_pitch", "left_elbow", "left_roll"]);
-/// assert_eq!(arm.gravity, [0.0, 0.0, -9.81]);
-/// # Ok::<(), armlet_core::error::Error>(())
-/// ```
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct UrdfOptions<'a> {
-    /// Gravity in the axes of the fixed base, m/s^2.
-    pub gravity: [f64; 3],
-    /// The link that becomes the fixed base. `None` selects the root of the file.
-    pub root: Option<&'a str>,
-    /// The last link of the chain. `None` selects the whole tree.
-    pub tip: Option<&'a str>,
-    /// The treatment of mimic joints.
-    pub mimic: MimicMode,
-}
-
-impl Default for UrdfOptions<'_> {
-    fn default() -> Self {
-        UrdfOptions { gravity: STANDARD_GRAVITY, root: None, tip: None, mimic: MimicMode::default() }
-    }
-}
 
 impl Arm {
     /// Read a URDF text like [`Arm::read_urdf`]. `file`: name for errors. `gravity`: axes of the fixed base, m/s^2. `root` and `tip`: link
@@ -115,8 +66,6 @@ impl Arm {
         Arm::read_urdf(text, &name, options)
     }
 }
-
-pub(super) const XACRO: &str = "; this is a xacro file: load_urdf expands *.xacro, or run `xacro robot.xacro > robot.urdf`";
 
 /// Read the elements of a text. It may use up to `undeclared` more undeclared prefixes.
 fn robot(source: &Source, text: &str, undeclared: usize) -> Result<element::Robot> {
