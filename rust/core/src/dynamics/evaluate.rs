@@ -1,32 +1,13 @@
 //! The quantities of an arm as functions from `f64` arrays to `f64` arrays, one configuration after another. Language bindings use this
 //! interface. The caller provides the outputs.
 
+use super::buffered_tree::BufferedTree;
 use super::quantities::{self, Compute};
-use super::{Quantity, Query, Size, Workspace};
-use crate::arm::{Arm, Tree, require_memory};
+use super::{Quantity, Query, Size};
+use crate::arm::{Arm, require_memory};
 use crate::error::{Error, Result, finite};
-use crate::memory;
 use crate::scalar::rows::read_one;
 use crate::scalar::{Float, Real};
-use crate::spatial::PARAMETERS;
-
-/// Largest size of an arm's results, in numbers (8 MB), for which memory is allocated in advance. Larger results are allocated at the first
-/// query.
-const EAGER: usize = 1 << 20;
-
-/// The tree of an arm and the buffers, on one number type.
-#[derive(Clone, Debug)]
-pub(super) struct BufferedTree<S: Real> {
-    pub(super) tree: Tree<S>,
-    pub(super) ws: Workspace<S>,
-    pub(super) trig: Vec<(S, S)>,
-    pub(super) inputs: [Vec<S>; 4],
-    pub(super) out: Vec<S>,
-    pub(super) square: Vec<S>,
-    /// The query whose result is in `out`. Entries that the query does not write are zero at every state. So the same query need not set
-    /// `out` to zero again.
-    answered: Option<Query>,
-}
 
 /// Expand to `$each`, in which `$name` is the type that computes the quantity of `$query`.
 macro_rules! with_quantity {
@@ -45,33 +26,6 @@ macro_rules! with_quantity {
 }
 
 impl<S: Real> BufferedTree<S> {
-    /// Create the buffers. With `eager`, allocate memory for all results but Christoffel symbols, if the largest has at most `EAGER`
-    /// numbers. Otherwise the first query allocates the memory.
-    pub(super) fn new(arm: &Arm, eager: bool) -> Self {
-        let tree = Tree::new(arm);
-        let (n, ws) = (tree.n(), Workspace::new(&tree));
-        let zeros = |k: usize| memory::copies(k, S::zero());
-        let largest = (n * (PARAMETERS * tree.bodies.len() + 3 * n)).max(6 * n).max(16).max(16 * tree.bodies.len());
-        let eager = eager && largest <= EAGER;
-        BufferedTree {
-            ws,
-            trig: memory::copies(n, (S::zero(), S::zero())),
-            inputs: std::array::from_fn(|_| zeros(n.max(6))),
-            out: zeros(if eager { largest } else { 0 }),
-            square: zeros(if eager { n * n } else { 0 }),
-            answered: None,
-            tree,
-        }
-    }
-
-    /// Allocate memory for a query, or return an error with its size.
-    fn grow(&mut self, query: &Query) -> Result<()> {
-        let (n, size) = (self.tree.n(), self.tree.size());
-        let square = if matches!(query.quantity, Quantity::ForwardDynamicsDerivatives | Quantity::Christoffel) { n * n } else { 0 };
-        memory::enlarge(&mut self.out, query.length(size), S::zero())?;
-        memory::enlarge(&mut self.square, square, S::zero())
-    }
-
     /// Compute one configuration. Return whether the arguments have the sizes of the query, and all arguments and results are finite.
     fn one<Q: Compute>(&mut self, query: &Query, inputs: &[&[f64]], out: &mut [f64]) -> bool {
         // The quantity is a constant here, so the compiler resolves the branches on it.
@@ -90,21 +44,6 @@ impl<S: Real> BufferedTree<S> {
         }
         self.turn();
         Q::answer(self, query, out)
-    }
-
-    /// Compute sine and cosine of every coordinate.
-    #[inline]
-    fn turn(&mut self) {
-        for (trig, q) in self.trig.iter_mut().zip(&self.inputs[0]) {
-            *trig = q.sin_cos();
-        }
-    }
-
-    fn reserve_for(&mut self, query: &Query) {
-        if self.answered != Some(*query) {
-            memory::set(&mut self.out[..query.length(self.tree.size())], S::zero());
-            self.answered = Some(*query);
-        }
     }
 
     fn dispatch(&mut self, query: &Query, inputs: &[&[f64]], out: &mut [f64]) -> bool {

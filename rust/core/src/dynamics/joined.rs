@@ -5,7 +5,7 @@
 //! `M = G' M_b G`, `C = G' C_b G` (again the Christoffel matrix, because `G` is constant), `g = G' g_b`, `Y = G' Y_b`. Forward dynamics
 //! uses a Cholesky factor of `M`.
 
-use super::{Workspace, coriolis, crba, derivatives, energy, newton_euler, regressor};
+use super::{Workspace, body_derivatives, coriolis, crba, energy, newton_euler, regressor};
 use crate::arm::Tree;
 use crate::linalg::cholesky;
 use crate::memory::set;
@@ -154,7 +154,7 @@ impl<'a, S: Real> Joined<'a, S> {
     pub fn inverse_dynamics_by_q(self, ws: &mut Workspace<S>, at: Place<S>, v: &[S], a: &[S], d: &mut [S]) {
         d.fill(S::zero());
         self.project(ws, at, [v, a], Form::Square, d, |ws, (trig, q), [v, a], d| {
-            derivatives::bodies_by_q(self.tree, ws, trig, q, v, a, d);
+            body_derivatives::bodies_by_q(self.tree, ws, trig, q, v, a, d);
         });
     }
 }

@@ -10,6 +10,8 @@
 pub mod aba;
 #[doc(hidden)]
 mod arm_at;
+mod body_derivatives;
+mod buffered_tree;
 mod closed_form;
 #[doc(hidden)]
 pub mod coriolis;

@@ -1,7 +1,7 @@
 //! The computation of each quantity of [`super::Evaluator`]: one type per quantity.
 
+use super::buffered_tree::BufferedTree;
 use super::energy::{add_friction, add_wrench};
-use super::evaluate::BufferedTree;
 use super::joined::Joined;
 use super::{Dynamics, Quantity, Query, coriolis, crba, derivatives, regressor};
 use crate::arm::Tree;

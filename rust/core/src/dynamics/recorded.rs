@@ -4,7 +4,7 @@
 //! Arms with the same placements can share a program, if the values 0, 1 and -1 occur at the same places among their inertial parameters.
 
 use super::Query;
-use super::evaluate::BufferedTree;
+use super::buffered_tree::BufferedTree;
 use crate::arm::Arm;
 use crate::error::Result;
 use crate::scalar::Real;
