@@ -114,10 +114,6 @@ impl ElasticSpec {
 impl Definition for ElasticSpec {
     fields!();
 
-    fn elastic(&self) -> Option<&ElasticSpec> {
-        Some(self)
-    }
-
     fn initial_state(&self, q0: &[f64], v0: &[f64], theta0: Option<&[f64]>, theta_dot0: Option<&[f64]>) -> Vec<f64> {
         let resting = || self.resting_motor(q0);
         let theta = theta0.map_or_else(resting, <[f64]>::to_vec);

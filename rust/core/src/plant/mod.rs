@@ -22,7 +22,7 @@ mod velocity;
 pub(crate) use contact::LaneWall;
 pub use contact::Wall;
 use definition::Build;
-pub use definition::Definition;
+pub use definition::{Definition, Plant, Power};
 pub use elastic::ElasticSpec;
 pub use friction::JointFriction;
 pub use friction_curve::FrictionCurve;
@@ -37,69 +37,6 @@ pub use velocity::VelocitySpec;
 
 use crate::scalar::Real;
 use std::ops::Deref;
-
-/// Power into a plant, W. The sum of both parts is the rate of the stored energy. Both are zero for a velocity-controlled arm.
-///
-/// ```
-/// use armlet_core::arm::Arm;
-/// use armlet_core::plant::{PlantSpec, RigidSpec};
-///
-/// let arm = Arm::pendulum(1.0, 5.0)?.with_drives(None, Some(&[0.5]), None)?;
-/// let plant = PlantSpec::from(RigidSpec { friction: true, ..RigidSpec::new(arm.into()) });
-/// let (x, mut dx) = ([0.3f64, 2.0], [0.0; 2]);
-/// let power = PlantSpec::build::<f64>(|_| &plant, None).rates(&[x[0].sin_cos()], &x, &[4.0], &[0.0; 6], &mut dx);
-/// // The torque of 4 N m at 2 rad/s, and the loss `d v^2` of viscous friction.
-/// assert_eq!((power.input, power.outside), (8.0, -2.0));
-/// # Ok::<(), armlet_core::error::Error>(())
-/// ```
-#[derive(Clone, Copy, Debug)]
-pub struct Power<S> {
-    /// Power of the input, W.
-    pub input: S,
-    /// Power of the wrench, minus the power lost in friction, elastic joints, wall and stops, W.
-    pub outside: S,
-}
-
-/// A plant in a control loop.
-///
-/// ```
-/// use armlet_core::arm::Arm;
-/// use armlet_core::plant::{PlantSpec, RigidSpec};
-///
-/// // A pendulum: `a = tau - 5 sin q`.
-/// let spec = PlantSpec::from(RigidSpec::new(Arm::pendulum(1.0, 5.0)?.into()));
-/// let mut plant = PlantSpec::build::<f64>(|_| &spec, None);
-/// let (x, mut dx) = ([0.3f64, 2.0], [0.0; 2]);
-/// plant.rates(&[x[0].sin_cos()], &x, &[4.0], &[0.0; 6], &mut dx);
-/// assert!(dx[0] == 2.0 && (dx[1] - (4.0 - 5.0 * 0.3f64.sin())).abs() < 1e-14);
-/// assert!(plant.stick_slip().is_none());
-/// # Ok::<(), armlet_core::error::Error>(())
-/// ```
-pub trait Plant<S: Real> {
-    /// Compute the rates `dx` of the plant's state `x` under the input `tau`, `(n,)`, and the wrench, `(6,)`. Return the power into the
-    /// plant.
-    ///
-    /// `trig` has (sin, cos) of each joint position. The wrench acts at the frame with which the plant was built.
-    fn rates(&mut self, trig: &[(S, S)], x: &[S], tau: &[S], wrench: &[S], dx: &mut [S]) -> Power<S>;
-
-    /// Hold every contact in a mode, independent of the state: first the wall, then the stops. Without modes, the state decides again.
-    fn hold(&mut self, _contacts: &[Touch]) {}
-
-    /// Return the depth `d` and the push `k d + c d_dot` of contact `i`. The other arguments have the meaning of the arguments of
-    /// [`Plant::rates`].
-    fn contact(&mut self, _i: usize, _trig: &[(S, S)], _x: &[S]) -> [S; 2] {
-        [S::zero(); 2]
-    }
-
-    /// The stick-slip friction of joints or motors, and the index of their first speed in the state; `None` without this friction.
-    fn stick_slip(&mut self) -> Option<(&mut LaneStickSlip<S>, usize)> {
-        None
-    }
-
-    /// Write the torques on the joints or motors, except stick-slip friction, into [`Plant::stick_slip`], and the loads of this friction.
-    /// The arguments have the meaning of the arguments of [`Plant::rates`].
-    fn load_friction(&mut self, _trig: &[(S, S)], _x: &[S], _tau: &[S], _wrench: &[S]) {}
-}
 
 /// Declare the kinds of plants: enums, names and parts of the state, and the construction for lanes. Each plant has one file and one entry
 /// here.
@@ -252,6 +189,11 @@ impl PlantSpec {
             && self.stops().into_iter().flat_map(Stops::all).eq(other.stops().into_iter().flat_map(Stops::all))
             && self.has_friction() == other.has_friction()
             && self.friction().map(std::mem::discriminant) == other.friction().map(std::mem::discriminant)
+    }
+
+    /// The elastic plant; `None` for other plants.
+    pub fn elastic(&self) -> Option<&ElasticSpec> {
+        if let PlantSpec::Elastic(plant) = self { Some(plant) } else { None }
     }
 
     /// Whether joints or motors have stick-slip friction.
