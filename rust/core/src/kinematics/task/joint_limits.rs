@@ -1,8 +1,9 @@
 //! A task that keeps chosen joints within narrowed limits. The error leads back into these limits, and is zero inside. The Jacobian has
 //! rows of the identity.
 
+use super::TaskFunction;
+use super::kind::{TaskKind, chosen};
 use super::posture::identity_rows;
-use super::{TaskFunction, TaskKind, chosen};
 use crate::arm::{Arm, Joint, Tree};
 use crate::error::{Error, Result};
 use crate::kinematics::Bodies;

@@ -1,6 +1,7 @@
 //! A task on positions of chosen joints. Error: `q_d - q`. Jacobian: rows of the identity.
 
-use super::{TaskFunction, TaskKind, chosen};
+use super::TaskFunction;
+use super::kind::{TaskKind, chosen};
 use crate::arm::{Arm, Tree};
 use crate::error::Result;
 use crate::kinematics::Bodies;

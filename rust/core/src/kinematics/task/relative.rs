@@ -3,8 +3,9 @@
 //! `p` and `R` are the position and the rotation matrix of the frame. `J_v` and `J_w` are the linear and angular rows of the geometric
 //! Jacobian, and `[p]x` is the cross-product matrix. The prime is the transpose.
 
+use super::TaskFunction;
 use super::frame::pose_error;
-use super::{TaskFunction, TaskKind, frame_of};
+use super::kind::{TaskKind, frame_of};
 use crate::arm::{Arm, Tree};
 use crate::error::{Error, Result};
 use crate::kinematics::coordinates::parse_axes;
