@@ -1,6 +1,6 @@
 //! Thread pools of rayon. A pool is created at first use, stored by size, and created again in a forked child process.
 
-use super::{MOST_THREADS, lock, on_worker};
+use super::threads::{MOST_THREADS, lock, on_worker};
 use rayon::iter::{IndexedParallelIterator, IntoParallelIterator, IntoParallelRefMutIterator, ParallelIterator};
 use rayon::{ThreadPool, ThreadPoolBuilder};
 use std::collections::HashMap;

@@ -1,6 +1,6 @@
 //! The functions of `pool` without rayon: one worker computes all parts in order, with the same results.
 
-use super::on_worker;
+use super::threads::on_worker;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
