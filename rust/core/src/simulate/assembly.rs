@@ -164,6 +164,13 @@ pub fn sampler<S: Real>(problem: &Problem, run: impl Fn(usize) -> usize + Copy) 
     })
 }
 
+impl Problem<'_> {
+    /// The number of states of a loop: plant, law and integrals.
+    pub fn state_size(&self) -> usize {
+        self.plant(0).states() + self.law(0).initial_state().len() + monitors::integrals(self.options.monitors).count()
+    }
+}
+
 /// Return the initial state of the runs `run(lane)`.
 pub fn start<S: Real>(problem: &Problem, run: impl Fn(usize) -> usize) -> Vec<S> {
     let (states, p) = (problem.plant(0).states(), problem.law(0).initial_state().len());

@@ -5,7 +5,6 @@ use super::bound::Bound;
 use super::fixed_steps::Faults;
 use super::force::Force;
 use super::measures::Measures;
-use super::monitors;
 use super::sampling::Sampling;
 use super::schedule::{Schedule, Times};
 use crate::dynamics::Model;
@@ -137,11 +136,6 @@ impl<'a> Problem<'a> {
     /// The law of run `run`.
     pub fn law(&self, run: usize) -> &'a LawSpec {
         self.laws[if self.laws.len() == 1 { 0 } else { run }]
-    }
-
-    /// The number of states of a loop: plant, law and integrals.
-    pub fn state_size(&self) -> usize {
-        self.plant(0).states() + self.law(0).initial_state().len() + monitors::integrals(self.options.monitors).count()
     }
 
     /// The external force of run `run`, if there is one.

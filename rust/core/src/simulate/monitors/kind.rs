@@ -1,0 +1,100 @@
+//! The interface of a monitor, and its arguments.
+
+use crate::dynamics::ArmAt;
+use crate::law::LawSpec;
+use crate::plant::{PlantSpec, Power};
+use crate::scalar::Real;
+use crate::simulate::gauge::Identities;
+use crate::simulate::problem::Problem;
+
+/// A run whose monitors are computed.
+pub struct Scope<'p, 'a> {
+    pub problem: &'p Problem<'a>,
+    pub run: usize,
+    pub monitored: Monitored,
+}
+
+/// Properties of the monitors that all runs of a problem have in common.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Monitored {
+    /// Whether the energy is the law's storage function.
+    pub storage: bool,
+    /// Whether the target model of an impedance law is monitored.
+    pub target: bool,
+    /// Whether the loss of a projector or of a compensated coupling is monitored.
+    pub loss: bool,
+}
+
+impl Monitored {
+    /// Return the properties of the monitors of `problem`.
+    pub fn of(problem: &Problem) -> Self {
+        Monitored { storage: problem.watches_storage(), target: problem.watches_target(), loss: problem.watches_loss() }
+    }
+}
+
+impl<'a> Scope<'_, 'a> {
+    pub fn plant(&self) -> &'a PlantSpec {
+        self.problem.plant(self.run)
+    }
+
+    pub fn law(&self) -> &'a LawSpec {
+        self.problem.law(self.run)
+    }
+}
+
+/// The quantities of one record from which monitors are computed.
+pub struct Moment<'a, S: Real> {
+    /// The law's desired motions, one after another.
+    pub desired: &'a [S],
+    /// The wrench at the frame of the force, N and N m.
+    pub wrench: &'a [S; 6],
+    /// The state of the plant.
+    pub x: &'a [S],
+    /// The state of the law.
+    pub z: &'a [S],
+    /// The input of the plant.
+    pub tau: &'a [S],
+    /// The plant's arm at the position of the record.
+    pub arm: &'a mut ArmAt<S>,
+    /// Skewness, energy and Lyapunov function, with the integrals of the law's dissipation and of the supplied power.
+    pub identities: Identities<S>,
+    /// `E - int P dt` and `V1 + int D dt` at the first record.
+    pub first: [S; 2],
+    /// The loss of the law's projector or compensated coupling. `None` for a law without them, or if the loss is not monitored.
+    pub loss: Option<S>,
+    /// The monitor's own integrals, from the start to this record.
+    pub integrals: &'a [S],
+}
+
+/// The quantities of a loop from which the rates of the monitors' integrals are computed.
+pub struct Flow<S> {
+    pub power: Power<S>,
+    /// The rate at which the law's Lyapunov function decreases.
+    pub dissipated: S,
+    /// The rate of the law's own storage function, if this is the monitored energy.
+    pub stored: Option<S>,
+}
+
+/// A monitor of one run, on plain numbers or on recorded values.
+pub trait Monitor<S: Real> {
+    /// Write the values of the monitor's series at a record, one for each of [`MonitorKind::NAMES`].
+    fn evaluate(&mut self, at: &mut Moment<S>, out: &mut [S]);
+}
+
+/// A kind of monitor.
+pub trait MonitorKind {
+    /// The names of the series of this monitor.
+    const NAMES: &'static [&'static str];
+
+    /// The names of the integrals that this monitor requires. These integrals are states of every monitored loop.
+    const INTEGRALS: &'static [&'static str] = &[];
+
+    /// Write the rates of the integrals of this monitor.
+    fn rates<S: Real>(_: &Flow<S>, _: &mut [S]) {}
+
+    /// Whether this monitor applies to a run.
+    fn applies(scope: &Scope) -> bool;
+
+    /// Create the monitor of a run to which it applies.
+    fn build<S: Real>(scope: &Scope) -> Option<Box<dyn Monitor<S> + Send>>;
+}
