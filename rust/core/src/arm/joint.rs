@@ -135,3 +135,28 @@ pub struct Frame {
     /// Name of the fixed joint that connects the frame to its body, if there is one.
     pub joint: Option<String>,
 }
+
+/// A mimic joint.
+///
+/// ```
+/// use armlet_core::arm::{Arm, Mimic};
+///
+/// // The second joint turns back twice as far as the first joint.
+/// let arm = Arm::planar(&[0.5, 0.4], None, None, None, [0.0; 2])?.following(&[None, Some((0, -2.0, 0.0))])?;
+/// assert_eq!((arm.n(), arm.mimics[0]), (1, Mimic { joint: 1, leader: 0, multiplier: -2.0, offset: 0.0 }));
+/// let mut joints = [0.0; 2];
+/// arm.joint_positions(&[0.3], &mut joints);
+/// assert_eq!(joints, [0.3, -0.6]);
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Mimic {
+    /// Index of the follower.
+    pub joint: usize,
+    /// Index of the leader, which is not a follower.
+    pub leader: usize,
+    /// The rate of the follower divided by the rate of the leader.
+    pub multiplier: f64,
+    /// The position of the follower when the leader is at zero, rad or m.
+    pub offset: f64,
+}
