@@ -4,7 +4,7 @@
 use super::super::uniform::within;
 use super::attempt::{CENTRING, StartResult, advance, better, blocked, clip, largest, misses_of};
 use super::damped::{Damped, Reach};
-use super::{IkOptions, limits};
+use super::options::{IkOptions, limits};
 use crate::arm::Arm;
 use crate::error::Result;
 use crate::interrupt::look;
