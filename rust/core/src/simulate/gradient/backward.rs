@@ -6,9 +6,9 @@
 //! Each operation is differentiated at the state before it. Checkpoints store some of these states. The states after a checkpoint are
 //! computed again (Griewank and Walther 2008, chapter 12).
 
-use super::Prepared;
 use super::combine::add;
 use super::functions::{Call, Function};
+use super::prepared::Prepared;
 use super::timeline::Operation;
 use super::walk::{Walker, followers, seen};
 use crate::error::Result;

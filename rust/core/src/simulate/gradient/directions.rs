@@ -1,7 +1,6 @@
 //! The tangents of the quantities that parameters change: loop parameters, the initial state, and desired motions.
 
-use super::Parameters;
-use super::shared::{entangled, is_shared};
+use super::parameters::{Parameters, entangled, is_shared};
 use crate::error::{Error, Result};
 use crate::interrupt::look;
 use crate::memory;

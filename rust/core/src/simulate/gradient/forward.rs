@@ -2,9 +2,9 @@
 //! are the derivatives of `Phi`. A *lane* is one element of a SIMD register, and holds the tangent along one direction. A *group* is the
 //! directions of one register. A *block* is a few groups. Each block computes the states of the run again.
 
-use super::Prepared;
 use super::combine::{add_slopes, advance};
 use super::functions::Call;
+use super::prepared::Prepared;
 use super::series::Series;
 use super::timeline::Operation;
 use super::walk::{Walker, act, followers, seen};

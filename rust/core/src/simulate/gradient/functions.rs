@@ -2,7 +2,7 @@
 //! change of sign ends a contact mode.
 
 use super::directions::{Directions, refused};
-use super::structure::SetUps;
+use super::set_ups::SetUps;
 use super::timeline::Contacts;
 use crate::error::{Error, Result};
 use crate::integrate::System;

@@ -1,8 +1,10 @@
 //! Derivatives of the runs of a batch. A *row* is one run of the batch. Threads compute different rows. A row has the same bits as a single
 //! run. Rows with the same plants, laws and forces share a loop, and loops with the same structure share their recorded functions.
 
+use super::parameters::{Parameter, Parameters};
+use super::prepared::{Loop, Prepared};
 use super::structure::FunctionStore;
-use super::{Loop, Parameter, Parameters, Prepared, backward, forward, record_parts};
+use super::{backward, forward, record_parts};
 use crate::error::{Error, Result};
 use crate::interrupt::{Interrupted, interrupt};
 use crate::memory;

@@ -1,8 +1,8 @@
 //! The state of a run as one vector, and the operations on this vector.
 
-use super::Prepared;
 use super::combine::{add_slopes, advance};
 use super::functions::{Call, Sizes};
+use super::prepared::Prepared;
 use super::timeline::{Operation, Timeline};
 use crate::error::{Error, Result, all_finite};
 use crate::integrate::Tableau;

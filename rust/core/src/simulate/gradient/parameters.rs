@@ -1,4 +1,5 @@
-//! Parameters of one name that vary in the same few runs, so that no parameter needs separate runs.
+//! The parameters of a run, and groups of them. The parameters of a group have one name, and vary in the same few runs. So no parameter
+//! needs separate runs.
 //!
 //! Most loop parameters depend on one parameter of a name: `kp_i / kd_i` depends only on `kp_i` among the parameters of the name `kp`. So
 //! all parameters of the name may vary in the same runs. A *probe* is a run in which some of the parameters vary. Each parameter has a
@@ -6,11 +7,46 @@
 //! parameter depends on the parameter with this code. All codes have equally many ones, and the union of two codes has more. A loop
 //! parameter that depends on several parameters therefore has a code that no parameter has. Such a loop parameter is refused.
 
-use super::Parameter;
 use crate::error::{Error, Result};
 use std::ops::Range;
 
-/// Parameters that vary in the same runs: one for each code, from index `first` on. Each [`Parameter`](super::Parameter) lists its runs.
+/// One parameter, as pairs `(run, weight)`. The derivative of a loop parameter `F` is `sum weight F(run)`.
+pub type Parameter = Vec<(usize, f64)>;
+
+/// The parameters of a run, listed name by name, with the number of parameters of each name.
+///
+/// ```
+/// # use armlet_core::{arm::Arm, dynamics::Model, law::{Gain, LawSpec, PdGravitySpec}, plant::{PlantSpec, RigidSpec}};
+/// # use nalgebra::dvector;
+/// # use std::sync::atomic::AtomicBool;
+/// # let model = Model::from(Arm::pendulum(2.0, 0.0)?);
+/// # let law = PdGravitySpec::new(model.clone(), vec![0.0], Gain::scalar("kp", 1, 2.0)?, Gain::not_negative("kd", vec![0.0])?)?;
+/// # let (law, plant) = (LawSpec::from(law), PlantSpec::from(RigidSpec::new(model.clone())));
+/// use armlet_core::simulate::{Options, Parameters, Problem, Times, sensitivities};
+///
+/// // The joint oscillates with q = cos w t, with w = sqrt(kp / 2). Two laws, with kp = 2 and kp = 3, give the derivative
+/// // of the loop parameters with respect to kp.
+/// let stiffer = LawSpec::from(PdGravitySpec::new(model, vec![0.0], Gain::scalar("kp", 1, 3.0)?, Gain::not_negative("kd", vec![0.0])?)?);
+/// let options = Options { times: Times::At(vec![1.0]), monitors: false, ..Options::fixed(1.0, 0.01) };
+/// let mut problem = Problem::from_rest(&plant, &law, &dvector![1.0], options)?;
+/// (problem.laws, problem.x0) = (vec![&law, &stiffer], vec![1.0, 0.0, 1.0, 0.0]);
+/// let kp = vec![(0, -1.0), (1, 1.0)];
+/// let parameters = Parameters { all: &[kp], sizes: &[1], shared: &[] };
+/// let q = &sensitivities(&problem, parameters, &AtomicBool::new(false))?[0];
+/// assert!((q[0] + 1f64.sin() / 4.0).abs() < 1e-8);
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
+#[derive(Clone, Copy, Debug)]
+pub struct Parameters<'a> {
+    /// The parameters of all names.
+    pub all: &'a [Parameter],
+    /// The number of parameters of each name.
+    pub sizes: &'a [usize],
+    /// The groups of parameters that vary in the same runs.
+    pub shared: &'a [Shared],
+}
+
+/// Parameters that vary in the same runs: one for each code, from index `first` on. Each [`Parameter`] lists its runs.
 ///
 /// ```
 /// # use armlet_core::{arm::Arm, dynamics::Model, plant::{PlantSpec, RigidSpec}};
