@@ -119,7 +119,7 @@ mod _core {
     #[pymodule_init]
     fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
         // An instruction set that is requested but not available raises an error at import.
-        armlet_core::scalar::lanes::isa_request().map_err(pyo3::exceptions::PyImportError::new_err)?;
+        armlet_core::scalar::instruction_set::isa_request().map_err(pyo3::exceptions::PyImportError::new_err)?;
         let names = |adaptive: bool| Method::ALL.iter().filter(move |method| method.is_adaptive() || !adaptive).map(|method| method.name());
         module.add("METHODS", PyTuple::new(module.py(), names(false).collect::<Vec<_>>())?)?;
         module.add("ADAPTIVE_METHODS", PyTuple::new(module.py(), names(true).collect::<Vec<_>>())?)?;

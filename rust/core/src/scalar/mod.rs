@@ -7,10 +7,13 @@
 //! [`Real::enter`].
 
 mod atan;
+mod dispatch;
 pub mod dual;
 pub mod hex;
 #[doc(hidden)]
 pub mod hyperbolic;
+#[doc(hidden)]
+pub mod instruction_set;
 #[doc(hidden)]
 pub mod lanes;
 #[doc(hidden)]
@@ -21,8 +24,10 @@ mod scalars;
 #[doc(hidden)]
 pub mod trig;
 
+pub use dispatch::{GenericKernel, run_lanes};
 pub use dual::{Dual, Dual8};
-pub use lanes::{Array8, Isa, fuses, isa};
+pub use instruction_set::{Isa, fuses, isa};
+pub use lanes::Array8;
 pub use scalars::Float;
 
 use std::fmt::Debug;
@@ -188,66 +193,6 @@ pub trait Kernel {
 pub fn sign<S: Real>(x: S) -> S {
     let (zero, one) = (S::zero(), S::splat(1.0));
     S::select(zero.lt(x), one, S::select(x.lt(zero), -one, zero))
-}
-
-/// Code that is generic over [`Real`], before the instruction set is selected. `run` must be `#[inline(always)]`.
-///
-/// ```
-/// use armlet_core::scalar::{GenericKernel, Real, run_lanes};
-///
-/// /// Write the squares, as many numbers at once as the number type has lanes.
-/// struct Squares<'a>(&'a mut [f64; 64]);
-/// impl GenericKernel for Squares<'_> {
-///     type Output = ();
-///     #[inline(always)]
-///     fn run<S: Real>(self) {
-///         for part in self.0.chunks_exact_mut(S::LANES) {
-///             let x = S::load(part);
-///             (x * x).store(part);
-///         }
-///     }
-/// }
-/// let mut x = std::array::from_fn(|k| k as f64);
-/// run_lanes(Squares(&mut x));
-/// assert_eq!(x[63], 3969.0);
-/// ```
-pub trait GenericKernel {
-    /// The type of the result.
-    type Output;
-    /// Run the code with the number type `S`.
-    fn run<S: Real>(self) -> Self::Output;
-}
-
-/// Generic code with a selected number type.
-struct On<S, T>(T, std::marker::PhantomData<S>);
-
-impl<S: Real, T: GenericKernel> Kernel for On<S, T> {
-    type Output = T::Output;
-    #[inline(always)]
-    fn run(self) -> T::Output {
-        self.0.run::<S>()
-    }
-}
-
-#[inline(always)]
-fn on<S: Real, T: GenericKernel>(task: T) -> T::Output {
-    S::enter(On::<S, T>(task, std::marker::PhantomData))
-}
-
-/// Run `task` on the lane type that is fastest on this processor: one register with AVX-512, otherwise two registers.
-#[cfg(target_arch = "x86_64")]
-pub fn run_lanes<T: GenericKernel>(task: T) -> T::Output {
-    match isa() {
-        Isa::Baseline => on::<lanes::Pair<lanes::Sse2>, T>(task),
-        Isa::Avx2 => on::<lanes::Pair<lanes::Avx2>, T>(task),
-        Isa::Avx512 => on::<lanes::Avx512, T>(task),
-    }
-}
-
-/// Run `task` on eight lanes, which the compiler vectorises.
-#[cfg(not(target_arch = "x86_64"))]
-pub fn run_lanes<T: GenericKernel>(task: T) -> T::Output {
-    on::<Array8, T>(task)
 }
 
 #[cfg(test)]

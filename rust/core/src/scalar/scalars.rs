@@ -1,7 +1,7 @@
 //! The two types with one number: `f64` for the construction of plants and laws, which never fuses multiply-add operations, and [`Float`]
 //! for runs.
 
-use super::lanes::fuses;
+use super::instruction_set::fuses;
 use super::{Kernel, Real, trig};
 use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
 

@@ -1,5 +1,6 @@
 //! Tests of every number type against `f64`: trigonometric functions inside and outside of their range, selections, and fused operations.
 
+use super::dispatch::on;
 use super::*;
 
 /// Difficult angles for a reduction: zero, limits of quadrants, large angles, angles beyond the range, and numbers that are not finite.

@@ -9,7 +9,7 @@
 use super::frame::Frame;
 use super::lifetimes::{Lifetimes, NEVER};
 use super::straight::{Instruction, Straight, Stream};
-use crate::scalar::lanes::{Isa, isa};
+use crate::scalar::{Isa, isa};
 
 /// An instruction. The operands of `what` are slots, and `to` is the slot of the result.
 #[derive(Clone, Copy, Debug)]

@@ -14,7 +14,7 @@ use super::portable::Portable;
 use super::straight::{Part, Straight, Stream};
 #[cfg(not(target_arch = "aarch64"))]
 use super::x86::Assembler;
-use crate::scalar::lanes::{Isa, isa};
+use crate::scalar::{Isa, isa};
 use std::sync::OnceLock;
 
 /// Whether machine code for this processor can be emitted.

@@ -3,7 +3,7 @@
 //! four numbers.
 
 use super::frame::Frame;
-use crate::scalar::lanes::{Isa, isa};
+use crate::scalar::{Isa, isa};
 use std::ops::Range;
 
 /// Copy rows of `given`, with `width` numbers each, to consecutive slots, the first of which is `first`. Row `at` goes to the first lane,

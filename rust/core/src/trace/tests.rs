@@ -7,8 +7,8 @@ use super::program::{Engine, Program, Scratch};
 use super::simulator::simulate;
 use super::straight::{Instruction, Part, SlotTable, Straight, Stream};
 use super::sym::{self, Sym};
-use crate::scalar::lanes::{Isa, isa};
 use crate::scalar::{Float, Real};
+use crate::scalar::{Isa, isa};
 
 /// A small random generator (xorshift, Marsaglia 2003).
 pub struct Random(pub u64);

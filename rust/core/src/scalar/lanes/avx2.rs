@@ -3,9 +3,9 @@
 //! SAFETY (all blocks of this file): the intrinsics compute only on register values. The processor has these intrinsics, because `enter`
 //! checks the processor.
 
+use super::super::instruction_set::{Isa, enter_avx2, isa};
 use super::super::{Float, Kernel, Real, trig};
 use super::vector::{sin_cos_near, vector};
-use super::{Isa, enter_avx2, isa};
 use std::arch::x86_64::*;
 use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
 

@@ -3,7 +3,7 @@
 
 use crate::integrate::Tableau;
 use crate::scalar::Kernel;
-use crate::scalar::lanes::vectorised;
+use crate::scalar::instruction_set::vectorised;
 
 /// The operation `y += factor x`, in a form that is compiled for SIMD registers.
 struct Add<'a> {
