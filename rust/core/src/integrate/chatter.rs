@@ -6,7 +6,7 @@
 //! bisection of `[x, x + d]` keeps the half in which the slope changes more. A smooth change decreases with the interval, and a jump does
 //! not. A run ends after [`System::chatter_budget`] attempts spent at jumps.
 
-use super::adaptive::{Accuracy, Work};
+use super::accuracy::{Accuracy, Work};
 use super::step_controller::{StepController, finite};
 use super::{Buffer, System};
 use crate::scalar::Real;

@@ -6,7 +6,7 @@
 //! by the allowed errors, over the `m` components with error control. A step with an error below 1 is accepted. The step size then changes
 //! by the factor `0.9 error^(-1/8)`, within [0.2, 10].
 
-use super::adaptive::{Accuracy, Tolerance};
+use super::accuracy::{Accuracy, Tolerance};
 use super::dop853_tableau as tableau;
 use super::step_controller::{Control, StepController};
 use super::{Buffer, Embedded, Scheme};

@@ -2,7 +2,7 @@
 //!
 //! See Hairer, Norsett and Wanner, Solving Ordinary Differential Equations I, sections II.4 to II.6.
 
-use super::adaptive::{Accuracy, Tolerance};
+use super::accuracy::{Accuracy, Tolerance};
 use super::step_controller::{Control, StepController};
 use super::{Buffer, Embedded, Scheme};
 use crate::scalar::Real;

@@ -10,85 +10,15 @@
 //!
 //! See Hairer, Norsett and Wanner, Solving Ordinary Differential Equations I, sections II.4 to II.6.
 
-use super::adaptive::{Accuracy, Adaptive, Tolerance, Work};
+use super::accuracy::{Accuracy, Tolerance, Work};
+use super::adaptive::Adaptive;
 use super::chatter::Chatter;
-use super::step_controller::{Control, StepController, finite, step_controlled};
-use super::{Attempt, Buffer, System};
+use super::scheme::{Attempt, Scheme, argument, combine};
+use super::step_controller::{StepController, finite, step_controlled};
+use super::{Buffer, System};
 use crate::scalar::Real;
 use crate::status::Status;
 use std::marker::PhantomData;
-
-/// The tableau of an explicit method whose first slope is known, with its error norm and its dense output. Coefficients are dimensionless.
-/// Step sizes `h` are in s.
-///
-/// ```
-/// use armlet_core::integrate::{Pair54, Scheme};
-///
-/// // The error estimate of a constant slope is zero.
-/// let estimate = |slopes: [f64; 7]| Pair54::E[0].iter().zip(slopes).map(|(e, k)| e * k).sum::<f64>();
-/// assert!(estimate([3.0; 7]).abs() < 1e-15);
-/// assert!(estimate([3.0, 3.0, 3.0, 3.0, 3.0, 3.0, 4.0]).abs() > 0.01);
-/// ```
-pub trait Scheme {
-    /// The number of stages after the first one. The argument of the last stage is the new state.
-    const STAGES: usize;
-    /// The times of all stages, as fractions of the step. The stages of the dense output are last.
-    const C: &'static [f64];
-    /// Row `i` has the weights of earlier slopes in the argument of stage `i`.
-    const A: &'static [&'static [f64]];
-    /// Each row has the weights of the slopes in one error estimate.
-    const E: &'static [&'static [f64]];
-    /// Each row has the weights of the slopes in one row of the dense output.
-    const D: &'static [&'static [f64]];
-    /// The degree of the dense output.
-    const DEGREE: usize;
-    /// The constants of the step-size control.
-    const CONTROL: Control;
-
-    /// Return the error of a step of size `h` from the state `x` to the state `y`, divided by the allowed error. A step with an error below
-    /// 1 is accepted.
-    fn error<S: Real, B: Buffer<S>, T: Accuracy>(controller: &StepController<T>, h: f64, x: &[S], y: &[S], estimates: &[B]) -> f64;
-
-    /// Return the dense output of one component: `(x(t) - x_old) / r`. Here `at = (r, 1 - r)` with `r = (t - t_old) / h`.
-    ///
-    /// `delta` is the change of the component over the step. `f` are its slopes at both ends. `row(i)` is the component's value in row `i`
-    /// of the dense output.
-    fn dense<S: Real>(at: (S, S), h: S, delta: S, f: [S; 2], row: impl Fn(usize) -> S) -> S;
-
-    /// Compute the results of an attempt. `slope(k, y, dx)` writes the slope of stage `k + 1` at the state `y` to `dx`.
-    fn stages<S: Real, B: Buffer<S>>(attempt: &mut Attempt<S, B>, mut slope: impl FnMut(usize, &[S], &mut [S])) {
-        let Attempt { h, x, slopes, y, estimates, .. } = attempt;
-        for i in 1..=Self::STAGES {
-            argument(Self::A[i], *h, x, slopes, y);
-            slope(i - 1, y, slopes[i].as_mut());
-        }
-        for (estimate, weights) in estimates.iter_mut().zip(Self::E) {
-            combine(weights, slopes, estimate.as_mut());
-        }
-    }
-}
-
-/// Compute `out = sum_j w_j k_j`.
-fn combine<S: Real, B: Buffer<S>>(weights: &[f64], k: &[B], out: &mut [S]) {
-    let first = S::splat(weights[0]);
-    for (out, &k) in out.iter_mut().zip(k[0].as_ref()) {
-        *out = first * k;
-    }
-    for (&weight, k) in weights.iter().zip(k).skip(1).filter(|(weight, _)| **weight != 0.0) {
-        let weight = S::splat(weight);
-        for (out, &k) in out.iter_mut().zip(k.as_ref()) {
-            *out = weight.mul_add(k, *out);
-        }
-    }
-}
-
-/// Compute the argument `y = x + h sum_j w_j k_j` of a stage.
-fn argument<S: Real, B: Buffer<S>>(weights: &[f64], h: S, x: &[S], k: &[B], y: &mut [S]) {
-    combine(weights, k, y);
-    for (y, &x) in y.iter_mut().zip(x) {
-        *y = h.mul_add(*y, x);
-    }
-}
 
 /// The method with tableau `C`. `B` is the type of the state, `U` that of the input, and `T` that of the tolerances.
 ///

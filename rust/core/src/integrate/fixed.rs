@@ -4,7 +4,8 @@
 //!
 //! `x(s) = (1-s) x_0 + s x_1 + s (s-1) ((1-2s)(x_1 - x_0) + (s-1) h f_0 + s h f_1)`.
 
-use super::adaptive::{Adaptive, Work};
+use super::accuracy::Work;
+use super::adaptive::Adaptive;
 use super::step_controller::finite;
 use super::{Buffer, FixedStep, System};
 use crate::scalar::Real;

@@ -6,7 +6,9 @@
 //! Terms: the *slope* is `x'`. An *attempt* is a step before the error test. A *segment* is the time between two jumps of the input or the
 //! state. A *lane* is one element of a SIMD register, and computes one of several runs.
 
+pub mod accuracy;
 pub mod adaptive;
+mod buffer;
 mod chatter;
 mod columns;
 mod dop853;
@@ -16,6 +18,7 @@ mod embedded;
 mod equal_steps;
 mod euler;
 pub mod events;
+mod first_step;
 mod fixed;
 mod linearised;
 mod method;
@@ -25,6 +28,7 @@ mod rk4;
 mod rodas4;
 mod ros2;
 mod rounding;
+mod scheme;
 mod semi_implicit;
 pub mod solve;
 mod stall;
@@ -32,11 +36,13 @@ mod step_controller;
 mod tableau;
 mod with_method;
 
-pub use adaptive::{Accuracy, Adaptive, Tolerance, Tolerances, Work};
+pub use accuracy::{Accuracy, Tolerance, Tolerances, Work};
+pub use adaptive::Adaptive;
+pub use buffer::Buffer;
 pub use columns::column_groups;
 pub use dop853::{Dop853, Order8};
 pub use dopri5::{Dopri5, Pair54};
-pub use embedded::{Embedded, Scheme};
+pub use embedded::Embedded;
 pub use equal_steps::{EqualSteps, Explicit, Stage};
 pub use euler::{Euler, Forward1};
 pub use fixed::Steps;
@@ -46,6 +52,7 @@ pub use radau5::Radau5;
 pub use rk4::{Kutta4, Rk4};
 pub use rodas4::Rodas4;
 pub use ros2::Ros2;
+pub use scheme::{Attempt, Scheme};
 pub use semi_implicit::SemiImplicit;
 pub use tableau::Tableau;
 pub use with_method::{WithAdaptive, WithExplicitSteps, WithScheme, WithSteps};
@@ -132,33 +139,6 @@ pub trait System<S: Real> {
     }
 }
 
-/// One attempt of an explicit method: arguments and results of [`System::attempt`].
-///
-/// ```
-/// use armlet_core::integrate::{Attempt, Pair54, Scheme};
-///
-/// // The stages of one step of `x' = -x` from 1 to `exp(-1/2)`.
-/// let (mut slopes, mut estimates, mut y) = (vec![[-1.0]; 7], vec![[0.0]], [0.0]);
-/// let mut attempt = Attempt { h: 0.5, times: &[], x: &[1.0], slopes: &mut slopes, y: &mut y, estimates: &mut estimates };
-/// Pair54::stages(&mut attempt, |_, x, dx| dx[0] = -x[0]);
-/// assert!((y[0] - (-0.5f64).exp()).abs() < 1e-5);
-/// assert!((0.5 * estimates[0][0]).abs() < 1e-4);
-/// ```
-pub struct Attempt<'a, S, B> {
-    /// The step size, s, one per lane.
-    pub h: S,
-    /// The times of the inputs of all stages but the first, s.
-    pub times: &'a [f64],
-    /// The state at the start of the step, one entry per state.
-    pub x: &'a [S],
-    /// The slopes of all stages, one buffer per stage. The first slope is an argument, and the other slopes are results.
-    pub slopes: &'a mut [B],
-    /// The new state, a result, one entry per state.
-    pub y: &'a mut [S],
-    /// The error estimates divided by `h`, results, one buffer per estimate.
-    pub estimates: &'a mut [B],
-}
-
 /// A system with derivatives, for implicit methods. `n` is the number of states.
 ///
 /// ```
@@ -236,20 +216,6 @@ pub trait Advance<S: Real, F: System<S>, B: Buffer<S>> {
         self.advance(system, S::splat(h), x);
     }
 }
-
-/// The memory of a state: an array for small closed-form systems, the heap for others.
-///
-/// ```
-/// use armlet_core::integrate::Buffer;
-///
-/// fn sum<B: Buffer<f64>>(state: &B) -> f64 {
-///     state.as_ref().iter().sum()
-/// }
-/// // An array for a small system, and memory on the heap for others.
-/// assert_eq!((sum(&[1.0, 2.0]), sum(&vec![1.0; 100])), (3.0, 100.0));
-/// ```
-pub trait Buffer<S>: Clone + AsRef<[S]> + AsMut<[S]> {}
-impl<S, B: Clone + AsRef<[S]> + AsMut<[S]>> Buffer<S> for B {}
 
 /// A method of fixed step size.
 ///

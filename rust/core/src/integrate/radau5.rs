@@ -11,7 +11,8 @@
 
 mod newton;
 
-use super::adaptive::{Accuracy, Adaptive, Tolerance, Work};
+use super::accuracy::{Accuracy, Tolerance, Work};
+use super::adaptive::Adaptive;
 use super::chatter::Chatter;
 use super::radau5_tableau::{C, E, P, T_INVERSE, poles, transform};
 use super::rounding::{Rounding, add_product, two_sum};

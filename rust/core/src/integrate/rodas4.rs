@@ -5,7 +5,8 @@
 //! For six stages, `(I/(g h) - df/dx) u_i = f(t + c_i h, x + sum_j a_ij u_j) + sum_j c_ij u_j / h + d_i h df/dt`. Then
 //! `x_5 = x + sum a_5j u_j + u_5`, `x_new = x_5 + u_6`, and the error estimate is `u_6`. The code names `g` `GAMMA`, and `c_ij` `K`.
 
-use super::adaptive::{Accuracy, Adaptive, Tolerance, Work};
+use super::accuracy::{Accuracy, Tolerance, Work};
+use super::adaptive::Adaptive;
 use super::chatter::Chatter;
 use super::rounding::{Rounding, add_product, two_sum};
 use super::step_controller::{Control, StepController, finite, step_controlled};

@@ -9,7 +9,7 @@
 //!    The difference `x + z - y` is exact (Knuth's sum), and `J` is accurate enough. Only the rounding error of `f` itself remains.
 //! 2. If the remaining error also exceeds the tolerance, the run ends with [`Status::ExcessAccuracy`], and reports a feasible tolerance.
 
-use super::adaptive::Accuracy;
+use super::accuracy::Accuracy;
 use super::step_controller::StepController;
 use super::{Buffer, System};
 use crate::scalar::Real;

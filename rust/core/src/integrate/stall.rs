@@ -5,7 +5,7 @@
 //! become very small. A *window* is a fixed number of attempts. A window is slow if the remaining time of the segment would require more
 //! than `MAX_STEPS` attempts at its rate. The run ends after ten consecutive slow windows.
 
-use super::adaptive::{MAX_STEPS, Work};
+use super::accuracy::{MAX_STEPS, Work};
 use crate::status::Status;
 
 /// The number of attempts in a window.

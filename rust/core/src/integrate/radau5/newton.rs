@@ -1,7 +1,7 @@
 //! The stages of one step of Radau IIA: simplified Newton iteration on the transformed stages `w` (see `radau5`).
 
 use super::{ITERATIONS, Radau5};
-use crate::integrate::adaptive::Accuracy;
+use crate::integrate::accuracy::Accuracy;
 use crate::integrate::radau5_tableau::{C, COMPLEX_POLE, REAL_POLE, T, T_INVERSE, poles, transform};
 use crate::integrate::rounding::add_product;
 use crate::integrate::step_controller::finite;

@@ -1,0 +1,105 @@
+//! The tableau of an explicit method with an embedded error estimate, and one attempt of such a method.
+
+use super::accuracy::Accuracy;
+use super::buffer::Buffer;
+use super::step_controller::{Control, StepController};
+use crate::scalar::Real;
+
+/// One attempt of an explicit method: arguments and results of [`System::attempt`](super::System::attempt).
+///
+/// ```
+/// use armlet_core::integrate::{Attempt, Pair54, Scheme};
+///
+/// // The stages of one step of `x' = -x` from 1 to `exp(-1/2)`.
+/// let (mut slopes, mut estimates, mut y) = (vec![[-1.0]; 7], vec![[0.0]], [0.0]);
+/// let mut attempt = Attempt { h: 0.5, times: &[], x: &[1.0], slopes: &mut slopes, y: &mut y, estimates: &mut estimates };
+/// Pair54::stages(&mut attempt, |_, x, dx| dx[0] = -x[0]);
+/// assert!((y[0] - (-0.5f64).exp()).abs() < 1e-5);
+/// assert!((0.5 * estimates[0][0]).abs() < 1e-4);
+/// ```
+pub struct Attempt<'a, S, B> {
+    /// The step size, s, one per lane.
+    pub h: S,
+    /// The times of the inputs of all stages but the first, s.
+    pub times: &'a [f64],
+    /// The state at the start of the step, one entry per state.
+    pub x: &'a [S],
+    /// The slopes of all stages, one buffer per stage. The first slope is an argument, and the other slopes are results.
+    pub slopes: &'a mut [B],
+    /// The new state, a result, one entry per state.
+    pub y: &'a mut [S],
+    /// The error estimates divided by `h`, results, one buffer per estimate.
+    pub estimates: &'a mut [B],
+}
+
+/// The tableau of an explicit method whose first slope is known, with its error norm and its dense output. Coefficients are dimensionless.
+/// Step sizes `h` are in s.
+///
+/// ```
+/// use armlet_core::integrate::{Pair54, Scheme};
+///
+/// // The error estimate of a constant slope is zero.
+/// let estimate = |slopes: [f64; 7]| Pair54::E[0].iter().zip(slopes).map(|(e, k)| e * k).sum::<f64>();
+/// assert!(estimate([3.0; 7]).abs() < 1e-15);
+/// assert!(estimate([3.0, 3.0, 3.0, 3.0, 3.0, 3.0, 4.0]).abs() > 0.01);
+/// ```
+pub trait Scheme {
+    /// The number of stages after the first one. The argument of the last stage is the new state.
+    const STAGES: usize;
+    /// The times of all stages, as fractions of the step. The stages of the dense output are last.
+    const C: &'static [f64];
+    /// Row `i` has the weights of earlier slopes in the argument of stage `i`.
+    const A: &'static [&'static [f64]];
+    /// Each row has the weights of the slopes in one error estimate.
+    const E: &'static [&'static [f64]];
+    /// Each row has the weights of the slopes in one row of the dense output.
+    const D: &'static [&'static [f64]];
+    /// The degree of the dense output.
+    const DEGREE: usize;
+    /// The constants of the step-size control.
+    const CONTROL: Control;
+
+    /// Return the error of a step of size `h` from the state `x` to the state `y`, divided by the allowed error. A step with an error below
+    /// 1 is accepted.
+    fn error<S: Real, B: Buffer<S>, T: Accuracy>(controller: &StepController<T>, h: f64, x: &[S], y: &[S], estimates: &[B]) -> f64;
+
+    /// Return the dense output of one component: `(x(t) - x_old) / r`. Here `at = (r, 1 - r)` with `r = (t - t_old) / h`.
+    ///
+    /// `delta` is the change of the component over the step. `f` are its slopes at both ends. `row(i)` is the component's value in row `i`
+    /// of the dense output.
+    fn dense<S: Real>(at: (S, S), h: S, delta: S, f: [S; 2], row: impl Fn(usize) -> S) -> S;
+
+    /// Compute the results of an attempt. `slope(k, y, dx)` writes the slope of stage `k + 1` at the state `y` to `dx`.
+    fn stages<S: Real, B: Buffer<S>>(attempt: &mut Attempt<S, B>, mut slope: impl FnMut(usize, &[S], &mut [S])) {
+        let Attempt { h, x, slopes, y, estimates, .. } = attempt;
+        for i in 1..=Self::STAGES {
+            argument(Self::A[i], *h, x, slopes, y);
+            slope(i - 1, y, slopes[i].as_mut());
+        }
+        for (estimate, weights) in estimates.iter_mut().zip(Self::E) {
+            combine(weights, slopes, estimate.as_mut());
+        }
+    }
+}
+
+/// Compute `out = sum_j w_j k_j`.
+pub(super) fn combine<S: Real, B: Buffer<S>>(weights: &[f64], k: &[B], out: &mut [S]) {
+    let first = S::splat(weights[0]);
+    for (out, &k) in out.iter_mut().zip(k[0].as_ref()) {
+        *out = first * k;
+    }
+    for (&weight, k) in weights.iter().zip(k).skip(1).filter(|(weight, _)| **weight != 0.0) {
+        let weight = S::splat(weight);
+        for (out, &k) in out.iter_mut().zip(k.as_ref()) {
+            *out = weight.mul_add(k, *out);
+        }
+    }
+}
+
+/// Compute the argument `y = x + h sum_j w_j k_j` of a stage.
+pub(super) fn argument<S: Real, B: Buffer<S>>(weights: &[f64], h: S, x: &[S], k: &[B], y: &mut [S]) {
+    combine(weights, k, y);
+    for (y, &x) in y.iter_mut().zip(x) {
+        *y = h.mul_add(*y, x);
+    }
+}
