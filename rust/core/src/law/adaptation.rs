@@ -11,10 +11,12 @@
 use super::adaptive::{Adaptive, AdaptiveSpec};
 use super::composite::LaneComposite;
 use super::concurrent::LaneConcurrent;
+use super::definition::Law;
 use super::joint_columns::{JointColumn, LaneColumns};
 use super::projection::{Projection, Projector};
 use super::restraint::LaneRestraint;
-use super::{Law, Truth, require_size};
+use super::sizes::require_size;
+use super::truth::Truth;
 use crate::dynamics::AnyArm;
 use crate::error::{Error, Result, finite};
 use crate::linalg::gain::Multiply;

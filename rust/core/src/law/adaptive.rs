@@ -11,11 +11,12 @@
 use super::adaptation::{Adaptation, AnyAdaptive, Base};
 use super::composite::Composite;
 use super::concurrent::Concurrent;
-use super::definition::facts;
+use super::definition::{Build, Definition, JointReference, Law, facts};
 use super::joint_columns::{JointColumn, JointColumns, LaneColumns};
 use super::projection::Projection;
 use super::restraint::Restraint;
-use super::{Build, Definition, Instant, JointReference, Law, Term, require_same_dof, require_size};
+use super::sizes::{require_same_dof, require_size};
+use super::terms::{Instant, Term};
 use crate::dynamics::{Dynamics, Model};
 use crate::error::{Error, Result, finite};
 use crate::linalg::gain::{Gain, Multiply};
@@ -243,9 +244,6 @@ impl Definition for AdaptiveSpec {
 
     fn joint_reference(&self) -> Option<JointReference> {
         Some(JointReference::Motion)
-    }
-    fn adaptive(&self) -> Option<&AdaptiveSpec> {
-        Some(self)
     }
 }
 

@@ -1,33 +1,7 @@
-//! The references of a law: the desired positions of the joints, and the targets of frames.
+//! The targets of frames.
 
 use super::LawSpec;
 use crate::kinematics::{Coordinates, TaskFunction};
-use crate::motion::Motion;
-
-/// The desired positions of the joints.
-///
-/// ```
-/// # use armlet_core::arm::Arm;
-/// # use armlet_core::dynamics::Model;
-/// use armlet_core::law::{ComputedTorqueSpec, Gain, JointReference, LawSpec, PdGravitySpec};
-/// use armlet_core::motion::{Motion, Quintic};
-/// # let model = Model::from(Arm::pendulum(2.0, 5.0)?);
-/// # let gain = |k: f64| Gain::scalar("gain", 1, k);
-///
-/// let held = LawSpec::from(PdGravitySpec::new(model.clone(), vec![0.5], gain(20.0)?, gain(4.0)?)?);
-/// assert_eq!(held.joint_reference(), Some(JointReference::Target(vec![0.5])));
-/// let motion = Motion::from(Quintic::new(vec![0.0], vec![0.5], 1.0)?);
-/// let moving = LawSpec::from(ComputedTorqueSpec::new(model, motion, gain(100.0)?, gain(20.0)?)?);
-/// assert_eq!(moving.joint_reference(), Some(JointReference::Motion));
-/// # Ok::<(), armlet_core::error::Error>(())
-/// ```
-#[derive(Clone, Debug, PartialEq)]
-pub enum JointReference {
-    /// The motion of the law: the first of [`Definition::motions`](super::Definition::motions).
-    Motion,
-    /// A fixed position, `(n,)`, rad or m.
-    Target(Vec<f64>),
-}
 
 /// Rows of a frame's position that a law moves to a target.
 ///
@@ -54,16 +28,6 @@ pub struct Aim {
     pub rows: Vec<usize>,
     /// Index of each row's target in [`LawSpec::desired`].
     pub places: Vec<usize>,
-}
-
-impl JointReference {
-    /// The position of `motion` at time zero, as a fixed target.
-    pub(super) fn held(motion: &Motion) -> Self {
-        let mut sample = vec![0.0; 3 * motion.dof()];
-        motion.sample(0.0, &mut sample);
-        sample.truncate(motion.dof());
-        JointReference::Target(sample)
-    }
 }
 
 impl LawSpec {

@@ -8,9 +8,11 @@
 //! The orientation of a moving target is a rotation vector, with zeros for missing rows. Its `x_d_dot` and `x_d_ddot` are the angular
 //! velocity and the angular acceleration of that rotation.
 
+use super::definition::{Build, Definition, Law};
 use super::impedance_options::{Extras, ImpedanceOptions};
 use super::null_space::{NullSpace, Place};
-use super::{Build, Definition, Instant, Law, LawSpec, Term, require_size};
+use super::sizes::require_size;
+use super::terms::{Instant, Term};
 use crate::dynamics::{AnyArm, Dynamics, Model, Workspace};
 use crate::error::{Error, Result};
 use crate::kinematics::Coordinates;
@@ -158,12 +160,6 @@ impl Definition for CartesianImpedanceSpec {
 
     fn coordinates(&self) -> Option<&Coordinates> {
         Some(&self.coordinates)
-    }
-    fn impedance(&self) -> Option<&CartesianImpedanceSpec> {
-        Some(self)
-    }
-    fn outer(&self) -> Option<LawSpec> {
-        Some(self.clone().into())
     }
     fn outer_stiffness(&mut self) -> Option<&mut Gain> {
         Some(&mut self.stiffness)

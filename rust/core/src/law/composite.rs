@@ -26,7 +26,7 @@
 
 use super::adaptive::AdaptiveSpec;
 use super::joint_columns::{JointColumn, LaneColumns};
-use super::require_size;
+use super::sizes::require_size;
 use crate::dynamics::{AnyArm, Dynamics};
 use crate::error::{Result, positive};
 use crate::linalg::gain::{AnyGain, Gain, Multiply};

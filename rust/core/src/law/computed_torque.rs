@@ -3,8 +3,9 @@
 //! `tau = M(q) (a_d + Kd e_dot + Kp e) + C(q, v) v + g(q)`, so that `e_ddot + Kd e_dot + Kp e = 0` for the error `e = q_d - q` of a plant
 //! that equals the law's model. `Kp` is in 1/s^2 and `Kd` in 1/s.
 
-use super::definition::facts;
-use super::{Build, Definition, Instant, JointReference, Law, Term, require_same_dof, require_size};
+use super::definition::{Build, Definition, JointReference, Law, facts};
+use super::sizes::{require_same_dof, require_size};
+use super::terms::{Instant, Term};
 use crate::dynamics::{AnyArm, Dynamics, Model};
 use crate::error::Result;
 use crate::linalg::gain::{AnyGain, Gain, Multiply};

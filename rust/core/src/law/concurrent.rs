@@ -13,7 +13,7 @@
 use super::adaptive::AdaptiveSpec;
 use super::composite::LaneComposite;
 use super::joint_columns::{JointColumn, LaneColumns};
-use super::require_size;
+use super::sizes::require_size;
 use crate::dynamics::{AnyArm, Dynamics};
 use crate::error::{Error, Result, finite, positive};
 use crate::interrupt::look;

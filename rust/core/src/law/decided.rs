@@ -1,7 +1,7 @@
 //! Laws whose solver decides the ranks of tasks in priority. On plain numbers, the solver may use every algorithm of `priority`. A recorded
 //! law only uses the regular algorithm, which has no branch, and reports whether its result is valid.
 
-use super::Law;
+use super::definition::Law;
 use crate::error::Result;
 use crate::priority::{PrioritySolver, Regular};
 use crate::scalar::Real;

@@ -1,12 +1,50 @@
-//! The functions of a law that the core calls. Most of them have a default.
+//! The interfaces of a law: its declaration, and its evaluation in a control loop. Most functions have a default.
 
-use super::{AdaptiveSpec, CartesianImpedanceSpec, ElasticImpedanceSpec, JointReference, Law, LawSpec, Level, ReductionSpec};
+use super::inertia_reduction::ReductionSpec;
+use super::level::Level;
+use super::terms::{Instant, Term};
+use super::truth::Truth;
 use crate::dynamics::Model;
 use crate::kinematics::Coordinates;
 use crate::linalg::Gain;
 use crate::motion::Motion;
 use crate::plant::PlantKind;
 use crate::scalar::Real;
+
+/// The desired positions of the joints.
+///
+/// ```
+/// # use armlet_core::arm::Arm;
+/// # use armlet_core::dynamics::Model;
+/// use armlet_core::law::{ComputedTorqueSpec, Gain, JointReference, LawSpec, PdGravitySpec};
+/// use armlet_core::motion::{Motion, Quintic};
+/// # let model = Model::from(Arm::pendulum(2.0, 5.0)?);
+/// # let gain = |k: f64| Gain::scalar("gain", 1, k);
+///
+/// let held = LawSpec::from(PdGravitySpec::new(model.clone(), vec![0.5], gain(20.0)?, gain(4.0)?)?);
+/// assert_eq!(held.joint_reference(), Some(JointReference::Target(vec![0.5])));
+/// let motion = Motion::from(Quintic::new(vec![0.0], vec![0.5], 1.0)?);
+/// let moving = LawSpec::from(ComputedTorqueSpec::new(model, motion, gain(100.0)?, gain(20.0)?)?);
+/// assert_eq!(moving.joint_reference(), Some(JointReference::Motion));
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
+#[derive(Clone, Debug, PartialEq)]
+pub enum JointReference {
+    /// The motion of the law: the first of [`Definition::motions`].
+    Motion,
+    /// A fixed position, `(n,)`, rad or m.
+    Target(Vec<f64>),
+}
+
+impl JointReference {
+    /// The position of `motion` at time zero, as a fixed target.
+    pub(super) fn held(motion: &Motion) -> Self {
+        let mut sample = vec![0.0; 3 * motion.dof()];
+        motion.sample(0.0, &mut sample);
+        sample.truncate(motion.dof());
+        JointReference::Target(sample)
+    }
+}
 
 /// A law with validated parameters.
 ///
@@ -79,22 +117,6 @@ pub trait Definition {
         &[]
     }
 
-    /// The adaptive law that this law is or contains; `None` for other laws.
-    fn adaptive(&self) -> Option<&AdaptiveSpec> {
-        None
-    }
-
-    /// This law, if it is the Cartesian impedance law of a rigid arm; `None` for other laws.
-    fn impedance(&self) -> Option<&CartesianImpedanceSpec> {
-        None
-    }
-
-    /// This law, if it is the Cartesian impedance law of an elastic arm; `None` for other laws. It has a storage function on the plants of
-    /// `ElasticImpedanceSpec::has_storage`.
-    fn storage(&self) -> Option<&ElasticImpedanceSpec> {
-        None
-    }
-
     /// The motor-inertia reduction, if the law contains one.
     fn reduction(&self) -> Option<&ReductionSpec> {
         None
@@ -115,13 +137,7 @@ pub trait Definition {
         None
     }
 
-    /// The law that commands the joint torque; `None` for other laws. It is the outer loop of an elastic arm, or a law of a rigid arm with
-    /// a spring.
-    fn outer(&self) -> Option<LawSpec> {
-        None
-    }
-
-    /// The stiffness of the spring in [`Self::outer`].
+    /// The stiffness of the spring in [`LawSpec::outer`](super::LawSpec::outer).
     fn outer_stiffness(&mut self) -> Option<&mut Gain> {
         None
     }
@@ -145,6 +161,62 @@ macro_rules! facts {
     };
 }
 pub(super) use facts;
+
+/// A law in a control loop.
+///
+/// ```
+/// # use armlet_core::arm::Arm;
+/// # use armlet_core::dynamics::Model;
+/// use armlet_core::law::{Gain, LawSpec, PdGravitySpec};
+/// # let model = Model::from(Arm::pendulum(2.0, 5.0)?);
+///
+/// let law = PdGravitySpec::new(model, vec![0.5], Gain::scalar("kp", 1, 20.0)?, Gain::scalar("kd", 1, 4.0)?)?;
+/// let law = LawSpec::from(law);
+/// let mut control = LawSpec::build::<f64>(|_| &law);
+/// let (q, v, mut tau): (f64, f64, _) = (0.3, 0.1, [0.0]);
+/// control.evaluate(&law.desired::<f64>(0.0), &[q.sin_cos()], &[q, v], &[], &mut tau, &mut []);
+/// assert!((tau[0] - (20.0 * 0.2 - 4.0 * v + 5.0 * q.sin())).abs() < 1e-12);
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
+pub trait Law<S: Real> {
+    /// Compute the plant's input `tau`, `(n,)`, and the rate `dz`, `(p,)`, of the law's state `z`, `(p,)`.
+    ///
+    /// `desired` has the samples of the desired motions one after another, each `[x_d, x_d', x_d'']` with time derivatives `'`. `trig` has
+    /// (sin, cos) of each joint position, and `x` is the plant's state.
+    fn evaluate(&mut self, desired: &[S], trig: &[(S, S)], x: &[S], z: &[S], tau: &mut [S], dz: &mut [S]);
+
+    /// Initialise the filters in the law's state `z` from the plant's state `x`. `_trig` has (sin, cos) of each joint position.
+    fn restart(&mut self, _trig: &[(S, S)], _x: &[S], _z: &mut [S]) {}
+
+    /// Set the time of the next samples, s, for a law that is a function of time and is evaluated only at samples.
+    fn at(&mut self, _t: f64) {}
+
+    /// Set the sample period of the loop, s, and the limits of the plant's input, `(n,)` or empty.
+    fn configure(&mut self, _period: Option<f64>, _limits: &[S]) {}
+
+    /// Return 1 if the last evaluation is valid, and 0 if it must be repeated without a program. The result is `None` for a law that is
+    /// always valid.
+    fn stands(&self) -> Option<S> {
+        None
+    }
+
+    /// The rate at which the law's Lyapunov function decreases at the last evaluation, W; zero for a law without such a function. It is the
+    /// rate on a plant with the structure of the law's model, without the effects of further options of the law.
+    fn dissipation(&self) -> S {
+        S::zero()
+    }
+
+    /// The rate at which the Lyapunov function decreases on the true plant, without the effect of a projection, W. `x` is the plant's
+    /// state, `z` the law's state.
+    fn dissipation_of(&self, _: &Truth<S>, _x: &[S], _z: &[S]) -> S {
+        self.dissipation()
+    }
+
+    /// The rate of the law's storage function at the last evaluation, W. `outside` is the power of external forces, W.
+    fn storage_rate(&self, _x: &[S], outside: S) -> S {
+        outside
+    }
+}
 
 /// A law that can be built for loops on any number type.
 pub trait Build: Definition {
@@ -204,37 +276,3 @@ impl Route {
         }
     }
 }
-
-/// The arguments of a law at one instant.
-///
-/// ```
-/// # use armlet_core::arm::Arm;
-/// # use armlet_core::dynamics::Model;
-/// use armlet_core::law::{Gain, Instant, LawSpec, PdGravitySpec};
-/// # let model = Model::from(Arm::pendulum(2.0, 5.0)?);
-/// # let gain = |k: f64| Gain::scalar("gain", 1, k);
-///
-/// let law = LawSpec::from(PdGravitySpec::new(model, vec![0.5], gain(20.0)?, gain(4.0)?)?);
-/// let (q, v): (f64, f64) = (0.3, 0.1);
-/// let at = Instant { t: 0.0, desired: &law.desired::<f64>(0.0), trig: &[q.sin_cos()], x: &[q, v], z: &[] };
-/// let terms = law.terms(&at);
-/// assert_eq!(terms.iter().map(|(name, ..)| *name).collect::<Vec<_>>(), ["q_d", "e", "g", "tau"]);
-/// assert!((terms[3].2[0] - (20.0 * 0.2 - 4.0 * v + 5.0 * q.sin())).abs() < 1e-12);
-/// # Ok::<(), armlet_core::error::Error>(())
-/// ```
-pub struct Instant<'a> {
-    /// Time, s.
-    pub t: f64,
-    /// Samples `[x_d, x_d', x_d'']` of the desired motions, with time derivatives `'`, one motion after another.
-    pub desired: &'a [f64],
-    /// (sin, cos) of each joint position, `n` pairs.
-    pub trig: &'a [(f64, f64)],
-    /// State of the plant: joint positions (rad or m), and velocities (rad/s or m/s) unless they are the plant's input. If there are
-    /// motors, their positions and velocities follow.
-    pub x: &'a [f64],
-    /// State of the law, for example an estimate or an integral; empty for a law without a state.
-    pub z: &'a [f64],
-}
-
-/// A named term of a law: its name, shape, and values in row-major order.
-pub type Term = (&'static str, Vec<usize>, Vec<f64>);

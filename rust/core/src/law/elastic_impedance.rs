@@ -14,9 +14,10 @@
 //! definite sign.
 
 use super::cartesian_impedance::{CartesianImpedance, CartesianImpedanceSpec};
+use super::definition::{Build, Definition, Law};
 use super::impedance_options::held;
 use super::inertia_reduction::{Reduction, ReductionSpec, described, reduced_facts};
-use super::{Build, Definition, Instant, Law, LawSpec, Term};
+use super::terms::{Instant, Term};
 use crate::dynamics::{AnyArm, Dynamics};
 use crate::kinematics::{Coordinates, jacobian_dot};
 use crate::linalg::cholesky;
@@ -68,9 +69,6 @@ impl Definition for ElasticImpedanceSpec {
     fn initial_state(&self) -> &[f64] {
         self.outer.initial_state()
     }
-    fn outer(&self) -> Option<LawSpec> {
-        self.outer.clone().without_torque_limits().outer()
-    }
 
     fn terms(&self, at: &Instant) -> Vec<Term> {
         let n = self.outer.model.n();
@@ -90,9 +88,6 @@ impl Definition for ElasticImpedanceSpec {
 
     fn coordinates(&self) -> Option<&Coordinates> {
         self.outer.coordinates()
-    }
-    fn storage(&self) -> Option<&ElasticImpedanceSpec> {
-        Some(self)
     }
 }
 

@@ -1,6 +1,7 @@
 //! An external law: a function that the caller supplies. It is a function of time and measured state, and is evaluated at samples.
 
-use super::{Build, Definition, Instant, Law, Route, Term};
+use super::definition::{Build, Definition, Law, Route};
+use super::terms::{Instant, Term};
 use crate::dynamics::Model;
 use crate::motion::Motion;
 use crate::plant::PlantKind;

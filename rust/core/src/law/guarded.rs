@@ -21,7 +21,12 @@
 //! 1, so it is the time since contact. The rates of a sample act for one sample time. So the quotients of `y_c c` and `r_c c` by `c` are
 //! the values at contact, even if the rates of that sample act after a delay.
 
-use super::{Build, Definition, Instant, JointReference, Law, LawSpec, Level, ReductionSpec, Route, Term, require_rows, require_size};
+use super::LawSpec;
+use super::definition::{Build, Definition, JointReference, Law, Route};
+use super::inertia_reduction::ReductionSpec;
+use super::level::Level;
+use super::sizes::{require_rows, require_size};
+use super::terms::{Instant, Term};
 use crate::dynamics::Model;
 use crate::error::{Error, Result, positive};
 use crate::kinematics::Coordinates;

@@ -1,7 +1,8 @@
 //! A guarded law in a control loop, with the equations of [`super::guarded`].
 
+use super::LawSpec;
+use super::definition::{Build, Law};
 use super::guarded::{GuardedSpec, Reaction};
-use super::{Build, Law, LawSpec};
 use crate::dynamics::{AnyArm, Dynamics, Workspace};
 use crate::linalg::gain::{AnyGain, Gain, Multiply};
 use crate::scalar::{Real, sign};

@@ -9,7 +9,7 @@
 //! would increase the excess.
 
 use super::null_space::{NULL_SPACE_EPS, NullSpaceSpec};
-use super::require_size;
+use super::sizes::require_size;
 use crate::error::{Error, Result, finite, positive};
 use crate::linalg::gain::{AnyGain, Gain, Multiply};
 use crate::scalar::Real;

@@ -8,7 +8,8 @@
 //! `D0 = 2 zeta B0^1/2 (B0^-1/2 K_J B0^-1/2)^1/2 B0^1/2`, with the damping ratio `zeta`. For full matrices
 //! the order of the product `B B0^-1` matters.
 
-use super::{Term, require_size};
+use super::sizes::require_size;
+use super::terms::Term;
 use crate::error::Result;
 use crate::linalg::gain::{AnyGain, Gain, Multiply};
 use crate::linalg::ratio_damping;

@@ -1,9 +1,10 @@
 //! Joint impedance through elastic joints (Albu-Schaeffer, Ott and Hirzinger 2007): `u = K (q_d - q) - D v + g(q)` as the outer loop, and
 //! motor-inertia reduction as the inner loop.
 
+use super::definition::{Build, Definition, JointReference, Law};
 use super::inertia_reduction::{Reduction, ReductionSpec, reduced_facts};
 use super::pd_gravity::{PdGravity, PdGravitySpec};
-use super::{Build, Definition, Instant, JointReference, Law, LawSpec, Term};
+use super::terms::{Instant, Term};
 use crate::scalar::Real;
 
 /// Joint impedance of an arm with elastic joints, with validated parameters.
@@ -35,10 +36,6 @@ pub struct JointImpedanceSpec {
 
 impl Definition for JointImpedanceSpec {
     reduced_facts!("JointImpedance");
-
-    fn outer(&self) -> Option<LawSpec> {
-        self.outer.outer()
-    }
 
     fn terms(&self, at: &Instant) -> Vec<Term> {
         let n = self.model().n();

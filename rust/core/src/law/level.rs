@@ -65,8 +65,8 @@ impl Level {
             }
             _ => {}
         }
-        super::require_size("gain", &gain, function.rows())?;
-        damping.iter().try_for_each(|damping| super::require_size("damping", damping, function.rows()))?;
+        super::sizes::require_size("gain", &gain, function.rows())?;
+        damping.iter().try_for_each(|damping| super::sizes::require_size("damping", damping, function.rows()))?;
         Ok(Level { function, target, gain, damping })
     }
 

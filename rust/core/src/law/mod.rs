@@ -46,13 +46,15 @@ mod projection;
 mod projection_loss;
 mod restraint;
 mod sampled_reduction;
+mod sizes;
 mod storage;
+mod terms;
 mod truth;
 
 pub use crate::linalg::gain::Gain;
 pub use adaptation::{Adaptation, Base};
 pub use adaptive::AdaptiveSpec;
-pub use aims::{Aim, JointReference};
+pub use aims::Aim;
 pub use arm_batch::ArmBatch;
 pub use arm_solver::ArmSolver;
 pub use c_loop::CLoop;
@@ -63,7 +65,7 @@ pub use computed_torque::ComputedTorqueSpec;
 pub use concurrent::{Concurrent, Record, StoredRows, Windows};
 pub(crate) use decided::{RecordedSolver, Solve};
 use definition::Build;
-pub use definition::{Definition, Instant, Route, Term};
+pub use definition::{Definition, JointReference, Law, Route};
 pub use elastic_impedance::ElasticImpedanceSpec;
 pub use evaluator::LawEvaluator;
 pub use external::{Call, ExternalSpec};
@@ -89,68 +91,12 @@ pub(crate) use projection_loss::ProjectionLoss;
 pub use restraint::{LeakageForm, Restraint};
 pub use sampled_reduction::LockedMotors;
 pub(crate) use storage::Storage;
+pub use terms::{Instant, Term};
 pub use truth::Truth;
 
-use crate::error::{Error, Result};
-use crate::motion::{Motion, sample_all};
+use crate::motion::sample_all;
 use crate::scalar::Real;
 use std::ops::{Deref, DerefMut};
-
-/// A law in a control loop.
-///
-/// ```
-/// # use armlet_core::arm::Arm;
-/// # use armlet_core::dynamics::Model;
-/// use armlet_core::law::{Gain, LawSpec, PdGravitySpec};
-/// # let model = Model::from(Arm::pendulum(2.0, 5.0)?);
-///
-/// let law = PdGravitySpec::new(model, vec![0.5], Gain::scalar("kp", 1, 20.0)?, Gain::scalar("kd", 1, 4.0)?)?;
-/// let law = LawSpec::from(law);
-/// let mut control = LawSpec::build::<f64>(|_| &law);
-/// let (q, v, mut tau): (f64, f64, _) = (0.3, 0.1, [0.0]);
-/// control.evaluate(&law.desired::<f64>(0.0), &[q.sin_cos()], &[q, v], &[], &mut tau, &mut []);
-/// assert!((tau[0] - (20.0 * 0.2 - 4.0 * v + 5.0 * q.sin())).abs() < 1e-12);
-/// # Ok::<(), armlet_core::error::Error>(())
-/// ```
-pub trait Law<S: Real> {
-    /// Compute the plant's input `tau`, `(n,)`, and the rate `dz`, `(p,)`, of the law's state `z`, `(p,)`.
-    ///
-    /// `desired` has the samples of the desired motions one after another, each `[x_d, x_d', x_d'']` with time derivatives `'`. `trig` has
-    /// (sin, cos) of each joint position, and `x` is the plant's state.
-    fn evaluate(&mut self, desired: &[S], trig: &[(S, S)], x: &[S], z: &[S], tau: &mut [S], dz: &mut [S]);
-
-    /// Initialise the filters in the law's state `z` from the plant's state `x`. `_trig` has (sin, cos) of each joint position.
-    fn restart(&mut self, _trig: &[(S, S)], _x: &[S], _z: &mut [S]) {}
-
-    /// Set the time of the next samples, s, for a law that is a function of time and is evaluated only at samples.
-    fn at(&mut self, _t: f64) {}
-
-    /// Set the sample period of the loop, s, and the limits of the plant's input, `(n,)` or empty.
-    fn configure(&mut self, _period: Option<f64>, _limits: &[S]) {}
-
-    /// Return 1 if the last evaluation is valid, and 0 if it must be repeated without a program. The result is `None` for a law that is
-    /// always valid.
-    fn stands(&self) -> Option<S> {
-        None
-    }
-
-    /// The rate at which the law's Lyapunov function decreases at the last evaluation, W; zero for a law without such a function. It is the
-    /// rate on a plant with the structure of the law's model, without the effects of further options of the law.
-    fn dissipation(&self) -> S {
-        S::zero()
-    }
-
-    /// The rate at which the Lyapunov function decreases on the true plant, without the effect of a projection, W. `x` is the plant's
-    /// state, `z` the law's state.
-    fn dissipation_of(&self, _: &Truth<S>, _x: &[S], _z: &[S]) -> S {
-        self.dissipation()
-    }
-
-    /// The rate of the law's storage function at the last evaluation, W. `outside` is the power of external forces, W.
-    fn storage_rate(&self, _x: &[S], outside: S) -> S {
-        outside
-    }
-}
 
 /// Declare the kinds of laws: the enum, its conversions, and the construction for lanes. Each law has one entry in this list.
 macro_rules! laws {
@@ -305,26 +251,35 @@ impl LawSpec {
         Some(law)
     }
 
+    /// The adaptive law; `None` for other laws.
+    pub fn adaptive(&self) -> Option<&AdaptiveSpec> {
+        if let LawSpec::Adaptive(law) = self { Some(law) } else { None }
+    }
+
+    /// The Cartesian impedance law of a rigid arm; `None` for other laws.
+    pub fn impedance(&self) -> Option<&CartesianImpedanceSpec> {
+        if let LawSpec::CartesianImpedance(law) = self { Some(law) } else { None }
+    }
+
+    /// The Cartesian impedance law of an elastic arm; `None` for other laws. It has a storage function on the plants of
+    /// `ElasticImpedanceSpec::has_storage`.
+    pub fn storage(&self) -> Option<&ElasticImpedanceSpec> {
+        if let LawSpec::ElasticImpedance(law) = self { Some(law) } else { None }
+    }
+
+    /// The law that commands the joint torque; `None` for other laws. It is the outer loop of an elastic arm, or a law of a rigid arm with
+    /// a spring.
+    pub fn outer(&self) -> Option<LawSpec> {
+        match self {
+            LawSpec::PdGravity(_) | LawSpec::CartesianImpedance(_) => Some(self.clone()),
+            LawSpec::JointImpedance(law) => Some(law.outer.clone().into()),
+            LawSpec::ElasticImpedance(law) => Some(law.outer.clone().without_torque_limits().into()),
+            _ => None,
+        }
+    }
+
     /// The number of rows of each priority level; empty for a law without levels.
     pub fn level_rows(&self) -> Vec<usize> {
         self.levels().iter().map(|level| level.function.rows()).collect()
     }
-}
-
-fn require_same_dof(n: usize, motion: &Motion) -> Result<()> {
-    require_rows("motion", n, motion.dof())
-}
-
-fn require_rows(argument: &str, n: usize, got: usize) -> Result<()> {
-    if got == n {
-        return Ok(());
-    }
-    Err(Error::wrong(argument, "number of joints", n, got))
-}
-
-fn require_size(argument: &str, gain: &Gain, n: usize) -> Result<()> {
-    if gain.n() == n {
-        return Ok(());
-    }
-    Err(Error::wrong(argument, "size", n, gain.n()))
 }

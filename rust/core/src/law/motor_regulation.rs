@@ -5,8 +5,9 @@
 //! (Albu-Schaeffer and Hirzinger 2001). `theta` are the motor positions. Units are those of revolute joints; for a prismatic joint, replace
 //! rad by m and N m by N.
 
-use super::definition::facts;
-use super::{Build, Definition, Instant, JointReference, Law, Term, require_rows, require_size};
+use super::definition::{Build, Definition, JointReference, Law, facts};
+use super::sizes::{require_rows, require_size};
+use super::terms::{Instant, Term};
 use crate::dynamics::{AnyArm, Dynamics, Model, Workspace};
 use crate::error::Result;
 use crate::linalg::gain::{AnyGain, Gain, Multiply};

@@ -15,7 +15,8 @@
 //! with `sigma / max(sigma, eps)^2` in place of `1 / sigma`, for each singular value `sigma`. In the direction of `sigma`, the fraction
 //! `1 - min(1, (sigma/eps)^2)` of `tau_0` remains. The largest of these fractions is the loss.
 
-use super::{Term, require_rows, require_size};
+use super::sizes::{require_rows, require_size};
+use super::terms::Term;
 use crate::dynamics::{AnyArm, Dynamics, Workspace};
 use crate::error::{Error, Result};
 use crate::kinematics::{Coordinates, jacobian_dot};

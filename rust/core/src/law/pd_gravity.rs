@@ -1,7 +1,8 @@
 //! PD control with gravity compensation (Takegaki and Arimoto 1981): `tau = Kp (q_d - q) - Kd v + g(q)`.
 
-use super::definition::facts;
-use super::{Build, Definition, Instant, JointReference, Law, LawSpec, Term, require_rows, require_size};
+use super::definition::{Build, Definition, JointReference, Law, facts};
+use super::sizes::{require_rows, require_size};
+use super::terms::{Instant, Term};
 use crate::dynamics::{AnyArm, Dynamics, Model, Workspace};
 use crate::error::Result;
 use crate::linalg::gain::{AnyGain, Gain, Multiply};
@@ -68,9 +69,6 @@ impl Definition for PdGravitySpec {
 
     fn joint_reference(&self) -> Option<JointReference> {
         Some(JointReference::held(&self.target))
-    }
-    fn outer(&self) -> Option<LawSpec> {
-        Some(self.clone().into())
     }
     fn outer_stiffness(&mut self) -> Option<&mut Gain> {
         Some(&mut self.kp)

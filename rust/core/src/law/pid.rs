@@ -16,8 +16,9 @@
 //!
 //! The law's state is `w`, then `y` with a filter, then `s` with an observer, `(n,)` each.
 
-use super::definition::facts;
-use super::{Build, Definition, Instant, JointReference, Law, Term, require_rows, require_same_dof, require_size};
+use super::definition::{Build, Definition, JointReference, Law, facts};
+use super::sizes::{require_rows, require_same_dof, require_size};
+use super::terms::{Instant, Term};
 use crate::dynamics::{AnyArm, Dynamics, Model, Workspace};
 use crate::error::{Error, Result};
 use crate::linalg::gain::{AnyGain, Gain, Multiply};

@@ -6,9 +6,10 @@
 //! at every evaluation.
 
 use super::decided::{Decided, RecordedSolver, Solve};
+use super::definition::{Build, Definition, Law, Route};
 use super::joint_limits::{JointLimits, LimitOverrides};
 use super::level::{self, Level, desired_size, require_levels, same_tasks, stack};
-use super::{Build, Definition, Instant, Law, Route, Term};
+use super::terms::{Instant, Term};
 use crate::dynamics::{AnyArm, Dynamics, Model, Workspace};
 use crate::error::{Error, Result};
 use crate::kinematics::TaskStack;

@@ -10,9 +10,10 @@
 //! not valid. A law with the method `sns` cannot be recorded.
 
 use super::decided::{Decided, RecordedSolver, Solve};
+use super::definition::{Build, Definition, Law, Route};
 use super::joint_limits::{JointLimits, LimitOverrides};
 use super::level::{self, Level, desired_size, require_levels, same_tasks, stack};
-use super::{Build, Definition, Instant, Law, Route, Term};
+use super::terms::{Instant, Term};
 use crate::dynamics::Model;
 use crate::error::Result;
 use crate::kinematics::TaskStack;

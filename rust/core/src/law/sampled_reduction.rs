@@ -9,7 +9,7 @@
 //! `B0 << B` and no sensor, the limit is `omega_n dt < min(4 zeta, 1/zeta)` with `omega_n = sqrt(K_J/B0)` and the damping ratio `zeta`. At
 //! `B0 = B`, this rule gives a limit that is too large for damping ratios from 0.5 to 1. Units are those of revolute joints.
 
-use super::ReductionSpec;
+use super::inertia_reduction::ReductionSpec;
 use crate::linalg::eigenvalues::spectral_radius;
 use crate::linalg::{Gain, largest};
 use crate::plant::ElasticSpec;

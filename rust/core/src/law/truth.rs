@@ -9,7 +9,6 @@
 //! with `y = Y' s` and `a_hat_dot = Gamma w`. If viscous friction `D` is estimated, its part of the second term is `-s' D s`. If Coulomb
 //! friction `F` is estimated, its part is `s' F (sign v - tanh(v_r / v_s))`.
 
-use super::LawSpec;
 use super::adaptive::AdaptiveSpec;
 use super::joint_columns::JointColumn;
 use crate::plant::PlantSpec;
@@ -63,9 +62,9 @@ pub struct Truth<S> {
 
 impl<S: Real> Truth<S> {
     /// Create the true parameters for laws with joint columns, restraint or additional adaptation; `None` for other laws.
-    pub fn new<'a>(of: impl Fn(usize) -> &'a LawSpec, plant: impl Fn(usize) -> &'a PlantSpec) -> Option<Self> {
-        let own = of(0).adaptive().filter(|law| !law.is_plain())?;
-        let truths: Vec<Vec<f64>> = (0..S::LANES).map(|lane| of(lane).adaptive().unwrap_or(own).truth(plant(lane))).collect();
+    pub fn new<'a>(of: impl Fn(usize) -> Option<&'a AdaptiveSpec>, plant: impl Fn(usize) -> &'a PlantSpec) -> Option<Self> {
+        let own = of(0).filter(|law| !law.is_plain())?;
+        let truths: Vec<Vec<f64>> = (0..S::LANES).map(|lane| of(lane).unwrap_or(own).truth(plant(lane))).collect();
         let parameters = S::labelled("plant", 1, || (0..truths[0].len()).map(|k| S::from_lanes(|lane| truths[lane][k])).collect());
         // Friction and rotor inertias are equal in all lanes, because all lanes share the geometry of the arm.
         let (model, n) = (plant(0).model(), plant(0).n());

@@ -143,8 +143,11 @@ pub fn assemble<'a, S: Real>(problem: &'a Problem, run: impl Fn(usize) -> usize 
     let closing = Closing { tau_max: o.tau_max.as_deref().map(Cow::Borrowed), held: o.sampling.is_some(), monitored: o.monitors, storage };
     let spec = problem.plant(run(0));
     let sizes = (spec.states(), spec.seen(), problem.law(run(0)).initial_state().len(), spec.model().angles());
-    let truth =
-        if closing.watches_dissipation() { Truth::new(|lane| problem.law(run(lane)), |lane| problem.plant(run(lane))) } else { None };
+    let truth = if closing.watches_dissipation() {
+        Truth::new(|lane| problem.law(run(lane)).adaptive(), |lane| problem.plant(run(lane)))
+    } else {
+        None
+    };
     let period = o.sampling.as_ref().map(|sampling| sampling.period);
     ClosedLoop::new(plant, law, world(problem, S::LANES, run), closing, sampler(problem, run), sizes).judged_by(truth).sampled_every(period)
 }
