@@ -1,4 +1,4 @@
-//! Adaptive tracking of any arm: the choice of estimated parameters, and the metric of their adaptation.
+//! The parameters of an adaptation: the choice of estimated parameters, the metric, and additional adaptation.
 //!
 //! - The law estimates all inertial parameters `pi`, or a base set `b`, a linear map of `pi` ([`Base`]). Then `Y pi = Y_b b`, where `Y` is
 //!   the regressor and `Y_b` has some of its columns.
@@ -8,22 +8,11 @@
 //!   The Lyapunov function is then `s' M s / 2 + sum d(P || P_hat) / gamma`, with the mass matrix `M` and the divergence `d`. Each
 //!   parameter `a_k` of a joint column adds `(a_k - a_hat_k)^2 / (2 gamma_k)`.
 
-use super::adaptive::{Adaptive, AdaptiveSpec};
-use super::composite::LaneComposite;
-use super::concurrent::LaneConcurrent;
-use super::definition::Law;
-use super::joint_columns::{JointColumn, LaneColumns};
-use super::projection::{Projection, Projector};
-use super::restraint::LaneRestraint;
 use super::sizes::require_size;
-use super::truth::Truth;
-use crate::dynamics::AnyArm;
 use crate::error::{Error, Result, finite};
-use crate::linalg::gain::Multiply;
-use crate::linalg::gain::{AnyGain, Gain};
-use crate::scalar::Real;
+use crate::linalg::Gain;
 use crate::spatial::PARAMETERS;
-use crate::spatial::pseudo_inertia::{is_positive_definite, natural_rate};
+use crate::spatial::pseudo_inertia::is_positive_definite;
 
 /// The adaptation law of the estimate, with its gain.
 ///
@@ -86,25 +75,6 @@ impl Adaptation {
     }
 }
 
-impl AdaptiveSpec {
-    /// Add a projection, which keeps the estimates physically possible. An initial estimate outside of the lower bounds of `projection` is
-    /// replaced by the nearest one within them.
-    ///
-    /// Errors: `Input` for natural adaptation, or a base set.
-    pub fn projected(mut self, projection: Projection) -> Result<Self> {
-        if matches!(self.adaptation, Adaptation::Natural(_)) {
-            return Err(Error::input("projection", "has nothing to do: expected None for natural adaptation, which stays consistent"));
-        }
-        if self.base.is_some() {
-            return Err(Error::input("projection", "needs whole bodies: expected all parameters, got a base set"));
-        }
-        projection.start(&mut self.estimate);
-        self.projection = Some(projection);
-        self.lengthen();
-        Ok(self)
-    }
-}
-
 /// A base set of `b` parameters: the independent columns of the regressor, and the linear map from all `p` parameters to the base
 /// parameters.
 ///
@@ -152,219 +122,66 @@ impl Base {
     }
 }
 
-/// The adaptive law on vectors of any size.
-type OnHeap<S> = Adaptive<S, AnyArm<S>, AnyGain<S>, AnyGain<S>, Vec<S>, Vec<S>>;
-
-/// The adaptive law in a control loop, for any arm.
-pub struct AnyAdaptive<S: Real> {
-    law: OnHeap<S>,
-    /// Known rotor inertias, `(n,)`; empty if there are none.
-    armature: Vec<S>,
-    columns: Vec<usize>,
-    /// The gain `gamma` of each body, then of each parameter of a joint column; empty in the Euclidean metric.
-    natural: Vec<S>,
-    /// The estimated base parameters at the places of their columns among all parameters, and zeros elsewhere; empty without a base set.
-    full: Vec<S>,
-    /// The entries of the base set in `Y' s`, the product of the transposed regressor and the sliding variable.
-    kept: Vec<S>,
-    projector: Option<Projector<S>>,
-    /// The buffers of joint columns, restraint and additional adaptation; `None` for the plain adaptation.
-    more: Option<More<S>>,
+/// The filter and the weight of composite adaptation.
+///
+/// ```
+/// # use armlet_core::arm::Arm;
+/// # use armlet_core::dynamics::Model;
+/// # use armlet_core::motion::Motion;
+/// use armlet_core::law::{Adaptation, AdaptiveSpec, Gain, LawSpec};
+/// # let model = Model::from(Arm::pendulum(2.0, 5.0)?);
+/// # let gain = |n: usize, k: f64| Gain::scalar("gain", n, k);
+/// # let (motion, adaptation) = (Motion::hold(vec![0.3])?, Adaptation::Euclidean(gain(10, 2.0)?));
+///
+/// let law = AdaptiveSpec::new(model, motion, gain(1, 50.0)?, gain(1, 10.0)?, adaptation, None, None)?;
+/// // The filter has the rate 5 1/s.
+/// let law = law.composite(5.0, gain(1, 0.5)?)?;
+/// assert_eq!(law.composite.as_ref().map(|composite| composite.rate), Some(5.0));
+/// // The state has the estimate, the filtered regressor and the filtered torque.
+/// assert_eq!(LawSpec::from(law).initial_state().len(), 10 + 10 + 1);
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
+#[derive(Clone, Debug, PartialEq)]
+pub struct Composite {
+    /// Rate `lambda` of the filter, 1/s, > 0.
+    pub rate: f64,
+    /// Weight `R` of the error, of size `n`, 1/(N m s^3) for revolute joints, m/(N s^3) for prismatic joints.
+    pub weight: Gain,
+    /// `(n, b)`: whether an entry of the regressor `Y_M` or `Y_D` can differ from zero. The geometry of the arm determines this.
+    pub(super) present: Vec<bool>,
 }
 
-/// Joint columns, restraint (leakage and dead zone), and additional adaptation.
-struct More<S> {
-    joints: LaneColumns<S>,
-    restraint: LaneRestraint<S>,
-    composite: Option<LaneComposite<S>>,
-    concurrent: Option<LaneConcurrent<S>>,
-    /// The entries of the joint columns of the regressor `Y`.
-    entries: Vec<S>,
-    /// The product `y = Y' s` of the transposed regressor and the sliding variable, `(p,)`.
-    y: Vec<S>,
-    /// The vector `w` that replaces `y` in the rate of the estimate, `(p,)`; empty without restraint and without additional adaptation.
-    w: Vec<S>,
-    /// The difference `y - w`, `(p,)`; empty if `w` is empty.
-    back: Vec<S>,
-}
-
-impl<S: Real> More<S> {
-    fn from_lanes<'a>(of: impl Fn(usize) -> &'a AdaptiveSpec) -> Self {
-        let (first, zeros) = (of(0), |k: usize| vec![S::zero(); k]);
-        let p = first.estimate.len();
-        let restraint = LaneRestraint::from_lanes(|i| &of(i).restraint);
-        let composite = first.composite.is_some().then(|| LaneComposite::from_lanes(&of));
-        let concurrent = LaneConcurrent::from_lanes(|i| of(i).concurrent.as_ref());
-        let held = if restraint.is_none() && composite.is_none() && concurrent.is_none() { 0 } else { p };
-        More {
-            joints: LaneColumns::from_lanes(|i| &of(i).columns),
-            restraint,
-            composite,
-            concurrent,
-            entries: zeros(first.columns.count()),
-            y: zeros(p),
-            w: zeros(held),
-            back: zeros(held),
-        }
-    }
-}
-
-impl<S: Real> AnyAdaptive<S> {
-    pub(super) fn build<'a>(of: impl Fn(usize) -> &'a AdaptiveSpec) -> Self {
-        let first = of(0);
-        let (n, p) = (first.model.n(), first.model.parameter_count());
-        let zeros = |k: usize| vec![S::zero(); k];
-        let unit = Gain::unchecked(1, vec![1.0]);
-        let euclidean = |i: usize| match &of(i).adaptation {
-            Adaptation::Euclidean(gamma) => gamma,
-            Adaptation::Natural(_) => &unit,
-        };
-        let natural = match &first.adaptation {
-            Adaptation::Euclidean(_) => Vec::new(),
-            Adaptation::Natural(gammas) => (0..gammas.len())
-                .map(|k| {
-                    S::from_lanes(|i| match &of(i).adaptation {
-                        Adaptation::Natural(gamma) => gamma[k],
-                        Adaptation::Euclidean(_) => f64::NAN,
-                    })
-                })
-                .collect(),
-        };
-        let armature = first.model.armature();
-        let known = !first.columns.has(JointColumn::Armature) && armature.iter().any(|&a| a != 0.0);
-        let columns = first.base.as_ref().map_or(Vec::new(), |base| base.columns.clone());
-        let size = first.estimate.len();
-        AnyAdaptive {
-            law: Adaptive::new(
-                AnyArm::from_lanes(|i| &of(i).model),
-                AnyGain::labelled("lambda", |i| &of(i).lambda),
-                AnyGain::labelled("kd", |i| &of(i).kd),
-                AnyGain::labelled("gamma", euclidean),
-                zeros(n),
-                zeros(p),
-            ),
-            armature: if known { armature.into_iter().map(S::fixed).collect() } else { Vec::new() },
-            full: zeros(if columns.is_empty() { 0 } else { p }),
-            kept: zeros(columns.len()),
-            projector: first.projection.as_ref().map(|own| Projector::from_lanes(|i| of(i).projection.as_ref().unwrap_or(own), size)),
-            columns,
-            natural,
-            more: (!first.is_plain()).then(|| More::from_lanes(of)),
-        }
-    }
-
-    /// Compute the torque for the estimate `z` of the bodies, plus the torque of known rotors. The law stores `Y' s`, the product of the
-    /// transposed regressor and the sliding variable.
-    fn torque(&mut self, desired: &[S], trig: &[(S, S)], x: &[S], z: &[S], tau: &mut [S]) {
-        if self.columns.is_empty() {
-            self.law.torque(desired, trig, x, z, tau);
-        } else {
-            for (&column, &estimate) in self.columns.iter().zip(z) {
-                self.full[column] = estimate;
-            }
-            self.law.torque(desired, trig, x, &self.full, tau);
-        }
-        for (i, &armature) in self.armature.iter().enumerate() {
-            tau[i] = armature.mul_add(self.law.a_r[i], tau[i]);
-        }
-    }
-
-    /// Compute the torque, and the rate of the estimate, with the options in `more`.
-    fn evaluate_more(&mut self, desired: &[S], trig: &[(S, S)], x: &[S], z: &[S], tau: &mut [S], dz: &mut [S]) {
-        let Some(mut more) = self.more.take() else { return };
-        let n = tau.len();
-        let (z, filters) = z.split_at(more.y.len());
-        let (dz, filter_rates) = dz.split_at_mut(more.y.len());
-        let inertial = z.len() - more.entries.len();
-        self.torque(desired, trig, x, &z[..inertial], tau);
-        more.joints.fill(&self.law.v_r, &self.law.a_r, &mut more.entries);
-        if self.columns.is_empty() {
-            more.y[..inertial].copy_from_slice(&self.law.yt_s);
-        } else {
-            for (to, &column) in more.y.iter_mut().zip(&self.columns) {
-                *to = self.law.yt_s[column];
-            }
-        }
-        for (k, &entry) in more.entries.iter().enumerate() {
-            tau[k % n] = entry.mul_add(z[inertial + k], tau[k % n]);
-            more.y[inertial + k] = entry * self.law.s[k % n];
-        }
-        let free = more.w.is_empty();
-        if !free {
-            more.restraint.leak(&self.law.s, z, &more.y, &mut more.w, &mut more.back);
-        }
-        if let Some(composite) = &mut more.composite {
-            composite.look(&self.law.arm, &mut self.law.workspace, &more.joints, trig, x);
-            composite.push(&x[n..2 * n], tau, [z, filters], [&mut more.w, &mut more.back, filter_rates]);
-        }
-        if let Some(concurrent) = &more.concurrent {
-            concurrent.push(z, &mut more.w, &mut more.back);
-        }
-        let w = if free { &more.y } else { &more.w };
-        if self.natural.is_empty() {
-            self.law.gamma.multiply(w, dz);
-            if let Some(projector) = &mut self.projector {
-                projector.correct(&self.law.gamma, z, w, dz);
-            }
-        } else {
-            self.natural_rates(z, w, dz);
-        }
-        more.restraint.rest(&self.law.s, &more.y, dz, &mut more.back);
-        self.more = Some(more);
-    }
-
-    /// Compute the rates of the estimate in the natural metric: of each body, then of each parameter of a joint column.
-    fn natural_rates(&self, z: &[S], w: &[S], dz: &mut [S]) {
-        let bodies = (z.len() - self.natural.len()) / (PARAMETERS - 1);
-        let (of_bodies, beside) = dz.split_at_mut(PARAMETERS * bodies);
-        let ((estimates, _), (pushes, _), (rates, _)) =
-            (z.as_chunks::<PARAMETERS>(), w.as_chunks::<PARAMETERS>(), of_bodies.as_chunks_mut::<PARAMETERS>());
-        for (k, rate) in rates.iter_mut().enumerate() {
-            *rate = natural_rate(&estimates[k], &pushes[k], self.natural[k]);
-        }
-        for (k, rate) in beside.iter_mut().enumerate() {
-            *rate = self.natural[bodies + k] * w[PARAMETERS * bodies + k];
-        }
-    }
-}
-
-impl<S: Real> Law<S> for AnyAdaptive<S> {
-    fn evaluate(&mut self, desired: &[S], trig: &[(S, S)], x: &[S], z: &[S], tau: &mut [S], dz: &mut [S]) {
-        if self.more.is_some() {
-            return self.evaluate_more(desired, trig, x, z, tau, dz);
-        }
-        self.torque(desired, trig, x, z, tau);
-        let yt_s = &self.law.yt_s;
-        if !self.natural.is_empty() {
-            self.natural_rates(z, yt_s, dz);
-        } else if self.columns.is_empty() {
-            self.law.gamma.multiply(yt_s, dz);
-            if let Some(projector) = &mut self.projector {
-                projector.correct(&self.law.gamma, z, yt_s, dz);
-            }
-        } else {
-            for (to, &column) in self.kept.iter_mut().zip(&self.columns) {
-                *to = yt_s[column];
-            }
-            self.law.gamma.multiply(&self.kept, dz);
-        }
-    }
-
-    fn restart(&mut self, trig: &[(S, S)], x: &[S], z: &mut [S]) {
-        let n = self.law.s.len();
-        if let Some(More { composite: Some(composite), joints, y, .. }) = &mut self.more {
-            composite.look(&self.law.arm, &mut self.law.workspace, joints, trig, x);
-            composite.begin(&x[n..2 * n], &mut z[y.len()..]);
-        }
-    }
-
-    fn dissipation(&self) -> S {
-        self.law.dissipation()
-    }
-
-    fn dissipation_of(&self, truth: &Truth<S>, x: &[S], z: &[S]) -> S {
-        let Some(more) = &self.more else { return self.dissipation() };
-        let n = self.law.s.len();
-        self.dissipation() - truth.added([&self.law.s, &x[n..2 * n], &self.law.a_r], &more.entries, z, &more.back)
-    }
+/// Stored samples, and their weighted sums.
+///
+/// ```
+/// # use armlet_core::arm::Arm;
+/// # use armlet_core::dynamics::Model;
+/// # use armlet_core::motion::Motion;
+/// use armlet_core::law::{Adaptation, AdaptiveSpec, Gain, LawSpec, Record};
+/// # let model = Model::from(Arm::pendulum(2.0, 5.0)?);
+/// # let gain = |n: usize, k: f64| Gain::scalar("gain", n, k);
+/// # let (motion, adaptation) = (Motion::hold(vec![0.0])?, Adaptation::Euclidean(gain(10, 2.0)?));
+/// # let law = AdaptiveSpec::new(model.clone(), motion, gain(1, 50.0)?, gain(1, 10.0)?, adaptation, None, None)?;
+///
+/// // One sample: at q = 0 and a = 1 rad/s^2, the torque is 2 N m.
+/// let stored = law.samples(Record { q: &[0.0], v: &[0.0], tau: &[2.0] }, &[1.0])?;
+/// let law = LawSpec::from(law.concurrent(stored, &gain(1, 1.0)?)?);
+/// let rate = |estimate: &[f64]| {
+///     let terms = law.terms_at(0.0, &[0.0, 0.0], estimate);
+///     terms.into_iter().find(|(name, ..)| *name == "estimate_rate").map_or(0.0, |(_, _, rate)| rate.iter().map(|x| x.abs()).sum::<f64>())
+/// };
+/// // At the target, only the stored sample changes the estimate. It agrees with the true parameters.
+/// assert!(rate(&[0.0; 10]) > 1.0 && rate(&model.parameters()) < 1e-12);
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
+#[derive(Clone, Debug, PartialEq)]
+pub struct Concurrent {
+    /// Regressors `W_j` of all samples, `(N, n, p)`.
+    pub(super) rows: Vec<f64>,
+    /// Torques `tau_j` of all samples, `(N, n)`, N m or N; with windows, their integrals, N m s or N s.
+    pub(super) torques: Vec<f64>,
+    /// The sum over the samples of `W_j' R W_j`, `(p, p)`.
+    pub(super) gram: Vec<f64>,
+    /// The sum over the samples of `W_j' R tau_j`, `(p,)`.
+    pub(super) moment: Vec<f64>,
 }

@@ -1,27 +1,14 @@
-//! Adaptive tracking (Slotine and Li 1987):
-//!
-//! `e = q_d - q`, `Lambda = Kd^-1 Kp`, `v_r = v_d + Lambda e`, `a_r = a_d + Lambda e_dot`, `s = v_r - v`,
-//! `tau = Y(q, v, v_r, a_r) a_hat + Kp e + Kd e_dot = Y a_hat + Kd s`, `a_hat_dot = Gamma Y' s`.
-//!
-//! The regressor `Y` satisfies `Y a = M(q) a_r + C(q, v) v_r + g(q)` for the inertial parameters `a`. The prime is the transpose.
-//!
-//! Rotor inertias (armature) and friction may be among the estimated parameters `a` (`joint_columns`). If rotor inertias are not estimated,
-//! they are known, and the torque `armature a_r` is added.
+//! The parameters of an adaptive law. `any_adaptive` has the law for any arm.
 
-use super::adaptation::{Adaptation, AnyAdaptive, Base};
-use super::composite::Composite;
-use super::concurrent::Concurrent;
-use super::definition::{Build, Definition, JointReference, Law, facts};
-use super::joint_columns::{JointColumn, JointColumns, LaneColumns};
+use super::adaptation::{Adaptation, Base, Composite, Concurrent};
+use super::joint_columns::JointColumns;
 use super::projection::Projection;
-use super::restraint::Restraint;
+use super::restraint::{LeakageForm, Restraint};
 use super::sizes::{require_same_dof, require_size};
-use super::terms::{Instant, Term};
-use crate::dynamics::{Dynamics, Model};
+use crate::dynamics::Model;
 use crate::error::{Error, Result, finite};
-use crate::linalg::gain::{Gain, Multiply};
+use crate::linalg::Gain;
 use crate::motion::Motion;
-use crate::scalar::Real;
 
 /// The adaptive law of an arm, with validated parameters.
 ///
@@ -164,183 +151,64 @@ impl AdaptiveSpec {
         (self.model.n(), self.estimate.len())
     }
 
-    /// The entries of the joint columns of the regressor `Y`.
-    fn joint_entries(&self, v_r: &[f64], a_r: &[f64]) -> Vec<f64> {
-        let mut entries = vec![0.0; self.columns.count()];
-        LaneColumns::from_lanes(|_| &self.columns).fill(v_r, a_r, &mut entries);
-        entries
-    }
-
     /// Whether the law estimates the bodies alone, without restraint and without additional adaptation.
     pub(super) fn is_plain(&self) -> bool {
         self.columns.is_empty() && self.restraint.is_none() && self.composite.is_none() && self.concurrent.is_none()
     }
-}
 
-impl Definition for AdaptiveSpec {
-    facts!("Adaptive", Rigid, motion);
-    fn initial_state(&self) -> &[f64] {
-        &self.start
-    }
-    fn restarts(&self) -> bool {
-        self.composite.is_some()
-    }
-
-    /// The terms of the law: desired motion, errors `e` and `e_dot`, references `v_r` and `a_r`, sliding variable `s` and regressor `Y`.
-    /// The torque and the rate of the estimate follow, then the terms of additional adaptation.
-    fn terms(&self, at: &Instant) -> Vec<Term> {
-        let n = self.model.n();
-        let (p, z) = (self.estimate.len(), at.z);
-        let (q, v, desired) = (&at.x[..n], &at.x[n..2 * n], at.desired);
-        let e: Vec<f64> = (0..n).map(|i| desired[i] - q[i]).collect();
-        let e_dot: Vec<f64> = (0..n).map(|i| desired[n + i] - v[i]).collect();
-        let (le, le_dot) = (self.lambda.times(&e), self.lambda.times(&e_dot));
-        let v_r: Vec<f64> = (0..n).map(|i| desired[n + i] + le[i]).collect();
-        let a_r: Vec<f64> = (0..n).map(|i| desired[2 * n + i] + le_dot[i]).collect();
-        let s: Vec<f64> = (0..n).map(|i| v_r[i] - v[i]).collect();
-        let all = self.model.parameter_count();
-        let mut full = vec![0.0; n * all];
-        self.model.at(q).regressor(v, &v_r, &a_r, &mut full);
-        let beside = self.joint_entries(&v_r, &a_r);
-        let column = |i: usize, k: usize| if k % n == i { beside[k] } else { 0.0 };
-        let y: Vec<f64> = (0..n)
-            .flat_map(|i| {
-                let row = &full[i * all..(i + 1) * all];
-                let own: Vec<f64> = match &self.base {
-                    None => row.to_vec(),
-                    Some(base) => base.columns.iter().map(|&column| row[column]).collect(),
-                };
-                own.into_iter().chain((0..beside.len()).map(move |k| column(i, k)))
-            })
-            .collect();
-        let known = if self.columns.has(JointColumn::Armature) { vec![0.0; n] } else { self.model.armature() };
-        let (kd_s, armature) = (self.kd.times(&s), known);
-        let tau: Vec<f64> = (0..n).map(|i| (0..p).map(|j| y[i * p + j] * z[j]).sum::<f64>() + kd_s[i] + armature[i] * a_r[i]).collect();
-        let mut law = Self::build::<f64>(|_| self);
-        let mut rate = vec![0.0; z.len()];
-        law.evaluate(desired, at.trig, at.x, z, &mut vec![0.0; n], &mut rate);
-        rate.truncate(p);
-        let mut terms = vec![
-            ("q_d", vec![n], desired[..n].to_vec()),
-            ("v_d", vec![n], desired[n..2 * n].to_vec()),
-            ("a_d", vec![n], desired[2 * n..].to_vec()),
-            ("e", vec![n], e),
-            ("e_dot", vec![n], e_dot),
-            ("v_r", vec![n], v_r),
-            ("a_r", vec![n], a_r),
-            ("s", vec![n], s),
-            ("Y", vec![n, p], y),
-            ("tau", vec![n], tau),
-            ("estimate_rate", vec![p], rate),
-        ];
-        if let Some([w, tau_w, e_w]) = self.filtered(at.trig, at.x, z) {
-            terms.extend([("W", vec![n, p], w), ("tau_W", vec![n], tau_w), ("e_W", vec![n], e_w)]);
+    /// Add leakage `sigma` towards `centre`, `(p,)`. `None` means the initial estimate. Errors: `Input` for numbers that are negative
+    /// (`sigma`) or not finite, `WrongShape` for a wrong length.
+    pub fn leaking(mut self, sigma: f64, form: LeakageForm, centre: Option<Vec<f64>>) -> Result<Self> {
+        not_negative("leakage", sigma)?;
+        let centre = centre.unwrap_or_else(|| self.estimate.clone());
+        if centre.len() != self.estimate.len() {
+            return Err(Error::wrong_shape("leakage_centre", &[self.estimate.len()], &[centre.len()]));
         }
-        if let Some(errors) = self.stored_errors(&z[..p]) {
-            terms.push(("e_stored", vec![errors.len() / n, n], errors));
+        finite("leakage_centre", &centre)?;
+        let centre = if sigma > 0.0 { centre } else { Vec::new() };
+        self.restraint = Restraint { leakage: sigma, form, centre, ..self.restraint };
+        Ok(self)
+    }
+
+    /// Stop the adaptation while the norm of the sliding variable `s` is below `s_0`, rad/s or m/s. Errors: `Input` for an `s_0` that is
+    /// negative or not finite.
+    pub fn resting_below(mut self, s_0: f64) -> Result<Self> {
+        not_negative("dead_zone", s_0)?;
+        self.restraint.dead_zone = s_0;
+        Ok(self)
+    }
+
+    /// Add a projection, which keeps the estimates physically possible. An initial estimate outside of the lower bounds of `projection` is
+    /// replaced by the nearest one within them.
+    ///
+    /// Errors: `Input` for natural adaptation, or a base set.
+    pub fn projected(mut self, projection: Projection) -> Result<Self> {
+        if matches!(self.adaptation, Adaptation::Natural(_)) {
+            return Err(Error::input("projection", "has nothing to do: expected None for natural adaptation, which stays consistent"));
         }
-        terms
-    }
-
-    fn joint_reference(&self) -> Option<JointReference> {
-        Some(JointReference::Motion)
-    }
-}
-
-impl Build for AdaptiveSpec {
-    type Lanes<S: Real> = AnyAdaptive<S>;
-
-    fn build<'a, S: Real>(of: impl Fn(usize) -> &'a Self) -> AnyAdaptive<S> {
-        AnyAdaptive::build(of)
-    }
-
-    /// Whether both laws estimate the same parameters in the same metric with the same options, so that they can run in lanes of one
-    /// register.
-    fn same_shape(&self, other: &Self) -> bool {
-        let columns = |law: &AdaptiveSpec| law.base.as_ref().map(|base| base.columns.clone());
-        std::mem::discriminant(&self.adaptation) == std::mem::discriminant(&other.adaptation)
-            && columns(self) == columns(other)
-            && self.projection.is_some() == other.projection.is_some()
-            && self.columns.same_kinds(&other.columns)
-            && self.restraint.same_shape(&other.restraint)
-            && self.composite.is_some() == other.composite.is_some()
-            && self.concurrent.is_some() == other.concurrent.is_some()
-    }
-}
-
-/// The law in a control loop. `D` is the type of the arm, `J` and `G` are the types of joint gains and of `Gamma`. `B` is the type of joint
-/// vectors, `P` the type of parameter vectors.
-pub struct Adaptive<S, D: Dynamics<S>, J, G, B, P>
-where
-    S: Real,
-{
-    pub(super) arm: D,
-    pub(super) workspace: D::Workspace,
-    lambda: J,
-    kd: J,
-    pub(super) gamma: G,
-    pub(super) s: B,
-    e: B,
-    e_dot: B,
-    pub(super) v_r: B,
-    pub(super) a_r: B,
-    pub(super) yt_s: P,
-}
-
-impl<S: Real, D: Dynamics<S>, J, G, B: Clone, P> Adaptive<S, D, J, G, B, P> {
-    /// Create the law with its buffers.
-    pub fn new(arm: D, lambda: J, kd: J, gamma: G, joints: B, parameters: P) -> Self {
-        let workspace = arm.workspace();
-        let zero = || joints.clone();
-        Adaptive { arm, workspace, lambda, kd, gamma, s: zero(), e: zero(), e_dot: zero(), v_r: zero(), a_r: zero(), yt_s: parameters }
-    }
-}
-
-impl<S, D, J, G, B, P> Adaptive<S, D, J, G, B, P>
-where
-    S: Real,
-    D: Dynamics<S>,
-    J: Multiply<S>,
-    B: Clone + AsRef<[S]> + AsMut<[S]>,
-    P: AsRef<[S]> + AsMut<[S]>,
-{
-    /// Compute the torque `tau` for the parameters `pi`. The law stores the sliding variable `s`, the reference acceleration `a_r`, and the
-    /// product `Y' s` with the regressor `Y`.
-    pub(super) fn torque(&mut self, desired: &[S], trig: &[(S, S)], x: &[S], pi: &[S], tau: &mut [S]) {
-        let n = tau.len();
-        let (q, v) = (&x[..n], &x[n..2 * n]);
-        let (e, e_dot) = (self.e.as_mut(), self.e_dot.as_mut());
-        let (s, v_r, a_r) = (self.s.as_mut(), self.v_r.as_mut(), self.a_r.as_mut());
-        for i in 0..n {
-            e[i] = desired[i] - q[i];
-            e_dot[i] = desired[n + i] - v[i];
-            (s[i], v_r[i], a_r[i]) = (e_dot[i], desired[n + i], desired[2 * n + i]);
+        if self.base.is_some() {
+            return Err(Error::input("projection", "needs whole bodies: expected all parameters, got a base set"));
         }
-        // `Lambda e` is computed twice, because each product is fused with a sum.
-        self.lambda.add_to(e, s);
-        self.lambda.add_to(e, v_r);
-        self.lambda.add_to(e_dot, a_r);
-        self.kd.multiply(s, tau);
-        self.arm.regressor_products(&mut self.workspace, trig, q, [v, v_r, a_r], (pi, tau), (s, self.yt_s.as_mut()));
+        projection.start(&mut self.estimate);
+        self.projection = Some(projection);
+        self.lengthen();
+        Ok(self)
+    }
+
+    /// Set the state at the start of a run from rest: the estimate, and filters at zero.
+    pub(super) fn lengthen(&mut self) {
+        self.start.clone_from(&self.estimate);
+        if self.composite.is_some() {
+            let (n, beside) = (self.model.n(), self.columns.count());
+            let bodies = self.estimate.len() - beside;
+            self.start.resize(self.estimate.len() + n * bodies + beside + n, 0.0);
+        }
     }
 }
 
-impl<S, D, J, G, B, P> Law<S> for Adaptive<S, D, J, G, B, P>
-where
-    S: Real,
-    D: Dynamics<S>,
-    J: Multiply<S>,
-    G: Multiply<S>,
-    B: Clone + AsRef<[S]> + AsMut<[S]>,
-    P: AsRef<[S]> + AsMut<[S]>,
-{
-    fn evaluate(&mut self, desired: &[S], trig: &[(S, S)], x: &[S], z: &[S], tau: &mut [S], dz: &mut [S]) {
-        self.torque(desired, trig, x, z, tau);
-        self.gamma.multiply(self.yt_s.as_ref(), dz);
+fn not_negative(argument: &str, x: f64) -> Result<()> {
+    if x >= 0.0 && x.is_finite() {
+        return Ok(());
     }
-
-    /// The dissipation `s' Kd s`, W.
-    fn dissipation(&self) -> S {
-        self.kd.quadratic(self.s.as_ref())
-    }
+    Err(Error::input(argument, format!("is negative or not finite: expected a finite number >= 0, got {x}")))
 }

@@ -24,6 +24,7 @@
 //! The law's state is the estimate, then `X` of the `b` estimated parameters of bodies, `(n, b)`, `X` of the joint columns, and `X_tau`,
 //! `(n,)`.
 
+use super::adaptation::Composite;
 use super::adaptive::AdaptiveSpec;
 use super::joint_columns::{JointColumn, LaneColumns};
 use super::sizes::require_size;
@@ -31,35 +32,6 @@ use crate::dynamics::{AnyArm, Dynamics};
 use crate::error::{Result, positive};
 use crate::linalg::gain::{AnyGain, Gain, Multiply};
 use crate::scalar::Real;
-
-/// The filter and the weight of composite adaptation.
-///
-/// ```
-/// # use armlet_core::arm::Arm;
-/// # use armlet_core::dynamics::Model;
-/// # use armlet_core::motion::Motion;
-/// use armlet_core::law::{Adaptation, AdaptiveSpec, Gain, LawSpec};
-/// # let model = Model::from(Arm::pendulum(2.0, 5.0)?);
-/// # let gain = |n: usize, k: f64| Gain::scalar("gain", n, k);
-/// # let (motion, adaptation) = (Motion::hold(vec![0.3])?, Adaptation::Euclidean(gain(10, 2.0)?));
-///
-/// let law = AdaptiveSpec::new(model, motion, gain(1, 50.0)?, gain(1, 10.0)?, adaptation, None, None)?;
-/// // The filter has the rate 5 1/s.
-/// let law = law.composite(5.0, gain(1, 0.5)?)?;
-/// assert_eq!(law.composite.as_ref().map(|composite| composite.rate), Some(5.0));
-/// // The state has the estimate, the filtered regressor and the filtered torque.
-/// assert_eq!(LawSpec::from(law).initial_state().len(), 10 + 10 + 1);
-/// # Ok::<(), armlet_core::error::Error>(())
-/// ```
-#[derive(Clone, Debug, PartialEq)]
-pub struct Composite {
-    /// Rate `lambda` of the filter, 1/s, > 0.
-    pub rate: f64,
-    /// Weight `R` of the error, of size `n`, 1/(N m s^3) for revolute joints, m/(N s^3) for prismatic joints.
-    pub weight: Gain,
-    /// `(n, b)`: whether an entry of the regressor `Y_M` or `Y_D` can differ from zero. The geometry of the arm determines this.
-    present: Vec<bool>,
-}
 
 impl AdaptiveSpec {
     /// Add adaptation from the filtered dynamics. `rate` is the rate `lambda` of the filter, 1/s, and `weight` is the weight `R` of the
@@ -90,16 +62,6 @@ impl AdaptiveSpec {
             }
         }
         found
-    }
-
-    /// Set the state at the start of a run from rest: the estimate, and filters at zero.
-    pub(super) fn lengthen(&mut self) {
-        self.start.clone_from(&self.estimate);
-        if self.composite.is_some() {
-            let (n, beside) = (self.model.n(), self.columns.count());
-            let bodies = self.estimate.len() - beside;
-            self.start.resize(self.estimate.len() + n * bodies + beside + n, 0.0);
-        }
     }
 
     /// Compute the filtered regressor `W`, `(n, p)`, the filtered torque `tau_W`, `(n,)`, and the error `e_W = tau_W - W a_hat`, `(n,)`;

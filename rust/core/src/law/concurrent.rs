@@ -10,6 +10,7 @@
 //! transpose. `Y_M` and `Y_D` are the regressors of the momentum `M v` and of the drift `g - C' v`. A loop only requires `sum W_j' R W_j`
 //! and `sum W_j' R tau_j`. The torque of known rotor inertias `B` is subtracted from `tau_j`: `tau_j - B v_dot_j`, or `tau_j - B [v]`.
 
+use super::adaptation::Concurrent;
 use super::adaptive::AdaptiveSpec;
 use super::composite::LaneComposite;
 use super::joint_columns::{JointColumn, LaneColumns};
@@ -20,41 +21,6 @@ use crate::interrupt::look;
 use crate::linalg::gain::Gain;
 use crate::memory;
 use crate::scalar::Real;
-
-/// Stored samples, and their weighted sums.
-///
-/// ```
-/// # use armlet_core::arm::Arm;
-/// # use armlet_core::dynamics::Model;
-/// # use armlet_core::motion::Motion;
-/// use armlet_core::law::{Adaptation, AdaptiveSpec, Gain, LawSpec, Record};
-/// # let model = Model::from(Arm::pendulum(2.0, 5.0)?);
-/// # let gain = |n: usize, k: f64| Gain::scalar("gain", n, k);
-/// # let (motion, adaptation) = (Motion::hold(vec![0.0])?, Adaptation::Euclidean(gain(10, 2.0)?));
-/// # let law = AdaptiveSpec::new(model.clone(), motion, gain(1, 50.0)?, gain(1, 10.0)?, adaptation, None, None)?;
-///
-/// // One sample: at q = 0 and a = 1 rad/s^2, the torque is 2 N m.
-/// let stored = law.samples(Record { q: &[0.0], v: &[0.0], tau: &[2.0] }, &[1.0])?;
-/// let law = LawSpec::from(law.concurrent(stored, &gain(1, 1.0)?)?);
-/// let rate = |estimate: &[f64]| {
-///     let terms = law.terms_at(0.0, &[0.0, 0.0], estimate);
-///     terms.into_iter().find(|(name, ..)| *name == "estimate_rate").map_or(0.0, |(_, _, rate)| rate.iter().map(|x| x.abs()).sum::<f64>())
-/// };
-/// // At the target, only the stored sample changes the estimate. It agrees with the true parameters.
-/// assert!(rate(&[0.0; 10]) > 1.0 && rate(&model.parameters()) < 1e-12);
-/// # Ok::<(), armlet_core::error::Error>(())
-/// ```
-#[derive(Clone, Debug, PartialEq)]
-pub struct Concurrent {
-    /// Regressors `W_j` of all samples, `(N, n, p)`.
-    rows: Vec<f64>,
-    /// Torques `tau_j` of all samples, `(N, n)`, N m or N; with windows, their integrals, N m s or N s.
-    torques: Vec<f64>,
-    /// The sum over the samples of `W_j' R W_j`, `(p, p)`.
-    gram: Vec<f64>,
-    /// The sum over the samples of `W_j' R tau_j`, `(p,)`.
-    moment: Vec<f64>,
-}
 
 /// A record of a motion at `K` instants: positions, velocities and torques, `(K, n)` each.
 ///

@@ -12,7 +12,9 @@
 
 mod adaptation;
 mod adaptive;
+mod adaptive_tracking;
 mod aims;
+mod any_adaptive;
 mod arm_batch;
 mod arm_solver;
 mod c_loop;
@@ -52,7 +54,7 @@ mod terms;
 mod truth;
 
 pub use crate::linalg::gain::Gain;
-pub use adaptation::{Adaptation, Base};
+pub use adaptation::{Adaptation, Base, Composite, Concurrent};
 pub use adaptive::AdaptiveSpec;
 pub use aims::Aim;
 pub use arm_batch::ArmBatch;
@@ -60,9 +62,8 @@ pub use arm_solver::ArmSolver;
 pub use c_loop::CLoop;
 pub use cartesian_impedance::CartesianImpedanceSpec;
 pub(crate) use cartesian_impedance::turn_rates;
-pub use composite::Composite;
 pub use computed_torque::ComputedTorqueSpec;
-pub use concurrent::{Concurrent, Record, StoredRows, Windows};
+pub use concurrent::{Record, StoredRows, Windows};
 pub(crate) use decided::{RecordedSolver, Solve};
 use definition::Build;
 pub use definition::{Definition, JointReference, Law, Route};

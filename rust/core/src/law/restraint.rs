@@ -11,8 +11,6 @@
 //! transpose. Leakage keeps the estimate bounded under bounded disturbances. A dead zone does so if `s_0` exceeds the `|s|` that the
 //! disturbances cause. In return, the estimate has an error of the order of `sigma` or `s_0`.
 
-use super::adaptive::AdaptiveSpec;
-use crate::error::{Error, Result, finite};
 use crate::scalar::Real;
 
 /// The factor of `sigma` in the leakage.
@@ -90,37 +88,6 @@ impl Restraint {
     pub(super) fn same_shape(&self, other: &Self) -> bool {
         (self.leakage > 0.0, self.dead_zone > 0.0, self.form) == (other.leakage > 0.0, other.dead_zone > 0.0, other.form)
     }
-}
-
-impl AdaptiveSpec {
-    /// Add leakage `sigma` towards `centre`, `(p,)`. `None` means the initial estimate. Errors: `Input` for numbers that are negative
-    /// (`sigma`) or not finite, `WrongShape` for a wrong length.
-    pub fn leaking(mut self, sigma: f64, form: LeakageForm, centre: Option<Vec<f64>>) -> Result<Self> {
-        not_negative("leakage", sigma)?;
-        let centre = centre.unwrap_or_else(|| self.estimate.clone());
-        if centre.len() != self.estimate.len() {
-            return Err(Error::wrong_shape("leakage_centre", &[self.estimate.len()], &[centre.len()]));
-        }
-        finite("leakage_centre", &centre)?;
-        let centre = if sigma > 0.0 { centre } else { Vec::new() };
-        self.restraint = Restraint { leakage: sigma, form, centre, ..self.restraint };
-        Ok(self)
-    }
-
-    /// Stop the adaptation while the norm of the sliding variable `s` is below `s_0`, rad/s or m/s. Errors: `Input` for an `s_0` that is
-    /// negative or not finite.
-    pub fn resting_below(mut self, s_0: f64) -> Result<Self> {
-        not_negative("dead_zone", s_0)?;
-        self.restraint.dead_zone = s_0;
-        Ok(self)
-    }
-}
-
-fn not_negative(argument: &str, x: f64) -> Result<()> {
-    if x >= 0.0 && x.is_finite() {
-        return Ok(());
-    }
-    Err(Error::input(argument, format!("is negative or not finite: expected a finite number >= 0, got {x}")))
 }
 
 /// Leakage and dead zone in a control loop.
