@@ -6,7 +6,8 @@
 use super::batch_rows::{self, BatchRuns, GroupRecorder};
 use super::columns::Columns;
 use super::general::General;
-use super::measures::{Measures, Plan};
+use super::measure_options::Measures;
+use super::measures::Plan;
 use super::monitors;
 use super::problem::{Division, Problem};
 use super::programs::{self, Structures};

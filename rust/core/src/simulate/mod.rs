@@ -37,6 +37,7 @@ mod listed;
 mod listed_names;
 mod log;
 mod loop_programs;
+mod measure_options;
 mod measures;
 mod measuring;
 mod monitors;
@@ -84,7 +85,7 @@ pub use gradient::{
     Parameter, Parameters, RecordParts, Rows, Shared, adjoint, adjoint_of_rows, record_parts, sensitivities, sensitivities_of_rows,
 };
 pub use listed::{Listed, list_loop, watch_steps};
-pub use measures::Measures;
+pub use measure_options::Measures;
 pub use outside::outside;
 pub use priority_batch::{solve_rows, solve_stacks, solve_stacks_by};
 pub use problem::{Options, Problem};

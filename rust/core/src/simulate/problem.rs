@@ -4,7 +4,7 @@ use super::adaptive_steps::{Clock, Outcome, Segments};
 use super::bound::Bound;
 use super::fixed_steps::Faults;
 use super::force::Force;
-use super::measures::Measures;
+use super::measure_options::Measures;
 use super::sampling::Sampling;
 use super::schedule::{Schedule, Times};
 use crate::dynamics::Model;
