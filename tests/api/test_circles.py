@@ -1,7 +1,8 @@
-"""Circles of uses between the modules of one folder of the Rust core.
+"""Circles of uses between the modules of one folder of the Rust core or of the extension.
 
-`test_layering.py` has the rules for the top-level modules. Here the nodes are the modules of one folder, and `mod`, the folder's own file.
-A module uses the module that defines an item, not a module that only exports it. Code for tests is excluded.
+`test_layering.py` has the rules for the top-level modules of the core. Here the nodes are the modules of one folder, and `mod`, the
+folder's own file. In the extension, the top-level modules form a folder too. A module uses the module that defines an item, not a module
+that only exports it. Code for tests is excluded.
 """
 
 from __future__ import annotations
@@ -11,9 +12,9 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from test_layering import CORE, sources, without_comments
+from test_layering import BINDING, CORE, sources, without_comments
 
-# Circles that exist. Each entry is the folder and its modules. An entry that is no circle fails.
+# Circles that exist in the core. Each entry is the folder and its modules. An entry that is no circle fails.
 ALLOWED = {
     # The constructor `TaskFunction::axis` is in the file of its kind, and returns the enum of all kinds.
     "kinematics/task: axis -> mod",
@@ -37,7 +38,7 @@ TEST = r"#\[(?:cfg\((?:all\()?test\b[^\]]*|test)\]"
 TEST_MODULE = re.compile(rf"{TEST}\s*(?:#\[[^\]]*\]\s*)*{VISIBLE}mod\s+(\w+)\s*;")
 MODULE = re.compile(rf"\b{VISIBLE}mod\s+\w+\s*;")
 USE = re.compile(rf"\b{VISIBLE}use\s+([^;]+);")
-ITEM = re.compile(r"\b(?:fn|struct|enum|union|trait|type|const|static|macro_rules!)\s+([A-Za-z_]\w*)")
+ITEM = re.compile(r"(?<!')\b(?:fn|struct|enum|union|trait|type|const|static|macro_rules!)\s+([A-Za-z_]\w*)")
 TYPE = re.compile(r"\b(?:struct|enum|trait)\s+(\w+)")
 PATH = re.compile(r"(?<![\w:.'])[A-Za-z_]\w*(?:\s*::\s*[A-Za-z_]\w*)*")
 
@@ -183,14 +184,17 @@ def shortest_way(needs: Mapping[str, Collection[str]], start: str, end: str) -> 
     return ()
 
 
-def circles(top: Path) -> set[str]:
-    """For each use that is part of a circle, a shortest circle with this use: the folder and its modules."""
+def circles(top: Path, with_top: bool = False) -> set[str]:
+    """For each use that is part of a circle, a shortest circle with this use: the folder and its modules.
+
+    Circles between the modules of the folder `top` itself are included only if `with_top` is true.
+    """
     found = set()
     for folder, needs in uses(modules(top)).items():
         for user, used in [(user, used) for user, all_used in needs.items() for used in all_used]:
-            if folder and (circle := shortest_way(needs, used, user)):
+            if (folder or with_top) and (circle := shortest_way(needs, used, user)):
                 first = circle.index(min(circle))
-                found.add(f"{'/'.join(folder)}: {' -> '.join(circle[first:] + circle[:first])}")
+                found.add(f"{'/'.join(folder) or 'src'}: {' -> '.join(circle[first:] + circle[:first])}")
     return found
 
 
@@ -200,12 +204,17 @@ def test_no_module_of_a_folder_uses_another_in_a_circle() -> None:
     assert ALLOWED - found == set()
 
 
+def test_no_module_of_the_extension_uses_another_in_a_circle() -> None:
+    assert circles(BINDING, with_top=True) == set()
+
+
 def test_circle_rule_sees_planted_violations(tmp_path: Path) -> None:
     files = {
         "lib.rs": "mod a;\nmod b;\n",
         "b.rs": "use crate::a::own;\npub fn top() {}\n",
         "a/mod.rs": "mod one;\npub use one::First;\nmod three;\npub fn own() {\n    three::third();\n    crate::b::top()\n}\n"
-        "macro_rules! kinds { ($kind:ident) => { pub enum Kind { Each($kind) } } }\nuse ten::Ten;\nkinds! { Ten }\n",
+        "macro_rules! kinds { ($kind:ident) => { pub enum Kind { Each($kind) } } }\nuse ten::Ten;\nkinds! { Ten }\n"
+        "pub use eleven::*;\npub fn text(_: &str) {}\n",
         # A pair by way of an export, and a pair with the file of the folder.
         "a/one.rs": "use super::two::second;\npub struct First;\n",
         "a/two.rs": "pub fn second(_: super::First) {}\n",
@@ -225,8 +234,12 @@ def test_circle_rule_sees_planted_violations(tmp_path: Path) -> None:
         "a/nine.rs": "pub struct Ninth(super::deep::Deep);\n",
         # A type that a macro declares.
         "a/ten.rs": "use super::Kind;\npub struct Ten;\n",
+        # No circle: `str` after the lifetime is not an item of this module.
+        "a/eleven.rs": "pub fn eleventh(_: &'static str) { super::own() }\n",
     }
     for name, text in files.items():
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / name).write_text(text)
-    assert circles(tmp_path) == {"a: one -> two", "a: mod -> three", "a: five -> six -> four", "a: deep -> nine", "a: mod -> ten"}
+    inner = {"a: one -> two", "a: mod -> three", "a: five -> six -> four", "a: deep -> nine", "a: mod -> ten"}
+    assert circles(tmp_path) == inner
+    assert circles(tmp_path, with_top=True) == inner | {"src: a -> b"}
