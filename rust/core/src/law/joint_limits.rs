@@ -22,12 +22,12 @@ pub const HORIZON: f64 = 0.1;
 ///
 /// ```
 /// # use armlet_core::{arm::Arm, dynamics::Model, priority::PriorityMethod};
-/// use armlet_core::law::{JointLimits, LimitOverrides};
+/// use armlet_core::law::{MotionLimits, LimitOverrides};
 /// # let model = Model::from(Arm::pendulum(2.0, 5.0)?);
 ///
 /// let given = LimitOverrides { v_max: Some(vec![2.0]), ..LimitOverrides::default() };
 /// let (mut lower, mut upper) = ([0.0], [0.0]);
-/// JointLimits::new(&model, &given)?.velocities(|_| 0.5, &mut lower, &mut upper);
+/// MotionLimits::new(&model, &given)?.velocities(|_| 0.5, &mut lower, &mut upper);
 /// assert_eq!((lower, upper), ([-2.0], [2.0]));
 /// // Only the method `Sns` accepts limits.
 /// assert!(given.require_sns(PriorityMethod::Sns).is_ok() && given.require_sns(PriorityMethod::Clamp).is_err());
@@ -73,11 +73,11 @@ impl LimitOverrides {
 ///
 /// ```
 /// # use armlet_core::{arm::Arm, dynamics::Model};
-/// use armlet_core::law::{JointLimits, LimitOverrides};
+/// use armlet_core::law::{MotionLimits, LimitOverrides};
 /// # let model = Model::from(Arm::pendulum(2.0, 5.0)?);
 ///
 /// let given = LimitOverrides { q_max: Some(vec![1.0]), v_max: Some(vec![2.0]), a_max: Some(vec![4.0]), ..LimitOverrides::default() };
-/// let limits = JointLimits::new(&model, &given)?;
+/// let limits = MotionLimits::new(&model, &given)?;
 /// let (mut lower, mut upper) = ([0.0], [0.0]);
 /// // At 0.1 rad before the limit, the joint must be able to stop: v = sqrt(2 a_max d).
 /// limits.velocities(|_| 0.9, &mut lower, &mut upper);
@@ -85,7 +85,7 @@ impl LimitOverrides {
 /// # Ok::<(), armlet_core::error::Error>(())
 /// ```
 #[derive(Clone, Debug, PartialEq)]
-pub struct JointLimits {
+pub struct MotionLimits {
     q_min: Vec<f64>,
     q_max: Vec<f64>,
     v_min: Vec<f64>,
@@ -94,7 +94,7 @@ pub struct JointLimits {
     horizon: f64,
 }
 
-impl JointLimits {
+impl MotionLimits {
     /// Create the limits: `given` where it has a limit, otherwise the arm's limit.
     ///
     /// Errors: `WrongShape` for wrong lengths. `Input` for NaN, limits out of order, an `a_max` or `horizon` that is not positive, no
@@ -104,7 +104,7 @@ impl JointLimits {
         let n = joints.len();
         let own = |of: fn(&crate::arm::Limits) -> f64| joints.iter().map(|joint| of(&joint.limits)).collect::<Vec<f64>>();
         let mirrored = |x: &Vec<f64>| x.iter().map(|x| -x).collect::<Vec<f64>>();
-        let limits = JointLimits {
+        let limits = MotionLimits {
             q_min: given.q_min.clone().unwrap_or_else(|| own(|limits| limits.lower)),
             q_max: given.q_max.clone().unwrap_or_else(|| own(|limits| limits.upper)),
             // A missing velocity bound is minus the other bound.
@@ -114,7 +114,7 @@ impl JointLimits {
             horizon: given.horizon.unwrap_or(HORIZON),
         };
         positive("horizon", limits.horizon)?;
-        let JointLimits { q_min, q_max, v_min, v_max, a_max, .. } = &limits;
+        let MotionLimits { q_min, q_max, v_min, v_max, a_max, .. } = &limits;
         for (name, x) in [("q_min", q_min), ("q_max", q_max), ("v_min", v_min), ("v_max", v_max), ("a_max", a_max)] {
             if x.len() != n {
                 return Err(Error::wrong(name, "length", n, x.len()));

@@ -76,7 +76,7 @@ pub use inertia_reduction::ReductionSpec;
 pub use isolation::{parents, touched};
 pub use joint_columns::{JointColumn, JointColumns};
 pub use joint_impedance::JointImpedanceSpec;
-pub use joint_limits::{HORIZON, JointLimits, LimitOverrides};
+pub use joint_limits::{HORIZON, LimitOverrides, MotionLimits};
 pub use level::Level;
 pub(crate) use lyapunov::Lyapunov;
 pub use motor_regulation::{MotorPdSpec, MotorRegulationSpec, StateFeedbackSpec};

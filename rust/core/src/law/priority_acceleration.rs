@@ -7,7 +7,7 @@
 
 use super::decided::{Decided, RecordedSolver, Solve};
 use super::definition::{Build, Definition, Law, Route};
-use super::joint_limits::{JointLimits, LimitOverrides};
+use super::joint_limits::{LimitOverrides, MotionLimits};
 use super::level::{self, Level, desired_size, require_levels, same_tasks, stack};
 use super::terms::{Instant, Term};
 use crate::dynamics::{AnyArm, Dynamics, Model, Workspace};
@@ -51,7 +51,7 @@ pub struct PriorityAccelerationSpec {
     /// Joint damping `c`, 1/s.
     pub joint_damping: f64,
     /// Joint limits for the method `sns`; `None` for other methods.
-    limits: Option<JointLimits>,
+    limits: Option<MotionLimits>,
 }
 
 impl PriorityAccelerationSpec {
@@ -59,7 +59,7 @@ impl PriorityAccelerationSpec {
     /// With `Sns`, bounds in `options` are ignored.
     ///
     /// Errors: `Input` for no level, the planar PR arm, a negative damping, or limits with another method than `Sns`. Also as for
-    /// [`JointLimits::new`] and [`PrioritySolver::new`].
+    /// [`MotionLimits::new`] and [`PrioritySolver::new`].
     pub fn new(model: Model, levels: Vec<Level>, options: PriorityOptions, joint_damping: f64, limits: &LimitOverrides) -> Result<Self> {
         require_levels(&levels)?;
         model.tree("arm")?;
@@ -67,7 +67,7 @@ impl PriorityAccelerationSpec {
             return Err(Error::input("joint_damping", format!("is not a damping: expected a finite number >= 0, got {joint_damping}")));
         }
         limits.require_sns(options.method)?;
-        let limits = if options.method == PriorityMethod::Sns { Some(JointLimits::new(&model, limits)?) } else { None };
+        let limits = if options.method == PriorityMethod::Sns { Some(MotionLimits::new(&model, limits)?) } else { None };
         let mut options = limits.as_ref().map_or_else(|| options.clone(), |limits| limits.open(options.clone()));
         // Below all tasks there is one more level, whose Jacobian is the identity. Its projected singular values are at most one, and one
         // in directions that no task uses. So its threshold is the default.
@@ -193,7 +193,7 @@ pub struct PriorityAcceleration<P: Solve = PrioritySolver> {
     gains: Vec<AnyGain<P::Number>>,
     dampings: Vec<AnyGain<P::Number>>,
     joint_damping: P::Number,
-    limits: Option<JointLimits>,
+    limits: Option<MotionLimits>,
     bounds: (Vec<f64>, Vec<f64>),
     e: Vec<P::Number>,
     e_dot: Vec<P::Number>,

@@ -11,7 +11,7 @@
 
 use super::decided::{Decided, RecordedSolver, Solve};
 use super::definition::{Build, Definition, Law, Route};
-use super::joint_limits::{JointLimits, LimitOverrides};
+use super::joint_limits::{LimitOverrides, MotionLimits};
 use super::level::{self, Level, desired_size, require_levels, same_tasks, stack};
 use super::terms::{Instant, Term};
 use crate::dynamics::Model;
@@ -50,20 +50,20 @@ pub struct PriorityVelocitySpec {
     /// Options of the priority method.
     pub options: PriorityOptions,
     /// Joint limits for the method `sns`; `None` for other methods.
-    limits: Option<JointLimits>,
+    limits: Option<MotionLimits>,
 }
 
 impl PriorityVelocitySpec {
     /// Create the law. `limits`: joint limits for the method `Sns`; a limit that is not given is the arm's. With `Sns`, bounds in `options`
     /// are ignored.
     ///
-    /// Errors: `Input` for no level, the planar PR arm, or limits with another method than `Sns`. Also as for [`JointLimits::new`] and
+    /// Errors: `Input` for no level, the planar PR arm, or limits with another method than `Sns`. Also as for [`MotionLimits::new`] and
     /// [`PrioritySolver::new`].
     pub fn new(model: Model, levels: Vec<Level>, options: PriorityOptions, limits: &LimitOverrides) -> Result<Self> {
         require_levels(&levels)?;
         model.tree("arm")?;
         limits.require_sns(options.method)?;
-        let limits = if options.method == PriorityMethod::Sns { Some(JointLimits::new(&model, limits)?) } else { None };
+        let limits = if options.method == PriorityMethod::Sns { Some(MotionLimits::new(&model, limits)?) } else { None };
         let options = limits.as_ref().map_or_else(|| options.clone(), |limits| limits.open(options.clone()));
         let spec = PriorityVelocitySpec { model, levels, options, limits };
         spec.solver()?;
@@ -179,7 +179,7 @@ pub struct PriorityVelocity<P: Solve = PrioritySolver> {
     stack: TaskStack<P::Number>,
     solver: P,
     gains: Vec<AnyGain<P::Number>>,
-    limits: Option<JointLimits>,
+    limits: Option<MotionLimits>,
     bounds: (Vec<f64>, Vec<f64>),
     e: Vec<P::Number>,
 }

@@ -5,7 +5,7 @@
 
 use super::check::{LimitCheck, TOLERANCE};
 use super::reach::{Profile, Stuck, widened};
-use super::reason::{Bound, PathReason, Shortfall};
+use super::reason::{LimitKind, PathReason, Shortfall};
 use super::setup::PathProblem;
 use super::timing::TimePath;
 use crate::error::Result;
@@ -36,12 +36,12 @@ impl PathProblem<'_> {
     /// The reason for a violated limit, from its kind and joint.
     pub(super) fn reason_of(&self, what: Shortfall, (kind, joint): (usize, usize), upper: bool, s: f64, missing: f64) -> PathReason {
         let limit = match kind {
-            0 if upper => Bound::TorqueMax,
-            0 => Bound::TorqueMin,
-            1 => Bound::Acceleration,
-            2 => Bound::Velocity,
-            3 => Bound::TipAcceleration,
-            _ => Bound::TipSpeed,
+            0 if upper => LimitKind::TorqueMax,
+            0 => LimitKind::TorqueMin,
+            1 => LimitKind::Acceleration,
+            2 => LimitKind::Velocity,
+            3 => LimitKind::TipAcceleration,
+            _ => LimitKind::TipSpeed,
         };
         let (speed, position) = (f64::NAN, f64::NAN);
         if let (3.., Some(tip)) = (kind, &self.tip) {

@@ -49,7 +49,7 @@ mod tip;
 pub use check::FINE;
 pub use given::{PathLimits, TimePathOptions};
 pub use mover::Mover;
-pub use reason::{Bound, PathReason, Shortfall};
+pub use reason::{LimitKind, PathReason, Shortfall};
 pub use rows::Friction;
 pub use timing::TimePath;
 pub use tip::TipLimits;

@@ -4,7 +4,7 @@
 //! if there is one. This is repeated from the highest derivative down to `q' = dq/dx`. So an extremum of `q` is exact up to rounding.
 
 use super::mover::Mover;
-use super::reason::{Bound, PathReason, Shortfall};
+use super::reason::{LimitKind, PathReason, Shortfall};
 use crate::interrupt::look;
 use crate::motion::{Path, TERMS};
 
@@ -65,7 +65,9 @@ pub(super) fn beyond(mover: Mover, path: &Path, lower: &[f64], upper: &[f64]) ->
             extrema(&c, &mut places);
             for &x in &places {
                 let q = value(&c, x);
-                for (past, limit, bound) in [(q - upper[j], upper[j], Bound::PositionMax), (lower[j] - q, lower[j], Bound::PositionMin)] {
+                for (past, limit, bound) in
+                    [(q - upper[j], upper[j], LimitKind::PositionMax), (lower[j] - q, lower[j], LimitKind::PositionMin)]
+                {
                     let range = upper[j] - lower[j];
                     let size = if range.is_finite() { range } else { limit.abs() };
                     let most = worst.as_ref().map_or(0.0, |worst| worst.missing_units);

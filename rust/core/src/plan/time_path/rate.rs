@@ -17,7 +17,7 @@
 
 use super::check::TOLERANCE;
 use super::given::TimePathOptions;
-use super::reason::{Bound, PathReason, Shortfall};
+use super::reason::{LimitKind, PathReason, Shortfall};
 use super::rows::{Points, Request};
 use super::setup::PathProblem;
 use super::timing::TimePath;
@@ -58,7 +58,7 @@ struct Nodes {
 struct Beyond {
     excess: f64,
     joint: Option<usize>,
-    limit: Bound,
+    limit: LimitKind,
     s: f64,
 }
 
@@ -153,7 +153,7 @@ impl<'a> RateSamples<'a> {
         let (n, per) = (problem.n, *per);
         let (lo, hi) = (&problem.lo, &problem.hi);
         let (by, by2, by_step) = (1.0 / k, 1.0 / (k * k), 1.0 / (k * step));
-        let mut worst = Beyond { excess: f64::NEG_INFINITY, joint: None, limit: Bound::TorqueRate, s: s[0] };
+        let mut worst = Beyond { excess: f64::NEG_INFINITY, joint: None, limit: LimitKind::TorqueRate, s: s[0] };
         for i in 0..(s.len() - 1) / per {
             if i % CHECK_INTERVAL == 0 {
                 look();
@@ -168,11 +168,11 @@ impl<'a> RateSamples<'a> {
                     span(i * per..=(i + 1) * per, |m| all[stride * m + 2 * n + j] * by / along[3 * n * m + 2 * n + j]);
                 let fast = high.max(-low) + more;
                 let sides = [
-                    ((top + curvature - hi[j]) / size(hi[j], lo[j]), Bound::TorqueMax),
-                    ((lo[j] - bottom + curvature) / size(lo[j], hi[j]), Bound::TorqueMin),
-                    ((rate + 2.0 * turned) * by_step / rates[j] - 1.0, Bound::TorqueRate),
-                    (steep / hi[n + j] - 1.0, Bound::Acceleration),
-                    (fast / hi[2 * n + j] - 1.0, Bound::Velocity),
+                    ((top + curvature - hi[j]) / size(hi[j], lo[j]), LimitKind::TorqueMax),
+                    ((lo[j] - bottom + curvature) / size(lo[j], hi[j]), LimitKind::TorqueMin),
+                    ((rate + 2.0 * turned) * by_step / rates[j] - 1.0, LimitKind::TorqueRate),
+                    (steep / hi[n + j] - 1.0, LimitKind::Acceleration),
+                    (fast / hi[2 * n + j] - 1.0, LimitKind::Velocity),
                 ];
                 for (excess, limit) in sides {
                     if excess > worst.excess || excess.is_nan() && hi[j].is_finite() {
@@ -195,7 +195,7 @@ impl<'a> RateSamples<'a> {
     fn look_at_tip(&self, i: usize, by: [f64; 2], worst: &mut Beyond) {
         let Some(tip) = &self.problem.tip else { return };
         let first = 3 * self.problem.n;
-        for (part, most, limit) in [(0, tip.acceleration, Bound::TipAcceleration), (1, tip.speed, Bound::TipSpeed)] {
+        for (part, most, limit) in [(0, tip.acceleration, LimitKind::TipAcceleration), (1, tip.speed, LimitKind::TipSpeed)] {
             let Some(most) = most else { continue };
             let norm = |m: usize| length(&self.all[self.stride * m + first + 3 * part..]) * by[part];
             let [high, _, more, _] = span(i * self.per..=(i + 1) * self.per, norm);
@@ -283,14 +283,14 @@ pub(super) fn limit_rate(problem: &PathProblem, fast: TimePath, rates: &[f64], o
     let Some(k) = best.and_then(|_| samples.slowing(1e-7)) else {
         let Beyond { excess, joint, limit, s } = samples.worst(SLOWEST, true);
         let kind = match limit {
-            Bound::Acceleration => 1,
-            Bound::Velocity => 2,
-            Bound::TipAcceleration => 3,
-            Bound::TipSpeed => 4,
+            LimitKind::Acceleration => 1,
+            LimitKind::Velocity => 2,
+            LimitKind::TipAcceleration => 3,
+            LimitKind::TipSpeed => 4,
             _ => 0,
         };
-        let reason = problem.reason_of(Shortfall::Slow, (kind, joint.unwrap_or(0)), limit != Bound::TorqueMin, s, excess);
-        if limit == Bound::TorqueRate {
+        let reason = problem.reason_of(Shortfall::Slow, (kind, joint.unwrap_or(0)), limit != LimitKind::TorqueMin, s, excess);
+        if limit == LimitKind::TorqueRate {
             let missing_units = excess * joint.map_or(0.0, |joint| rates[joint]);
             return problem.refuse(PathReason { limit, missing_units, ..reason });
         }

@@ -5,7 +5,7 @@ use std::fmt;
 /// The kind of a limit.
 ///
 /// ```
-/// use armlet_core::plan::{Bound, Mover, PathLimits, TimePathOptions, time_path};
+/// use armlet_core::plan::{LimitKind, Mover, PathLimits, TimePathOptions, time_path};
 /// # use armlet_core::dynamics::PlanarPr;
 /// # use armlet_core::motion::{Ends, Path};
 /// # use std::sync::Arc;
@@ -16,12 +16,12 @@ use std::fmt;
 /// let position = Some((vec![-2.0, -2.0], vec![2.0, 0.75]));
 /// let limits = PathLimits { acceleration: Some(vec![4.0, 4.0]), position, ..PathLimits::default() };
 /// let reason = time_path(arm, path, &limits, &TimePathOptions::default())?.reason.expect("beyond a limit");
-/// assert_eq!((reason.limit, reason.joint, reason.position), (Bound::PositionMax, Some(1), 1.0));
-/// assert_eq!(Bound::PositionMax.name(), "q_max");
+/// assert_eq!((reason.limit, reason.joint, reason.position), (LimitKind::PositionMax, Some(1), 1.0));
+/// assert_eq!(LimitKind::PositionMax.name(), "q_max");
 /// # Ok::<(), armlet_core::error::Error>(())
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Bound {
+pub enum LimitKind {
     /// Upper torque limit.
     TorqueMax,
     /// Lower torque limit.
@@ -42,19 +42,19 @@ pub enum Bound {
     PositionMin,
 }
 
-impl Bound {
+impl LimitKind {
     /// The name used in Python.
     pub fn name(self) -> &'static str {
         match self {
-            Bound::TorqueMax => "tau_max",
-            Bound::TorqueMin => "tau_min",
-            Bound::Acceleration => "a_max",
-            Bound::Velocity => "v_max",
-            Bound::TorqueRate => "torque_rate",
-            Bound::TipSpeed => "tip_speed",
-            Bound::TipAcceleration => "tip_acceleration",
-            Bound::PositionMax => "q_max",
-            Bound::PositionMin => "q_min",
+            LimitKind::TorqueMax => "tau_max",
+            LimitKind::TorqueMin => "tau_min",
+            LimitKind::Acceleration => "a_max",
+            LimitKind::Velocity => "v_max",
+            LimitKind::TorqueRate => "torque_rate",
+            LimitKind::TipSpeed => "tip_speed",
+            LimitKind::TipAcceleration => "tip_acceleration",
+            LimitKind::PositionMax => "q_max",
+            LimitKind::PositionMin => "q_min",
         }
     }
 }
@@ -98,7 +98,7 @@ pub enum Shortfall {
 /// The reason why a path has no timing.
 ///
 /// ```
-/// use armlet_core::plan::{Bound, Mover, PathLimits, Shortfall, TimePathOptions, time_path};
+/// use armlet_core::plan::{LimitKind, Mover, PathLimits, Shortfall, TimePathOptions, time_path};
 /// # use armlet_core::arm::Arm;
 /// # use armlet_core::dynamics::Functions;
 /// # use armlet_core::motion::{Ends, Path};
@@ -109,7 +109,7 @@ pub enum Shortfall {
 /// // A rod of 1 kg and 1 m, lifted slowly from -1.5 rad to the level. There it needs 4.905 N m, and has 3 N m.
 /// let limits = PathLimits { torque: Some((vec![-3.0], vec![3.0])), velocity: Some(vec![0.01]), ..PathLimits::default() };
 /// let reason = time_path(Mover::Tree(&arm), path, &limits, &TimePathOptions::default())?.reason.expect("too weak");
-/// assert_eq!((reason.what, reason.limit, reason.joint_name.as_str()), (Shortfall::NoSpeed, Bound::TorqueMax, "joint1"));
+/// assert_eq!((reason.what, reason.limit, reason.joint_name.as_str()), (Shortfall::NoSpeed, LimitKind::TorqueMax, "joint1"));
 /// assert!(reason.s > 0.99 && (reason.missing_units - 1.905).abs() < 0.01);
 /// assert!(reason.to_string().starts_with("the limits leave no path speed: tau_max of joint 0 (joint1)"));
 /// # Ok::<(), armlet_core::error::Error>(())
@@ -125,7 +125,7 @@ pub struct PathReason {
     /// Path position `s`, in the unit of the path's parameter.
     pub s: f64,
     /// The violated limit.
-    pub limit: Bound,
+    pub limit: LimitKind,
     /// The missing amount, as a fraction of the limit; for a position, as a fraction of `q_max - q_min` if finite.
     pub missing: f64,
     /// The missing amount in the unit of the limit.
