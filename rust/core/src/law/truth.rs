@@ -39,7 +39,7 @@ impl AdaptiveSpec {
 /// # let law = AdaptiveSpec::new(model.clone(), motion, gain(1, 50.0)?, gain(1, 10.0)?, adaptation, None, None)?;
 ///
 /// let law = LawSpec::from(law.leaking(0.1, LeakageForm::Sigma, None)?);
-/// let (mut control, truth) = (LawSpec::build::<f64>(|_| &law), Truth::new(|_| &law, |_| &plant));
+/// let (mut control, truth) = (LawSpec::build::<f64>(|_| &law), Truth::new(|_| law.adaptive(), |_| &plant));
 /// let (x, z, mut tau, mut rate) = ([0.0, 0.2], model.parameters(), [0.0], [0.0; 10]);
 /// control.evaluate(&[0.0; 3], &[(0.0, 1.0)], &x, &z, &mut tau, &mut rate);
 /// // With the true parameters as estimate, the leakage adds nothing to the dissipation s Kd s.
