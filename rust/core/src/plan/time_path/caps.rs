@@ -18,7 +18,8 @@ use super::setup::PathProblem;
 const ON: f64 = 1e-12;
 
 impl PathProblem<'_> {
-    /// The strictest speed limit at grid point `i`: its row in `limits`, and the largest path speed that it allows.
+    /// The strictest speed limit at grid point `i`: its row in `limits`, and the largest path speed that it allows, infinite without a
+    /// limit.
     pub fn fastest(&self, i: usize) -> (usize, f64) {
         let mut most = (self.speeds.unwrap_or(0), f64::INFINITY);
         for j in 0..self.n {
@@ -47,7 +48,7 @@ impl PathProblem<'_> {
     }
 
     /// Set the caps at the grid points from the reduced speed limits and the stops. At both ends of the path, a reduction never lowers the
-    /// cap below the prescribed speed. That speed may exceed its limit by a rounding error.
+    /// cap below a prescribed speed that the unreduced limit allows.
     pub fn set_caps(&mut self) {
         let points = self.rows.s.len();
         self.rows.cap.resize(points, FASTEST);
@@ -70,7 +71,8 @@ impl PathProblem<'_> {
         }
     }
 
-    /// `(N,)`: the slope `du/ds` on each segment where `x` follows the cap of one speed limit at both ends; NaN on other segments.
+    /// `(N,)`: the slope `du/ds` on each segment where `x` follows the cap of one speed limit at both ends. It is NaN on other segments,
+    /// and where there are too few grid points to interpolate.
     pub fn cap_slopes(&self, profile: &Profile) -> Vec<f64> {
         let on = |i: usize| profile.x[i] >= self.widest[i].1 * (1.0 - ON);
         let mut slopes = vec![f64::NAN; self.pieces.len()];

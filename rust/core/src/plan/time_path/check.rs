@@ -1,18 +1,20 @@
 //! The check of a profile (the squared path speed `x` at all grid points) against its limits between grid points. A *row* is one limited
 //! quantity, for example the torque of one joint.
 //!
-//! Every segment is sampled at ten equal steps. Between samples `k` and `k + 1`, the value `f` of a row is at most
+//! Every segment is sampled at ten steps. Between samples `k` and `k + 1`, the largest value of a row with the samples `f_k` is estimated
+//! as
 //!
 //! ```text
 //! max(f_k, f_(k+1)) + (d/2 - |f_(k+1) - f_k|)^2 / (2 d)   if |f_(k+1) - f_k| < d/2,   d = max |second difference| there
 //! ```
 //!
-//! The second differences at the ends of the segment are extrapolated from the two next to them.
+//! If the condition is false, the estimate is `max(f_k, f_(k+1))`. For a parabola the estimate is exact. The second differences at the ends
+//! of the segment are extrapolated from the two next to them.
 //!
 //! Where a row exceeds its limit, the limit is reduced on that segment by a multiple of the excess. The profile obeys the rows at three
-//! points of a segment. So the excess is small, and a few corrections are sufficient. Samples are computed by the dynamics, or interpolated
-//! by polynomials through the rows at six grid points. Interpolated torques are compared with the dynamics in the middle of every
-//! interpolated segment.
+//! points of a segment. So the excess between them is small on a fine grid. Samples are computed by the dynamics, or interpolated by
+//! polynomials through the rows at six grid points. Before a profile is accepted, interpolated torques are compared with the dynamics in
+//! the middle of every interpolated segment.
 
 use super::along::Along;
 use super::lines::LimitRows;
@@ -25,9 +27,10 @@ use crate::scalar::sign;
 
 /// The number of steps of a segment in the check; it has `FINE + 1` samples.
 pub const FINE: usize = 10;
-/// The largest relative excess of a row over its limit: half of 1e-9, the documented tolerance.
+/// The largest allowed relative excess of a row over its limit: half of 1e-9, the documented tolerance.
 pub(super) const TOLERANCE: f64 = 5e-10;
-/// The largest error of interpolated torques, relative to the limit: a fifth of the difference between 1e-9 and `TOLERANCE`.
+/// The largest allowed error of interpolated torques near their limits, relative to the limit: a fifth of the difference between 1e-9 and
+/// `TOLERANCE`. Far from the limits, a tenth of the relative distance to the limit is allowed.
 pub(super) const INTERPOLATION: f64 = 1e-10;
 /// Number of grid points in one interpolation.
 pub(super) const WINDOW: usize = 6;
@@ -38,7 +41,8 @@ pub(super) const WINDOW: usize = 6;
 pub(super) struct Limits {
     pub lo: Vec<f64>,
     pub hi: Vec<f64>,
-    /// The scales of relative excesses of the lower and upper limits: the limit, or the opposite limit if the limit is zero.
+    /// The scales of relative excesses of the lower and upper limits. A scale is the absolute value of the limit, or of the opposite limit
+    /// if the limit is zero.
     pub scale_lo: Vec<f64>,
     pub scale_hi: Vec<f64>,
     /// The reciprocals `1 / scale_lo` and `1 / scale_hi`.
@@ -63,7 +67,7 @@ impl Limits {
 pub(super) struct LimitCheck {
     /// Smallest relative distance of a sample to a limit; negative if a sample exceeds its limit.
     pub margin: f64,
-    /// Largest relative excess, including the bound between samples.
+    /// Largest relative excess, including the estimate between samples.
     pub excess: f64,
     /// The segment and the row of the largest excess.
     pub at: (usize, usize),
@@ -80,13 +84,14 @@ pub(super) struct Course<'a> {
     pub spans: &'a [(usize, usize)],
     /// Whether there are rows of torques, and rows of accelerations.
     pub kinds: [bool; 2],
-    /// `(N + 1, stride)`: `dq/ds` at the grid points, and `|dp/ds|` of the frame's origin `p`, divided by a speed limit that varies.
+    /// `(N + 1, stride)`: `dq/ds` at the grid points; then `|dp/ds|` of the frame's origin `p`, divided by the frame's speed limit if that
+    /// varies.
     pub slopes: &'a [f64],
     pub stride: usize,
     pub friction: Option<&'a Friction>,
-    /// Limits that vary along the path. Rows under such limits are computed by the dynamics, not interpolated.
+    /// Limits that vary along the path. With such limits of joints, no row is interpolated.
     pub along: &'a Along,
-    /// The frame whose origin is limited. Its rows are computed by the dynamics, not interpolated.
+    /// The frame whose origin is limited. With such a frame, no row is interpolated.
     pub tip: Option<usize>,
     /// The index in `limits` of the first row that limits a joint's speed; `None` without speed limits.
     pub speeds: Option<usize>,
@@ -114,8 +119,8 @@ pub(super) fn state(rows: &LimitRows, x: &[f64], i: usize, z: f64) -> (f64, f64)
 
 /// Compute `[tau, a, v]`, `(3 n,)`, and the frame's acceleration and velocity by the dynamics, as fractions of limits that vary.
 ///
-/// Each listed segment has `per` places: its middle, or samples at equal time steps. Equal steps in `s` would not suffice near rest,
-/// because viscous friction is proportional to `sqrt(x)`, which is not a parabola in `s`.
+/// Each listed segment has `per` places: its middle, or samples at time steps that are equal for constant `u`. Equal steps in `s` would not
+/// suffice near rest, because viscous friction is proportional to `sqrt(x)`, which is not a parabola in `s`.
 pub(super) fn measure(course: &Course, rows: &LimitRows, x: &[f64], list: &[usize], per: usize, values: &mut Vec<f64>) {
     let (n, stride) = (course.n, course.measured());
     let count = list.len() * per;
@@ -128,7 +133,7 @@ pub(super) fn measure(course: &Course, rows: &LimitRows, x: &[f64], list: &[usiz
     let place = |k: usize| {
         let (i, t) = (list[k / per], (k % per) as f64 / FINE as f64);
         let (from, to) = (x[i].sqrt(), x[i + 1].sqrt());
-        // A segment with rest at both ends has no duration to divide: its places have equal steps in `s`.
+        // With rest at both ends, constant `u` gives no time steps. Then the places have equal steps in `s`.
         let even = if from + to > 0.0 { t * (2.0 * from + t * (to - from)) / (from + to) } else { t };
         (i, if per == 1 { 0.5 } else { even.min(1.0) })
     };

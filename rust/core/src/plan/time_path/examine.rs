@@ -1,7 +1,8 @@
 //! The samples of every segment, and their distance to the limits (`check`).
 //!
-//! A register holds a block of rows, one row per lane. The block nearest to its limits is sampled first. Another block is sampled only if a
-//! bound from three of its samples allows a smaller distance, or a distance below `FAR_ENOUGH`.
+//! A register holds a block of rows, one row per lane. In an interpolated segment, the distance of each block to its limits is first
+//! estimated from three samples. The block with the smallest estimate is sampled first. Another block is sampled only if its estimate is
+//! below the smallest distance so far, or below `FAR_ENOUGH`.
 
 use super::check::{Course, FINE, LimitCheck, TOLERANCE, WINDOW, measure};
 use super::lines::{LimitRows, largest, load, store};
@@ -59,8 +60,7 @@ impl States {
     }
 }
 
-/// The smallest relative distance to the limits at which a block may be skipped. It is larger than the error of the bound from three
-/// samples.
+/// The smallest relative distance to the limits, estimated from three samples, at which a block may be skipped.
 const FAR_ENOUGH: f64 = 0.01;
 /// Number of segments between two checks for an interrupt.
 const CHECK_INTERVAL: usize = 64;
@@ -75,7 +75,8 @@ struct Examine<'a, F> {
 
 impl Samples {
     /// Examine the segments, and return the smallest margin and the largest excess. `narrow(segment, row, below, above)` is called for each
-    /// exceeded row, with its excess over the lower and the upper limit. Unchanged segments within their limits are not examined again.
+    /// exceeded row, with its excess over the lower and the upper limit, in the unit of the row. Unchanged segments within their limits are
+    /// not examined again.
     pub fn examine(
         &mut self,
         course: &Course,
@@ -112,7 +113,7 @@ impl Samples {
 
 impl<F: FnMut(usize, usize, f64, f64)> Examine<'_, F> {
     /// The values of a block of rows, from row `k` on, at all samples of segment `i`. They are interpolated from the `WINDOW` grid points
-    /// from `start` on. Each point is read once.
+    /// from `start` on.
     #[inline(always)]
     fn sample<S: Real>(&self, i: usize, k: usize, (start, weights): (usize, &[[f64; WINDOW]]), states: &States) -> Fine<S> {
         let Examine { course, rows, .. } = self;
@@ -254,7 +255,7 @@ impl<F: FnMut(usize, usize, f64, f64)> GenericKernel for Examine<'_, F> {
                 self.copy(order, &mut values);
                 order += 1;
             }
-            // An upper bound of the relative excess of each block: the largest of three samples, plus a margin for the values between them.
+            // Estimate the relative excess of each block: the largest of three samples, plus a margin for the values between them.
             let mut nearest = 0;
             if let Some(window) = window {
                 for block in 0..width / S::LANES {
@@ -267,7 +268,7 @@ impl<F: FnMut(usize, usize, f64, f64)> GenericKernel for Examine<'_, F> {
                     let over = first.max(middle).max(last) + spare - load::<S>(&limits.hi, k);
                     let under = load::<S>(&limits.lo, k) - (first.min(middle).min(last) - spare);
                     most[block] = largest((over * load::<S>(&limits.by_hi, k)).max(under * load::<S>(&limits.by_lo, k)));
-                    // A block with NaN counts as the block nearest to its limits.
+                    // The comparison is negated, so that a NaN replaces a number.
                     if !(most[block] <= most[nearest]) {
                         nearest = block;
                     }
@@ -275,7 +276,7 @@ impl<F: FnMut(usize, usize, f64, f64)> GenericKernel for Examine<'_, F> {
             }
             let (mut margin, mut excess, mut of_torque, mut at) = (S::splat(FASTEST), f64::NEG_INFINITY, f64::NEG_INFINITY, 0);
             for turn in 0..width / S::LANES {
-                // Sample the block nearest to its limits first. Skip another block if its bound shows that it is not nearer to its limits.
+                // Sample the block nearest to its limits first. Skip blocks whose estimate is not nearer and at least `FAR_ENOUGH` away.
                 let block = if turn == 0 { nearest } else { turn - usize::from(turn <= nearest) };
                 let k = block * S::LANES;
                 if turn > 0 && window.is_some() && most[block] <= -FAR_ENOUGH && most[block] <= largest(-margin) {
@@ -316,7 +317,7 @@ impl<F: FnMut(usize, usize, f64, f64)> GenericKernel for Examine<'_, F> {
                 let (over, under) = (high - hi, lo - low);
                 let past = (over * by_hi).max(under * by_lo);
                 let worst = largest(past);
-                // The comparison is negated, because NaN must count as an excess.
+                // The comparison is negated, so that a NaN replaces a number.
                 if !(worst <= excess) {
                     (excess, at) = (worst, k + (0..S::LANES).find(|&lane| !(past.lane(lane) < worst)).unwrap_or(0));
                 }

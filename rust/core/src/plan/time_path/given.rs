@@ -8,7 +8,7 @@ use super::tip::{Tip, TipLimits};
 use crate::error::{Error, Result, finite, positive};
 use crate::motion::Path;
 
-/// The number of points of the first automatic grid.
+/// The approximate number of points of the first automatic grid.
 const FIRST_GRID: usize = 201;
 
 /// The largest number of grid points.
@@ -70,7 +70,7 @@ pub struct TimePathOptions {
     /// Approximate number of grid points; each piece of the path has at least one segment. `None` refines the grid until the duration
     /// converges.
     pub grid: Option<usize>,
-    /// Whether segments are halved where a grid with `grid` points is too coarse for the limits.
+    /// Whether segments are halved where a grid with `grid` points is too coarse for the limits. Without `grid`, this option is not used.
     pub refine: bool,
     /// Path speed `ds/dt` at the start, in the unit of `s` per second.
     pub start_speed: f64,
@@ -231,7 +231,7 @@ pub(super) struct Checked {
     pub tip: Option<Tip>,
 }
 
-/// Validate all arguments, and return the limits. Errors: `Input` or `WrongShape`.
+/// Validate the arguments, and return the limits. Errors: `Input` or `WrongShape`.
 pub(super) fn checked(mover: Mover, path: &Path, limits: &PathLimits, options: &TimePathOptions) -> Result<Checked> {
     let n = mover.dof();
     if path.dof() != n {

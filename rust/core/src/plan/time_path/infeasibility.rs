@@ -58,8 +58,8 @@ impl PathProblem<'_> {
         PathReason { what, joint: Some(joint), joint_name, s, limit, missing, missing_units: missing * size, speed, position }
     }
 
-    /// The row with the largest relative excess at grid point `i` with `(u, x)`. Returns its index, whether its upper limit is the nearer
-    /// one, and the excess.
+    /// The row of a torque or an acceleration with the largest relative excess at grid point `i` with `(u, x)`. Returns its index, whether
+    /// its upper limit is the nearer one, and the excess.
     pub(super) fn tightest(&self, i: usize, u: f64, x: f64) -> (usize, bool, f64) {
         let w = self.rows.width;
         let c = &self.rows.coefficients[i * 3 * w..];

@@ -8,9 +8,9 @@
 //! U_k(x) = max(margin_hi/alpha, margin_lo/alpha) - (beta/alpha) x,   L_k(x) = min(..) - (beta/alpha) x,   margin = limit - gamma
 //! ```
 //!
-//! `U - L` is a concave function of `x`. So Newton's method on the two active lines, started outside, finds an end of `{x : L(x) <= U(x)}`
-//! in a few steps. A *lane* is one entry of a SIMD register; here each lane has one row. The lines are stored, and a later pass builds only
-//! the lines of segments whose rows changed. `K_i` is the interval of feasible `x` at the start of segment `i` (`reach`).
+//! `U - L` is a concave function of `x`. So Newton's method on the two active lines, started outside, finds an end of `{x : L(x) <= U(x)}`.
+//! A *lane* is one entry of a SIMD register; here each lane has one row. The lines are stored, and a later pass builds only the lines of
+//! segments whose rows changed. `K_i` is the interval of feasible `x` at the start of segment `i` (`reach`).
 
 use super::magnitudes::{FAR, FASTEST, NONE};
 use super::tip::{Ball, Tangent};
@@ -18,11 +18,11 @@ use crate::scalar::Real;
 use nalgebra::Vector3;
 
 /// In the middle of a segment, a row has a margin: this fraction of its rise above the chord between both ends. A parabola within its limit
-/// at both ends, and with this margin in the middle, exceeds the limit by at most 0.14 of that rise.
+/// at both ends, and with this margin in the middle, exceeds the limit by at most 0.141 of that rise.
 const MIDDLE_MARGIN: f64 = 0.25;
 /// The relative tolerance of the test `L <= U`, for rounding errors.
 const ROUNDING: f64 = 1e-13;
-/// A coefficient of `u` below this fraction of the largest coefficient in its row is a rounding error.
+/// A coefficient of `u` below this fraction of the largest coefficient in its row counts as a rounding error.
 const ROUNDED: f64 = 1e-14;
 /// A static torque may exceed its limit by this fraction of the limit.
 pub(super) const STATIC_EXCESS: f64 = 3e-10;
@@ -263,7 +263,7 @@ impl Lines {
         Some([lower(lower(a[0], b[0]), c[0]), higher(higher(a[1], b[1]), c[1])])
     }
 
-    /// `U(x)` of segment `i`, the largest feasible `u`.
+    /// `U(x)` of segment `i`, the largest `u` that its rows allow.
     #[inline(always)]
     pub fn upper<S: Real>(&self, i: usize, x: f64) -> f64 {
         let all = i * self.width..(i + 1) * self.width;
@@ -353,7 +353,7 @@ impl Lines {
         None
     }
 
-    /// Compute the interval `K_i`: the `x` at the start of segment `i`, below `cap`, from which the motion can continue. The result is
+    /// Compute the interval `K_i`: the `x` at the start of segment `i`, at most `cap`, from which the motion can continue. The result is
     /// `None` if the interval is empty.
     #[inline(always)]
     pub fn controllable<S: Real>(&self, i: usize, cap: f64, target: [f64; 3]) -> Option<(f64, f64)> {

@@ -6,7 +6,7 @@
 //! Terms of this folder:
 //! - A *piece* is one polynomial of the path, between two knots.
 //! - A *segment* is the interval between two neighbouring grid points.
-//! - A *row* is one limited quantity, for example the torque of one joint, as a linear function of `u` and `x`.
+//! - A *row* is one limited quantity, for example the torque of one joint. In `reach`, it is a linear function of `u` and `x`.
 //! - A *profile* is `x` at all grid points.
 //! - A *cap* is an upper bound of `x` at a grid point.
 //!
@@ -15,7 +15,7 @@
 //! 2. Compute the fastest profile on this grid by reachability analysis (`reach`).
 //! 3. Check the limits at ten steps per segment (`check`). Reduce each exceeded limit in its segment by a multiple of the excess. Repeat
 //!    step 2 until no limit is exceeded. If this does not succeed, halve segments.
-//! 4. With friction, step 3 may end without a feasible speed. Then slow down the best timing (`slow`).
+//! 4. With friction, step 3 may end without a feasible speed. Then slow down the profile that exceeded its limits least (`slow`).
 //! 5. With limits of the torque rate, average the timing over time and slow it down (`rate`).
 //! 6. Further limits are part of these steps: speed and acceleration of a frame's origin (`tip`), and limits that vary along the path
 //!    (`along`). Position limits are checked separately (`positions`).
@@ -64,7 +64,8 @@ use samples::Samples;
 use setup::PathProblem;
 use std::sync::Arc;
 
-/// The number of corrections on one grid before segments are halved. It is doubled under friction, and for the last grid.
+/// The number of corrections on one grid before segments are halved. It is doubled under friction, and for the last grid if no timing was
+/// found before.
 const CORRECTIONS: usize = 8;
 /// The largest number of doublings of a reduction without friction.
 const MOST_DOUBLINGS: usize = 7;
@@ -84,12 +85,13 @@ const GRIDS: usize = 9;
 const HALVINGS: usize = 4;
 /// The relative change of the duration at which the automatic grid is fine enough.
 const DURATION_CHANGE: f64 = 1e-4;
-/// A relative excess between grid points above which a segment is halved, because corrections would take longer.
+/// A relative excess between grid points above which segments are halved instead of corrected.
 const COARSE_EXCESS: f64 = 1e-3;
 /// A segment is halved if its loss of time exceeds this number times `fine`, as a fraction of the duration. `fine` is the relative excess
 /// above which a segment is halved.
 const LARGEST_LOSS: f64 = 0.02;
-/// The first reduction of a limit, divided by its excess. Each further reduction is twice as large.
+/// The reduction of a limit in the first correction, divided by the excess. This ratio doubles with each further correction, at most
+/// `MOST_DOUBLINGS` times, or `SPREAD` times with friction.
 const FIRST_REDUCTION: f64 = 1.2;
 /// The number of passes that set the slope of `u` to the slope of the active limit.
 const SLOPE_PASSES: usize = 1;
@@ -100,7 +102,7 @@ enum Outcome {
     Done(LimitCheck),
     /// The grid is too coarse. With `true`, all segments must be halved; with `false`, only some of them.
     Coarse(LimitCheck, bool),
-    /// No profile is feasible on this grid.
+    /// No feasible profile was found on this grid.
     Stuck(Stuck),
 }
 
@@ -110,7 +112,7 @@ fn change(new: &[f64], old: &[f64]) -> f64 {
 }
 
 /// Compute the profile with viscous friction. Chords come first, because low speeds remain feasible under a chord. When the profile changes
-/// little, tangents follow. The error of a tangent is proportional to the square of the change.
+/// little, or after `CHORDS` passes, tangents follow. The error of a tangent is proportional to the square of the change.
 fn with_friction(problem: &mut PathProblem, profile: &mut Profile) -> std::result::Result<(), Stuck> {
     if problem.friction.is_none() {
         return Ok(());
@@ -135,8 +137,8 @@ fn with_friction(problem: &mut PathProblem, profile: &mut Profile) -> std::resul
     tangents(problem, profile)
 }
 
-/// Compute the profile with tangents of viscous friction. Repeat until the profile converges, at most `TANGENTS` times. The check of the
-/// limits would count the error of a tangent as an excess.
+/// Compute the profile with tangents of viscous friction. Repeat until the profile converges, at most `TANGENTS` times. The repetition is
+/// necessary, because the check of the limits counts the error of a tangent as an excess.
 fn tangents(problem: &mut PathProblem, profile: &mut Profile) -> std::result::Result<(), Stuck> {
     for _ in 0..TANGENTS {
         let x = profile.x.clone();
@@ -160,11 +162,12 @@ fn again(problem: &mut PathProblem, profile: &mut Profile) -> std::result::Resul
     if problem.friction.is_none() { solve(&problem.rows, profile) } else { tangents(problem, profile) }
 }
 
-/// Reduce the caps at both ends of segment `i` by the relative excess `past`, in correction `k`.
+/// Reduce the caps at the ends of segment `i` by the relative amount `past`, in correction `k`.
 fn reduce_caps(rows: &LimitRows, caps: &mut [f64], old: &[f64], i: usize, past: f64, k: usize) {
     let (x0, x1) = (rows.cap[i], rows.cap[i + 1]);
-    // Reduce the larger of two different caps: a cap grows without limit towards a point where the path turns back. From the third
-    // correction on, reduce both: the larger cap has only a second-order effect on an excess next to the smaller cap.
+    // If one cap is more than 1.2 times the other, reduce only the larger one: a cap grows without limit towards a point where the path
+    // turns back. From the third correction on, reduce both: the larger cap has only a second-order effect on an excess next to the smaller
+    // cap.
     for (at, here, next, other) in [(i, x0, i + 1, x1), (i + 1, x1, i, x0)] {
         if here * 1.2 >= other || k >= 2 {
             // At an end with a prescribed speed above zero, the cap is never below this speed. Then mainly the other cap is reduced, and
@@ -176,7 +179,7 @@ fn reduce_caps(rows: &LimitRows, caps: &mut [f64], old: &[f64], i: usize, past: 
     }
 }
 
-/// Compute the profile on the present grid, and correct it until it satisfies all limits.
+/// Compute the profile on the present grid, and correct it until it satisfies all limits, with a limited number of corrections.
 fn plan(problem: &mut PathProblem, samples: &mut Samples, profile: &mut Profile, lost: &mut Vec<f64>, fine: f64, last: bool) -> Outcome {
     problem.rows.tight_lo.fill(0.0);
     problem.rows.tight_hi.fill(0.0);
@@ -276,8 +279,8 @@ fn halvings(over: f64) -> u32 {
 
 /// Compute the fastest timing of `path` for the arm `mover` under `limits`.
 ///
-/// If no timing is feasible, the result has the reason. Errors: `Input` or `WrongShape` for an invalid argument, `Memory` for a grid that
-/// does not fit.
+/// If no timing is found, the result has the reason. Errors: `Input` or `WrongShape` for an invalid argument, `Memory` for a grid that does
+/// not fit.
 ///
 /// ```
 /// use armlet_core::arm::Arm;
@@ -286,7 +289,7 @@ fn halvings(over: f64) -> u32 {
 /// use armlet_core::plan::{Mover, PathLimits, TimePathOptions, time_path};
 /// use std::sync::Arc;
 ///
-/// // One uniform rod of 1 m and 1 kg without gravity: I = 1/3, so that T = 2 sqrt(I D / tau).
+/// // One uniform rod of 1 m and 1 kg without gravity: I = 1/3, so that T = 2 sqrt(I D / tau) for D = 1 rad and tau = 3 N m.
 /// let arm = Functions::new(Arc::new(Arm::planar(&[1.0], None, None, None, [0.0, 0.0])?));
 /// let (path, _) = Path::waypoints(&[0.0, 1.0], 1, None, Ends::Natural)?;
 /// let limits = PathLimits { torque: Some((vec![-3.0], vec![3.0])), ..PathLimits::default() };

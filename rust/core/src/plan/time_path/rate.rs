@@ -1,7 +1,7 @@
 //! A timing whose torques change no faster than a limit: `|d tau_j/dt| <= R_j`.
 //!
-//! In the fastest timing `u` jumps, and so do the torques. The average of the timing over a time window `W` has no jumps. A motion slower
-//! by a factor `k` satisfies the limits for large `k`, because then only gravity remains:
+//! In the fastest timing `u` jumps, and so do the torques. The average of the timing over a time window `W` has a continuous `u`. In a
+//! motion slower by a large factor `k`, only the gravity torque remains:
 //!
 //! ```text
 //! r_W(t) = (s(t) - s(t - W)) / W,   u_W(t) = (r(t) - r(t - W)) / W,   duration k (T + W)
@@ -11,9 +11,9 @@
 //! `T` is the duration of the fastest timing, `r = ds/dt` and `u = dr/dt`. `I` are the inertia torques, with the mass matrix `M` and the
 //! Coriolis matrix `C`. `g` is the gravity torque.
 //!
-//! The search varies the window `W`, and finds the least factor `k` for each. The result satisfies the limits, but it is not the fastest
-//! timing. `u` is linear in time between nodes, so `s(t)` is a C2 cubic spline. Torque rates are difference quotients of samples, plus the
-//! largest change from one quotient to the next.
+//! The search varies the window `W`, and finds the least factor `k` for each by bisection. The result satisfies the limits, but it is not
+//! the fastest timing under them. `u` is linear in time between nodes, so `s(t)` is a C2 cubic spline. Torque rates are difference
+//! quotients of samples, plus the largest change from one quotient to the next.
 
 use super::check::TOLERANCE;
 use super::given::TimePathOptions;
@@ -146,8 +146,7 @@ impl<'a> RateSamples<'a> {
         RateSamples { problem, rates, per, step, s: states.iter().map(|state| state[0]).collect(), held, rubbed, all, stride, along }
     }
 
-    /// The largest relative excess over a limit, in a motion slower by the factor `k`. With `any`, the search ends at the first sample that
-    /// exceeds a limit.
+    /// The largest relative excess over a limit, in a motion slower by the factor `k`. With `any`, the search ends at the first excess.
     fn worst(&self, k: f64, any: bool) -> Beyond {
         let RateSamples { problem, rates, per, step, s, held, rubbed, all, stride, along } = self;
         let (n, per) = (problem.n, *per);
@@ -206,7 +205,8 @@ impl<'a> RateSamples<'a> {
         }
     }
 
-    /// The least factor `k` that satisfies all limits, by bisection to the relative accuracy `share`; `None` beyond `SLOWEST`.
+    /// The least factor `k` that satisfies all limits, by bisection to the relative accuracy `share`. Bisection assumes that all larger
+    /// factors satisfy them too. `None` beyond `SLOWEST`.
     fn slowing(&self, share: f64) -> Option<f64> {
         let fits = |k: f64| self.worst(k, true).excess <= TOLERANCE;
         let mut high = 1.0;
@@ -228,8 +228,9 @@ impl<'a> RateSamples<'a> {
     }
 }
 
-/// Return four numbers from the values at some samples: the largest, the smallest, the excess over these between samples, and the largest
-/// change between neighbours. The excess is bounded by half of the largest second difference. A function with a corner reaches this bound.
+/// Return four numbers from the values at some samples. They are the largest, the smallest, a bound of the excess over these between
+/// samples, and the largest change between neighbours. The bound is half of the largest second difference. A function with a corner halfway
+/// between two samples reaches it.
 #[inline(always)]
 fn span(samples: std::ops::RangeInclusive<usize>, value: impl Fn(usize) -> f64) -> [f64; 4] {
     let (mut before, mut change) = (value(*samples.start()), f64::NAN);
@@ -250,7 +251,7 @@ fn size(near: f64, far: f64) -> f64 {
     if near != 0.0 { near.abs() } else { far.abs() }
 }
 
-/// Average `fast` over time, and slow it down until no torque changes faster than `rates`, `(n,)`, N m/s or N/s.
+/// Average `fast` over time, and slow it down until all limits are satisfied, including the torque rates `rates`, `(n,)`, N m/s or N/s.
 pub(super) fn limit_rate(problem: &PathProblem, fast: TimePath, rates: &[f64], options: &TimePathOptions) -> Result<TimePath> {
     let total = fast.motion.duration();
     if !(total > 0.0) {

@@ -7,7 +7,7 @@
 //! ```
 //!
 //! Each segment has rows (limited quantities) at both ends and in the middle (`lines`). A second pass repeats only the segments whose rows
-//! or bounds have changed. So the cost of a correction is proportional to the number of changed segments.
+//! or bounds have changed.
 //!
 //! If a limit changes along a segment, a constant `u` loses time in proportion to `h`. So when the active limits of a profile are known,
 //! `u` gets their slope `b`: `u_i + b (s - s_i - h/2)`. This only adds constants to the rows. The loss is then of order `h^2`.
@@ -196,14 +196,14 @@ impl GenericKernel for SegmentSlopes<'_> {
                 let least = if side == 0 { from.min(to) } else { from.max(to) };
                 let near = 1e-3 * rise.abs() + 1e-5 * u.abs();
                 let follows = (u - least).abs() <= near || (u - mean).abs() <= near + 0.1 * rise.abs();
-                // If this condition is true, `x` remains well above zero within the segment.
+                // If this condition is true, `x` is positive within the segment.
                 let sound = x0.min(x1) + h * u.abs() >= 2.0 * h * rise.abs();
                 if follows && sound && rise.abs() <= 0.2 * distance {
                     u_slope = rise / h;
                 }
             }
             // Where `x` follows a cap, `u` may have the slope of the cap. The conditions are that `u` is then within its bounds at both
-            // ends of the segment, and that `x` remains well above zero.
+            // ends of the segment, and that `x` is positive within the segment.
             let half = 0.5 * h * caps[i];
             let inside = |at: f64, [most, least]: [f64; 2]| least <= at && at <= most;
             if inside(u - half, before) && inside(u + half, after) && x0.min(x1) + h * u.abs() >= 4.0 * h * half.abs() {

@@ -87,9 +87,9 @@ pub enum Shortfall {
     EndSpeed,
     /// The path speed is zero on a whole segment.
     Standstill,
-    /// A limit is exceeded between grid points on every grid.
+    /// On the last grid, a limit is exceeded between grid points.
     Unresolved,
-    /// No timing satisfies the limits of the torque rate.
+    /// With limits of the torque rate: the averaged timing exceeds a limit, however much it is slowed down.
     Slow,
     /// The path itself leaves the position limits.
     Position,
@@ -126,11 +126,13 @@ pub struct PathReason {
     pub s: f64,
     /// The violated limit.
     pub limit: LimitKind,
-    /// The missing amount, as a fraction of the limit; for a position, as a fraction of `q_max - q_min` if finite.
+    /// The missing amount, as a fraction of the limit. For a position, it is a fraction of `q_max - q_min` if that is finite. For a start
+    /// or end speed, it is the relative difference of that speed from `speed`; for a standstill, it is zero.
     pub missing: f64,
-    /// The missing amount in the unit of the limit.
+    /// The missing amount in the unit of the limit. For a start or end speed, it is `missing` times the limit.
     pub missing_units: f64,
-    /// The feasible path speed `ds/dt` nearest to an infeasible start or end speed, in the unit of `s` per second; else NaN.
+    /// For an infeasible start speed, the feasible path speed `ds/dt` nearest to it. For an infeasible end speed, the largest `ds/dt` that
+    /// the speed limits and stops allow there. In the unit of `s` per second; else NaN.
     pub speed: f64,
     /// The joint position that exceeds its limit, rad or m; else NaN.
     pub position: f64,

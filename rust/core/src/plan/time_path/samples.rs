@@ -9,13 +9,13 @@ use super::reach::Profile;
 pub(super) struct Segment {
     /// The smallest relative distance of a sample to a limit.
     pub margin: f64,
-    /// The largest relative excess of a row.
+    /// The largest relative excess of a row, including the estimate between samples; negative within all limits.
     pub excess: f64,
     /// The row with the largest excess.
     pub at: usize,
-    /// The largest relative excess of a torque.
+    /// An upper bound of the relative excesses of torques.
     pub torque: f64,
-    /// Whether the interpolated torques agree with the dynamics.
+    /// Whether the interpolated torques were compared with the dynamics in the middle of the segment, and agreed.
     pub proven: bool,
 }
 
@@ -35,7 +35,7 @@ pub(super) struct Samples {
     pub evaluated: Vec<usize>,
     /// The samples of the segments in `evaluated`.
     pub values: Vec<f64>,
-    /// Interpolated torques in the middle of every segment, `(N, n)`.
+    /// Interpolated torques in the middle of every interpolated segment, `(N, n)`.
     pub middles: Vec<f64>,
 }
 
@@ -68,7 +68,7 @@ impl Samples {
     }
 
     /// Whether the interpolated torques of the last examination agree with the dynamics. In segments where they disagree, the next
-    /// examination computes the torques by the dynamics.
+    /// examination computes all rows by the dynamics.
     pub fn stands(&mut self, course: &Course, rows: &LimitRows, profile: &Profile) -> bool {
         if !course.kinds[0] {
             return true;

@@ -44,9 +44,11 @@ pub(super) struct PathProblem<'a> {
     pub norms: Option<usize>,
     /// `(N,)`: the index of the piece of each segment.
     pub pieces: Vec<usize>,
-    /// `(N + 1, stride)`: `dq/ds` at the grid points, and `|dp/ds|` of the frame's origin `p`, divided by a speed limit that varies.
+    /// `(N + 1, stride)`: `dq/ds` at the grid points; then `|dp/ds|` of the frame's origin `p`, divided by the frame's speed limit if that
+    /// varies.
     pub slopes: Vec<f64>,
-    /// `(N + 1, 2 n)`: `B` and `g` of the torques `A u + B x + g` without viscous friction. `g` includes Coulomb friction.
+    /// `(N + 1, 2 n)`: `B` and `g` of the torques `A u + B x + g` without viscous friction. `g` includes Coulomb friction. Empty without
+    /// friction.
     pub bare: Vec<f64>,
     /// `(N + 1,)`: the relative reduction of the caps.
     pub cap_tight: Vec<f64>,

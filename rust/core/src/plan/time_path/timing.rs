@@ -3,7 +3,7 @@
 use super::reason::PathReason;
 use crate::motion::TimedPath;
 
-/// A timing of a path, or the reason why none exists.
+/// A timing of a path, or the reason why none was found.
 ///
 /// ```
 /// use armlet_core::plan::{Mover, PathLimits, TimePath, TimePathOptions, time_path};
@@ -22,10 +22,11 @@ use crate::motion::TimedPath;
 /// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct TimePath {
-    /// The motion `q(t)` along the path. Its duration is NaN if no timing exists.
+    /// The motion `q(t)` along the path. Its duration is NaN if no timing was found.
     pub motion: TimedPath,
-    /// The smallest relative distance to a limit over the samples of the last check; NaN if no timing exists.
+    /// The smallest relative distance to a limit over the samples of the check; NaN if no timing was found. With limits of the torque rate,
+    /// it includes bounds of the values between samples.
     pub margin: f64,
-    /// The reason why no timing exists; `None` if one exists.
+    /// The reason why no timing was found; `None` if one was found.
     pub reason: Option<PathReason>,
 }
