@@ -5,8 +5,8 @@ use super::monotone::{Energies, Monotone};
 use super::sine::{gravity_range, sine};
 
 /// A lower bound of the time from `x0` to the turn and back to `x0`, in units of `sqrt(I/2)` seconds, divided by `2 sqrt(e)`. `up` and
-/// `down` are the largest net torques `p_+` and `p_-`, N m. The part to the turn is `sqrt((p_+ + p_-)/(p_+ p_-))`, the part back to `x0` is
-/// `sqrt(1/p_+)`.
+/// `down` are the largest net torques `p_+` towards the goal and `p_-` away from it, N m. The part to the turn is
+/// `sqrt((p_+ + p_-)/(p_+ p_-))`, the part back to `x0` is `sqrt(1/p_+)`.
 pub(super) fn detour(up: f64, down: f64) -> f64 {
     (((up + down) / down).sqrt() + 1.0) / up.sqrt()
 }

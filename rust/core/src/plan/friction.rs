@@ -9,12 +9,12 @@
 //! `I` is the inertia, and `G` the gravity moment. `x0` is the start, `x1` the goal and `xt` the turn. `u+` is the absolute value of the
 //! upper torque bound. The change of the switching times does not contribute to the derivative, because both phases have equal speeds at a
 //! switch. An overshoot is a back-swing of the mirrored motion, run backwards in time with negative friction coefficients. Coulomb friction
-//! alone only shifts the torque bounds of each part of the motion. A test uses this as an independent check.
+//! alone only shifts the torque bounds of each part of the motion.
 //!
 //! Let `phi` be `exp(-d t / 2I)` times the adjoint variable, whose zeros are the switches. Then
 //! `phi_ddot = (d^2/4I^2 - G cos theta/I) phi`, and Sturm's comparison theorem applies to `phi`. So an overdamped link, with
-//! `d^2 >= 4 I |G|`, switches at most once. This is true with Coulomb friction too. Where the motion reverses, Coulomb friction reduces the
-//! acceleration, and with it `phi_dot/phi - d/2I`. After a zero, `|phi|` only grows.
+//! `d^2 >= 4 I |G|`, switches at most once. This is true with Coulomb friction too. It reduces the acceleration after a reversal, so that
+//! `phi_dot/phi` is at most `d/2I` there. After a zero, `|phi|` grows and has no second zero.
 //!
 //! With one switch the motion is monotone. From rest, an overdamped link never moves beyond the equilibrium of gravity and torque, because
 //! `v < 2 N(x)/d` remains true. Here `N(x)` is the torque minus the torques of gravity and Coulomb friction, and is zero at the
@@ -239,8 +239,8 @@ impl FrictionMonotone {
         meeting.ok_or_else(|| MonotoneReason::Apart { push: x0 + push, brake: x1 - brake, missing: self.missing() })
     }
 
-    /// The amount by which both torques must be larger for a feasible motion, N m, to six digits. Bisection starts from the upper bound
-    /// gravity moment plus Coulomb friction, with which the motion is always feasible.
+    /// The amount by which both torques must be larger for a feasible motion, N m, with a relative accuracy of 1e-6. Bisection starts from
+    /// the upper bound gravity moment plus Coulomb friction, with which the motion is always feasible.
     fn missing(&self) -> f64 {
         let (mut less, mut more) = (0.0, self.link.g.abs() + self.link.coulomb);
         while more - less > 1e-6 * more && more > 1e-12 * self.up.max(self.down) {

@@ -9,9 +9,8 @@
 //!
 //! `G` is the gravity moment, and `I` the inertia. The substitution `y = L s^2` removes the inverse square root at the rest point. The
 //! remaining integrand is smooth unless `w` comes near zero. There the link barely passes a *maximum of gravity*, an angle at which gravity
-//! makes the kinetic energy smallest. It is integrated by adaptive bisection with the 10-21 point Gauss-Kronrod pair. Where `w` is near
-//! zero, the integral gains a digit every few panels, because the integrand is analytic up to the near pole. A phase that brakes to rest at
-//! `x` is computed as a push from `-x`, run backwards, with the braking torque.
+//! makes the kinetic energy smallest. It is integrated by adaptive bisection with the 10-21 point Gauss-Kronrod pair. A phase that brakes
+//! to rest at `x` is computed as a push from `-x`, run backwards, with the braking torque.
 
 use super::quadrature::{Graded, Integrand, adaptive, few};
 use super::sine::{sin_cos, sinc_cos_small};
@@ -21,8 +20,8 @@ use std::f64::consts::{PI, TAU};
 /// A limit of the mean net torque, as a fraction of the sum of the torque and the absolute gravity moment. Below this limit the fixed
 /// quadrature rule is not accurate enough.
 const LEAST_MEAN_TORQUE: f64 = 1e-3;
-/// Relative accuracy of each panel of a duration. With an accuracy of 1e-12, one of some million links had a duration with an error of
-/// 1e-10, because both quadrature rules agreed by chance.
+/// Relative accuracy of each panel of a duration. It is much smaller than the accuracy of durations requires, because both quadrature rules
+/// may agree by chance.
 const ACCURACY: f64 = 3e-14;
 
 /// A phase from rest at the angle `x` under the constant torque `push`, against the gravity torque `g sin`. A negative `push` pulls back.
@@ -108,7 +107,8 @@ impl Phase {
         self.net() > 0.0 && self.lowest(length) > 0.0
     }
 
-    /// The distance at which the phase comes to rest again; infinite if its kinetic energy remains positive.
+    /// For a torque that is not negative: the distance at which the phase comes to rest again. It is infinite if the kinetic energy remains
+    /// positive.
     pub fn reach(&self) -> f64 {
         if self.least.is_nan() {
             return f64::INFINITY;

@@ -67,7 +67,7 @@ const FEW: [[f64; 8]; 2] = {
     }
     rule
 };
-/// Largest number of panels. Motions of a hundred revolutions require fewer.
+/// Largest number of panels.
 const MAX_PANELS: usize = 600;
 const MAX_DEPTH: usize = 60;
 

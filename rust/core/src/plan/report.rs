@@ -89,7 +89,7 @@ pub struct Bind {
     pub theta: f64,
     /// Time since the start at which the limit is reached, s; NaN if the motion is impossible or has no duration.
     pub time: f64,
-    /// Whether another phase reaches its limit at the same duration.
+    /// Whether the other phase reaches its limit at the same duration, up to a rounding error.
     pub tie: bool,
 }
 

@@ -12,10 +12,10 @@
 //! *maximum of gravity* is an angle at which gravity makes the kinetic energy smallest. `r` decreases along a phase, from +infinity at the
 //! turn to -infinity at the next rest. The reason is that its numerator and the speed solve the same linear equation.
 //!
-//! So T has a minimum in every interval that does not begin with `e = 0`. Half a million intervals of random links had no second minimum.
-//! In an interval that begins with `e = 0`, T rises at first. Where a swing is faster, T then falls to a minimum and rises again. Such
-//! intervals, and those without a maximum of gravity, are searched by a sweep for changes of sign of the derivative. The first derivatives
-//! have few digits (`phase.rs`), and the last ones have many.
+//! So T has a minimum in every interval that does not begin with `e = 0`. The test `a_window_has_one_minimum` (`swing.rs`) finds no second
+//! minimum in such intervals. In an interval that begins with `e = 0`, T rises at first. Where a swing is faster, T then falls to a minimum
+//! and rises again. Such intervals, and those without a maximum of gravity, are searched by a sweep for changes of sign of the derivative.
+//! The first derivatives have few digits (`phase.rs`), and the last ones have many.
 
 use crate::interrupt::look;
 
@@ -54,8 +54,8 @@ pub(super) type Window = (f64, f64);
 
 /// The back-swings of a problem, as functions of the distance `e` of the turn behind the start.
 pub(super) trait BackSwings {
-    /// A scaled derivative of the duration, `d/(|d| + c)`, with `d = dT/de`. `c` is the sum of the reciprocal speeds at the switches; it is
-    /// of the order of `T/e`. `None` if rounding errors dominate. With `fine`, the derivative has many digits.
+    /// A scaled derivative of the duration, `d/(|d| + c)`, with `d = dT/de`. `c` is the sum of the reciprocal speeds at the switches.
+    /// `None` if rounding errors dominate, or if the swing is not feasible. With `fine`, the derivative has many digits.
     fn slope(&self, e: f64, fine: bool) -> Option<f64>;
     /// The swing at `e`; `None` if it is not feasible.
     fn swing(&self, e: f64) -> Option<Swing>;
@@ -70,7 +70,7 @@ pub(super) trait BackSwings {
 /// A turning point `e`, rad, and the scaled derivative at `e`. At an edge of an interval, the second number is the limit of the derivative.
 type Point = (f64, f64);
 
-/// The search ends when the last step of `e` times the scaled derivative is below this fraction of `e`. The error of T is then far smaller.
+/// The search ends when the last step of `e` times the scaled derivative is below this fraction of `e`.
 const FLAT: f64 = 1e-10;
 /// A search with coarse derivatives ends when its step is at most this fraction of the distance to the nearer end of its bracket.
 const NEAR: f64 = 2e-3;
@@ -78,7 +78,7 @@ const NEAR: f64 = 2e-3;
 const LEVEL: f64 = 0.3;
 /// The largest accurate derivative at a root of the coarse derivative. Above it, the coarse root is not used.
 const ROUGH: f64 = 0.02;
-/// The farthest turning point, rad. Beyond two revolutions, only a sequence of swings could be faster.
+/// The farthest turning point of the search, rad: two revolutions.
 pub(super) const FARTHEST: f64 = 4.0 * std::f64::consts::PI;
 /// The largest length of an interval with a maximum of gravity, rad. A longer interval has no maximum of gravity, and T may have a minimum
 /// in every revolution. Such an interval begins next to `e = 0`, and the monotone motion is feasible, unless the torque equals gravity at
@@ -142,8 +142,8 @@ impl<B: BackSwings> TurnSearch<'_, B> {
         }
     }
 
-    /// Search an interval for every minimum of T. `slope` is the scaled derivative at its lower edge. The first point is `step` from this
-    /// edge.
+    /// Search an interval for minima of T, in growing steps. `slope` is the scaled derivative at its lower edge. The first point is `step`
+    /// from this edge.
     fn sweep(&mut self, window: Window, slope: f64, mut step: f64) {
         let mut low = (window.0, slope);
         while low.0 < self.farthest.min(window.1) {

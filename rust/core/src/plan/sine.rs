@@ -7,7 +7,7 @@
 //!
 //! The reduction of the angle also counts the quarter turns. So the decision whether an interval contains an extreme always agrees with the
 //! sines at its ends. The angle is reduced with pi/2 in three parts, as by Cody and Waite. The kernels are Taylor series, whose first
-//! dropped term is below 5e-17 at pi/4. No operation is fused, so a SIMD lane has the same bits as a single number.
+//! dropped term is below 6e-17 at pi/4. No operation is fused, so a SIMD lane has the same bits as a single number.
 
 use crate::scalar::Real;
 use crate::scalar::trig::{PIO2, ROUND, TWO_OVER_PI};
@@ -15,7 +15,7 @@ use crate::scalar::trig::{PIO2, ROUND, TWO_OVER_PI};
 /// The largest angle for the reduction in three parts. Beyond it the parts lose digits, and the standard library computes the sine.
 const REDUCTION_LIMIT: f64 = 8.0e5;
 
-/// Return `a` if `flag` is 1 and `b` if `flag` is 0, without a branch. A branch could not be predicted for random angles.
+/// Return `a` if `flag` is 1 and `b` if `flag` is 0, without a branch.
 #[inline(always)]
 pub(super) fn select(flag: u64, a: f64, b: f64) -> f64 {
     let mask = flag.wrapping_neg();
@@ -73,7 +73,7 @@ fn reduce(x: f64) -> (f64, i64) {
     (((x - n * PIO2[0]) - n * PIO2[1]) - n * PIO2[2], (shifted.to_bits() as i64).wrapping_sub(ROUND.to_bits() as i64))
 }
 
-/// `sin x` and `cos x` of a finite angle, to about one unit in the last place.
+/// `sin x` and `cos x` of a finite angle, to about two units in the last place of 1.
 #[inline(always)]
 pub fn sin_cos(x: f64) -> (f64, f64) {
     if x.abs() > REDUCTION_LIMIT {

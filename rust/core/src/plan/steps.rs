@@ -10,8 +10,9 @@
 //! ```
 //!
 //! `y` is the distance from rest, `p` the torque minus Coulomb friction, `G` the gravity moment, `d` the viscous friction and `I` the
-//! inertia. `y_k` are the Taylor coefficients of `y`, and `S_k`, `C_k` those of `sin(x + y)` and `cos(x + y)`. The series have order 24 and
-//! follow Jorba and Zou. A step ends where its last terms are 1e-17 of the motion. Such a step is at most some time constants `I/d` of the
+//! inertia. `y_k` are the Taylor coefficients of `y`, and `S_k`, `C_k` those of `sin(x + y)` and `cos(x + y)`. In the series, `h` is the
+//! time since the step began. In the collocation, `t` is this time, and `h` the length of the step. The series have order 24 and follow
+//! Jorba and Zou. A step ends where its last terms are 1e-17 of the motion. Such a step is at most some time constants `I/d` of the
 //! friction long. After 40 time constants, collocation integrates the slower motion. Collocation is stiffly accurate, and its steps are as
 //! long as the slow motion allows.
 
@@ -56,8 +57,8 @@ pub(super) struct Step {
     pub spread: Series,
 }
 
-/// A phase of constant torque from rest, up to its present point. Its unit of time makes the initial motion of order one. So no coefficient
-/// of a series overflows.
+/// A phase of constant torque from rest, up to its present point. Its unit of time makes the initial motion of order one, to prevent an
+/// overflow of the coefficients of a series.
 pub(super) struct Progress {
     x: f64,
     push: f64,
@@ -82,8 +83,8 @@ pub(super) fn evaluate(c: &Series, h: f64) -> (f64, f64) {
     (y, v)
 }
 
-/// The length of a step whose last six terms are at most 1e-17 of `size`. Six coefficients are used, because from rest, and at a maximum of
-/// the sine, only every fourth coefficient is not zero.
+/// The length of a step whose last six terms are at most 1e-17 of `size`. Six coefficients are used, because from rest at a maximum of the
+/// sine, without viscous friction, only every fourth coefficient is not zero.
 fn step_length(c: &Series, size: f64) -> f64 {
     (ORDER - 5..=ORDER).map(|k| (1e-17 * size / c[k].abs()).powf(1.0 / k as f64)).fold(f64::INFINITY, f64::min)
 }
@@ -207,8 +208,8 @@ static POWERS: LazyLock<[Square; 3]> = LazyLock::new(|| {
     ]
 });
 
-/// The accelerations of the distance `y` and of the spread `z` in a step, as coefficients of polynomials in `t/h`. The spread is the
-/// derivative of the angle with respect to the start `x`.
+/// The accelerations of the distance `y` and of the spread `z` in a step, as coefficients of polynomials in the time divided by `length`.
+/// The spread is the derivative of the angle with respect to the start `x`.
 struct Collocation {
     length: f64,
     accelerations: [Values; 2],

@@ -6,11 +6,11 @@
 //! dT/de = sqrt(I/2) [ 1/sqrt(K_12) + 1/sqrt(K_34) - dF/dx(xt, l2) - dF/dx(xt, l3) ]
 //! ```
 //!
-//! `x0` is the start, `x1` the goal, `xt` the turn, and `D = x1 - x0`. `I` is the inertia. `F(x, L; u)` is the time factor of a phase
-//! (`phase.rs`) with the torque `u`. `u+` and `u-` are the absolute values of the upper and the lower torque bound, and `K_12`, `K_34` are
-//! the kinetic energies at the switches. Only the phases that start at the turn have a term `dF/dx`, because the outer phases start from
-//! fixed points. At a switch both phases have the same energy `K`, so only the sum of their lengths counts. An overshoot is the back-swing
-//! of the motion mirrored and run backwards in time.
+//! `x0` is the start, `x1` the goal, `xt` the turn, and `D = x1 - x0`. `I` is the inertia, and `l1` to `l4` are the lengths of the phases.
+//! `F(x, L; u)` is the time factor of a phase (`phase.rs`) with the torque `u`. `u+` and `u-` are the absolute values of the upper and the
+//! lower torque bound, and `K_12`, `K_34` are the kinetic energies at the switches. Only the phases that start at the turn have a term
+//! `dF/dx`, because the outer phases start from fixed points. At a switch both phases have the same energy `K`, so only the sum of their
+//! lengths counts. An overshoot is the back-swing of the motion mirrored and run backwards in time.
 
 use super::detour::{Push, detour};
 use super::monotone::{Monotone, MonotoneMotion, drop};
@@ -119,8 +119,8 @@ impl BackSwings for SwingSearch {
         let (out, into) = (away.brake_length, towards.push_length);
         let (last, second) = rate(out.max(into));
         // The derivative of the duration with respect to `e` is the sum of two terms, for the middle phase before and after the turn. The
-        // shorter part has the larger term. So if the term of the longer part is positive, the sum is positive, and `e` is far from its
-        // root. Then one coarse term is sufficient.
+        // shorter part has the larger term. So if the term of the longer part is positive, the sum is positive. Then the coarse search uses
+        // the term of the longer part for both.
         let (other, first) = if last >= 0.0 && !fine { (last, second) } else { rate(out.min(into)) };
         let rate = last + other;
         let slope = rate / (rate.abs() + first + second);

@@ -7,7 +7,7 @@ use super::sine::sin_cos;
 use super::steps::{FrictionLink, Progress, Step, evaluate};
 use super::torque_optimal::{Best, Family, TorqueOptimum};
 
-/// The largest number of steps of a phase. A phase of a hundred revolutions has fewer.
+/// The largest number of steps of a phase.
 const MAX_STEPS: usize = 4000;
 
 /// A phase of constant torque that starts or ends at rest at the angle `theta`.
