@@ -1,7 +1,8 @@
-//! The functions of an arm, for any number of threads. Each function is first evaluated directly. After enough evaluations it is recorded
-//! and compiled to a *program*.
+//! The functions of an arm, for any number of threads. Each function is first evaluated directly. After a number of single calls, or of
+//! rows announced with [`Functions::prepare`], it is recorded and compiled to a *program*. Functions whose program would be too long are
+//! never compiled.
 //!
-//! Both methods have the same bits.
+//! A program and the direct evaluation have the same bits.
 
 use super::Query;
 use super::evaluate::{Evaluator, check};
@@ -12,13 +13,13 @@ use crate::trace::cache::free;
 use crate::trace::function::CALLS;
 use std::sync::{Arc, Mutex};
 
-/// Number of rows of a query after which its program is made.
+/// Number of announced rows of a query after which its program is made.
 const ROWS_BEFORE_PROGRAM: usize = 256;
 
 /// Largest number of operations of a program for single calls. A longer program would take more than 1 ms to make.
 const LONGEST_SINGLE: f64 = 3_000.0;
 
-/// Number of queries of one arm whose programs are kept.
+/// Number of queries of one arm whose programs are kept, for single calls and for rows each.
 const KEPT_QUERIES: usize = 64;
 
 /// Largest number of operations of a program. A longer program would take more than a second to make.
@@ -91,7 +92,8 @@ impl Single {
     }
 }
 
-/// The quantities of an arm at one and at many configurations. A query that occurs often is compiled.
+/// The quantities of an arm at one and at many configurations. Single calls of a query are counted, and rows are announced with
+/// [`Functions::prepare`]. After enough of them, the query is compiled, unless its program would be too long.
 ///
 /// ```
 /// use armlet_core::arm::Arm;

@@ -1,10 +1,10 @@
 //! A closed loop whose state rates and their derivatives are programs (recorded and compiled computations), with the interface of a closed
 //! loop.
 //!
-//! A run uses known programs from the start. Otherwise an explicit method starts without programs, and makes them after `WAIT` evaluations
-//! of the rates. The bits are the same in both cases. For implicit methods the programs are made before the first step, because the
-//! Jacobian from dual numbers rounds differently. If an angle exceeds the range of the programs' sines, the loop continues without
-//! programs.
+//! A run uses programs from the start if an earlier run with the same structure has made them. Otherwise an explicit method starts without
+//! programs, and makes them after `WAIT` evaluations of the rates. The bits are the same in both cases. For implicit methods the programs
+//! are made before the first step, because the Jacobian from dual numbers rounds differently. If an angle exceeds the range of the
+//! programs' sines, the loop continues without programs.
 
 use super::assembly::{Twins, Watched, twins};
 use super::force::Wrench;
@@ -41,7 +41,8 @@ pub struct RatesLoop<'a, S: Real, D> {
 }
 
 impl<'a, S: Real, D: Watched<S>> RatesLoop<'a, S, D> {
-    /// Create the loop of an explicit method. With a `source`, it uses known programs from the start, or new ones after `WAIT` evaluations.
+    /// Create the loop of an explicit method. With a `source`, it uses the programs of an earlier run from the start, or makes programs
+    /// after `WAIT` evaluations.
     pub fn explicit(direct: D, source: Option<Source<'a>>) -> Self {
         RatesLoop { direct, source, work: 0, wait: WAIT, running: [None, None] }
     }
@@ -67,7 +68,7 @@ impl<'a, S: Real, D: Watched<S>> RatesLoop<'a, S, D> {
         }
     }
 
-    /// Use known programs. If no programs are known, make them after `wait` evaluations.
+    /// Use the programs of an earlier run with the same structure. If there are none, make them after `wait` evaluations.
     fn take(&mut self) {
         let worth = self.work >= self.wait;
         if !worth && self.work > 0 {

@@ -94,7 +94,7 @@ pub struct RecordedRates {
     pub programs: RatesPrograms,
 }
 
-/// A known recording of rates. Its tag contains whether the input is held, and the derivatives.
+/// A stored recording of rates, which later runs may use. Its tag contains whether the input is held, and the derivatives.
 type SeenRates = Seen<RecordedRates, (bool, RequiredDerivatives)>;
 
 static KNOWN: Cache<Arc<SeenRates>> = Cache::new();
@@ -263,8 +263,8 @@ impl Rates {
         if self.used.load(Ordering::Relaxed) { engine().name() } else { "direct" }
     }
 
-    /// Return the rates of run `run` if they are known, or record them if `worth` is true. The result is also `None` if the code branches
-    /// on data.
+    /// Return the rates of run `run` if an earlier run with the same structure has recorded them. Otherwise record them if `worth` is true.
+    /// The result is also `None` if the code branches on data.
     pub fn of_run(&self, problem: &Problem, run: usize, worth: bool) -> Option<RatesOfRun> {
         let held = problem.options.sampling.is_some();
         let found = match &self.shared {
