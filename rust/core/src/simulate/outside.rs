@@ -35,8 +35,8 @@ fn wanted(law: &LawSpec, motion: bool) -> Vec<Vec<f64>> {
 }
 
 /// For each argument, return the first position outside of the joint limits, if there is one, with the name of the argument. `starts`:
-/// plants with their initial positions, shape `(n,)`, rad or m. The argument is `q0`, `law.target` or `law.motion`. If `batch` is true, the
-/// index of an initial position includes its row.
+/// plants with their initial positions, shape `(n,)`, rad or m. The argument is `q0`, `law.target` or `law.motion`. Of a motion, only both
+/// ends are checked. If `batch` is true, the index of an initial position includes its row.
 pub fn outside<'a>(starts: impl Iterator<Item = (&'a PlantSpec, &'a [f64])>, laws: &[&LawSpec], batch: bool) -> Vec<(String, Outside)> {
     let starts = starts.filter_map(|(plant, q)| Some((limited(plant.model())?, q)));
     let mut found: Vec<_> = Outside::first(starts).map(|start| (format!("q0{}", start.index(batch)), start)).into_iter().collect();

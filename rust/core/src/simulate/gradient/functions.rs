@@ -22,8 +22,8 @@ use crate::trace::tape::{Moving, Op};
 use crate::trace::{Evaluation, form};
 use std::sync::OnceLock;
 
-/// The largest number of groups in one block. A group is the directions in the lanes of one register. The function is evaluated once for
-/// all groups.
+/// The largest number of groups in one block. A group is the directions in the lanes of one register. The function's values are computed
+/// once for all groups of a block.
 const GROUPS_PER_BLOCK: usize = 2;
 
 /// Sizes of the arguments and results of a loop's functions.
@@ -259,9 +259,9 @@ impl Function {
         self.moving.len()
     }
 
-    /// Return the function with its tangent, for the loop parameters `given`. Its arguments are the inputs, then their tangents. Its
-    /// results are the function's results, then their tangents. Each lane has one direction, and the groups of directions follow one
-    /// another.
+    /// Return the function with its tangent, for the loop parameters `given`. Its arguments are the inputs, then the tangents of the
+    /// varying inputs. Its results are the function's results, then their tangents. Each lane has one direction, and the groups of
+    /// directions follow one another.
     pub fn tangent(&self, given: &[f64]) -> Call {
         let made = || {
             let (inputs, groups) = (self.given + self.inputs(), self.groups);

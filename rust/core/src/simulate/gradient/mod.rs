@@ -6,8 +6,8 @@
 //! as lists of operations, and these lists are differentiated. With an adaptive method, both passes repeat the steps of the run, and the
 //! step sizes count as constants. Where a contact changes, the tangents jump.
 //!
-//! A parameter `p` is given by runs of the problem that differ in this parameter, and by weights: `dF/dp = sum w_i F_i`. Here `F` is a loop
-//! parameter, the initial state or a desired motion, and `F_i` its value in run `i`. Differences of results of runs are not used.
+//! A parameter `p` is given by runs of the problem that differ in this parameter, and by weights: `dF/dp = sum w_i (F_i - F_0)`. Here `F`
+//! is a loop parameter, the initial state or a desired motion, and `F_i` its value in run `i`. Differences of results of runs are not used.
 //!
 //! Terms of this directory:
 //!

@@ -1,16 +1,16 @@
-//! The parameters of a run, and groups of them. The parameters of a group have one name, and vary in the same few runs. So no parameter
-//! needs separate runs.
+//! The parameters of a run, and groups of them. The parameters of a group have one name, and vary in the same few runs. So no parameter of
+//! a group needs separate runs.
 //!
 //! Most loop parameters depend on one parameter of a name: `kp_i / kd_i` depends only on `kp_i` among the parameters of the name `kp`. So
 //! all parameters of the name may vary in the same runs. A *probe* is a run in which some of the parameters vary. Each parameter has a
 //! code: bit `b` is set if it varies in probe `b`. For each loop parameter, the set of probes that change it is a code too. The loop
-//! parameter depends on the parameter with this code. All codes have equally many ones, and the union of two codes has more. A loop
-//! parameter that depends on several parameters therefore has a code that no parameter has. Such a loop parameter is refused.
+//! parameter depends on the parameter with this code. All codes must have equally many ones, so that the union of two codes has more. A
+//! loop parameter that depends on several parameters therefore has a code that no parameter has. Such a loop parameter is refused.
 
 use crate::error::{Error, Result};
 use std::ops::Range;
 
-/// One parameter, as pairs `(run, weight)`. The derivative of a loop parameter `F` is `sum weight F(run)`.
+/// One parameter, as pairs `(run, weight)`. The derivative of a loop parameter `F` is `sum weight (F(run) - F(0))`.
 pub type Parameter = Vec<(usize, f64)>;
 
 /// The parameters of a run, listed name by name, with the number of parameters of each name.

@@ -33,7 +33,7 @@ fn norm(x: &[f64]) -> f64 {
 
 impl Walker<'_> {
     /// Compute the jump at contact change `k` of the timeline. The result is `None` if the state rates before and after the change are
-    /// equal. Error: `Solve` for a grazed contact.
+    /// equal up to the tolerance `SAME`. Error: `Solve` for a grazed contact.
     pub fn jump(&mut self, k: usize, t: f64, state: &[f64]) -> Result<Option<Jump>> {
         let sizes = &self.prepared.functions.sizes;
         let (switch, size, moved) = (self.prepared.timeline.contacts.switches[k], sizes.states, sizes.moved);
