@@ -2,9 +2,9 @@
 //!
 //! Source: Arm Architecture Reference Manual for A-profile, chapter C7 (SIMD and floating-point instructions).
 //!
-//! An instruction is a word of 32 bits: a pattern and three register numbers. Register `d` is in bits 0 to 4, `n` in bits 5 to 9, and `m`
-//! in bits 16 to 20. Only loads and stores access memory, so that an operand in memory is first loaded into a scratch register. Register x0
-//! points to the frame (the memory of the program), and x1 to the constants. Register x2 points to the stream (the inputs of a program that
+//! An instruction is a word of 32 bits: a pattern and register numbers. Register `d` is in bits 0 to 4, `n` in bits 5 to 9, and `m` in bits
+//! 16 to 20. Only loads and stores access memory, so that an operand in memory is first loaded into a scratch register. Register x0 points
+//! to the frame (the memory of the program), and x1 to the constants. Register x2 points to the stream (the inputs of a program that
 //! repeats). Register x3 has the number of remaining iterations. In scalar code, the bits of a register beyond the first number are
 //! undefined.
 
@@ -126,8 +126,8 @@ impl Assemble for Assembler {
             Product::NegAdd => (FMLS, false),
             Product::NegSub => (FMLS, true),
         };
-        // The sum is computed in `dst` if `dst` has the addend, and if its negation does not overwrite a factor. Otherwise it is computed
-        // in a scratch register.
+        // The sum is computed in `dst` if `dst` has the addend, and if the negation of the addend does not overwrite a factor. Otherwise it
+        // is computed in a scratch register.
         let sum = match z {
             _ if dst == z && !(negative && (dst == x || dst == y)) => dst,
             FETCHED => FETCHED,

@@ -1,6 +1,6 @@
 //! Copies between rows of the caller's arrays and lanes of a frame, which is the memory of a program. A row has the numbers of one
-//! evaluation, which is one lane of the frame. The copy is a transposition. With AVX2 and at least four lanes, it moves blocks of four by
-//! four numbers.
+//! evaluation, which is one lane of the frame. The copy is a transposition. With AVX2, complete groups of four lanes move in blocks of four
+//! by four numbers.
 
 use super::frame::Frame;
 use crate::scalar::{Isa, isa};

@@ -1,8 +1,7 @@
 //! A recorded computation with its derivatives along several directions (forward mode, Griewank and Walther 2008, section 3.1).
 //!
 //! For `y = f(x)` with the Jacobian `J = dy/dx`, and directions `x_dot` of the inputs, the result is `y` and `J x_dot`. The derivatives of
-//! each operation follow the operation immediately. So the value of an operation need not be stored until its derivatives are computed. All
-//! directions use the same values.
+//! each operation follow the operation immediately. All directions use the same values.
 
 use super::differentiate::{needed, rate};
 use super::tape::{Op, Tape};

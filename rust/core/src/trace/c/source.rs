@@ -61,7 +61,7 @@ impl COptions {
     }
 }
 
-/// Names that every source file defines, without the prefix.
+/// Names that a source file may define, without the prefix.
 const OWN_NAMES: [&str; 5] = ["finite", "refuse", "answer", "sin_cos", "sin_cos_unfused"];
 
 /// Whether the name consists of a letter, followed by letters, digits and `_`.
@@ -69,7 +69,7 @@ fn is_identifier(name: &str) -> bool {
     name.starts_with(|c: char| c.is_ascii_alphabetic()) && name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_')
 }
 
-/// Check names of functions. Errors: `Input` if a name is not an identifier of C, is repeated, or is one that every source file defines.
+/// Check names of functions. Errors: `Input` if a name is not an identifier of C, is repeated, or is one that a source file may define.
 /// Also `Input` for the name of an earlier function with `_` and a number.
 pub fn require_names<'a>(argument: &str, names: impl Iterator<Item = &'a str>) -> Result<()> {
     let mut known = HashSet::new();
