@@ -77,8 +77,8 @@ pub fn copy<T: Copy>(from: &[T], to: &mut [T]) {
     }
 }
 
-/// Set every element to `value`. At most [`PIECE`] elements are set without a check for a stop request, because steps of loops call this
-/// function.
+/// Set every element to `value`. Arrays of at most [`PIECE`] elements are set without a check for a stop request. Larger arrays have one
+/// check before each further piece of [`PIECE`] elements.
 pub fn set<T: Copy>(out: &mut [T], value: T) {
     for (k, piece) in out.chunks_mut(PIECE).enumerate() {
         if k > 0 {

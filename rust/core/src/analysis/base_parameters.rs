@@ -44,9 +44,9 @@ pub struct Independent {
     pub columns: Vec<usize>,
     /// The projection `P`, `(b, p)`, row-major: the matrix is `W = W_b P`, where `W_b` has the independent columns of `W`.
     pub projection: Vec<f64>,
-    /// The smallest relative distance of an independent column from the span of the earlier columns.
+    /// The smallest relative distance of an independent column from the span of the earlier columns; 1 if there is no such column.
     pub smallest_kept: f64,
-    /// The largest relative distance of a dependent column from the span of the earlier columns.
+    /// The largest relative distance of a dependent column from the span of the earlier columns; 0 if there is no such column.
     pub largest_dropped: f64,
 }
 

@@ -59,8 +59,8 @@ pub trait Scheme {
     /// The constants of the step-size control.
     const CONTROL: Control;
 
-    /// Return the error of a step of size `h` from the state `x` to the state `y`, divided by the allowed error. A step with an error below
-    /// 1 is accepted.
+    /// Return the estimated error of a step of size `h` from the state `x` to the state `y`, divided by the allowed error. A step with an
+    /// error below 1 is accepted.
     fn error<S: Real, B: Buffer<S>, T: Accuracy>(controller: &StepController<T>, h: f64, x: &[S], y: &[S], estimates: &[B]) -> f64;
 
     /// Return the dense output of one component: `(x(t) - x_old) / r`. Here `at = (r, 1 - r)` with `r = (t - t_old) / h`.

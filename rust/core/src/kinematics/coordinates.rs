@@ -61,7 +61,7 @@ pub fn parse_axes(axes: &str) -> Result<Vec<usize>> {
 pub fn rows_of_pose(pose: &[f64], rows: &[usize]) -> Result<Vec<f64>> {
     /// The largest accepted deviation of a rotation from orthogonality, and of the last row from 0 0 0 1.
     const ORTHOGONAL: f64 = 1e-6;
-    /// The largest angle that counts as a rounding error, rad.
+    /// The largest component of a rotation vector that counts as a rounding error, rad.
     const STRAIGHT: f64 = 1e-9;
     let at = |i: usize, j: usize| pose[4 * i + j];
     let columns = [0, 1, 2].map(|j| Vector3::from([at(0, j), at(1, j), at(2, j)]));

@@ -67,8 +67,9 @@ impl PrioritySolver {
 }
 
 impl PrioritySolver {
-    /// Record the algorithm `regular` for stacks of plain matrices. The arguments are Jacobians, command, and the relative error
-    /// `rounding` of the entries of the Jacobians. The results are the flag of validity, `v` and the residuals.
+    /// Record the algorithm `regular` for stacks of plain matrices. The arguments are Jacobians, command, and the relative error `rounding`
+    /// of the entries of the Jacobians. The results are the flag of validity, `v` and the residuals. `None` if the program would be too
+    /// long.
     pub(super) fn of_stacks(&self, lanes: bool) -> Option<Evaluation> {
         let (n, total) = (self.n(), self.rows().iter().sum::<usize>());
         let stack = |(), inputs: &[Sym]| {
