@@ -76,7 +76,8 @@ fn problem(body: &[f64; PARAMETERS]) -> String {
     }
 }
 
-/// Compute the nearest parameters whose bodies are all physically possible. Possible bodies do not change.
+/// Replace each physically impossible body by the nearest possible one, in the Frobenius norm of the scaled pseudo-inertia. Possible bodies
+/// do not change.
 ///
 /// `pi`, `(10 b,)`, has ten parameters for each of `b` bodies, in SI units. `length`, m, is the unit of length of the pseudo-inertias, and
 /// so weights moments against masses. The eigenvalues of a projected pseudo-inertia are at least `floor` times the largest eigenvalue of

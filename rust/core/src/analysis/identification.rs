@@ -59,7 +59,7 @@ pub struct Identification {
     /// Root mean square of `tau - W_b beta` for each joint, `(n,)`, N m or N.
     pub residuals: Vec<f64>,
     /// All parameters, `(p,)`, in SI units. Many parameter vectors have the identified base parameters. This vector is the one nearest to
-    /// the arm's parameters.
+    /// the arm's parameters, in the Euclidean norm.
     pub parameters: Vec<f64>,
 }
 

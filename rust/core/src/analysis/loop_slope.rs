@@ -76,7 +76,7 @@ pub struct Modes {
 /// `FREE` times the largest. Times are in units of the fastest mode.
 pub fn loop_modes(plant: &PlantSpec, law: &LawSpec, x: &[f64], z: &[f64], wrench: &[f64; 6], force_frame: Option<usize>) -> Result<Modes> {
     const FREE: f64 = 1e-10;
-    /// The largest real part, in units of the fastest mode, that is a rounding error.
+    /// A real part below this limit, in units of the fastest mode, counts as a rounding error.
     const ROUNDED_REAL_PART: f64 = 1e-9;
     let (n, s) = (plant.n(), x.len() + z.len());
     let slope = loop_slope(plant, law, 0.0, x, z, wrench, force_frame);

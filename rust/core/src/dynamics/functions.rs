@@ -16,13 +16,13 @@ use std::sync::{Arc, Mutex};
 /// Number of announced rows of a query after which its program is made.
 const ROWS_BEFORE_PROGRAM: usize = 256;
 
-/// Largest number of operations of a program for single calls. A longer program would take more than 1 ms to make.
+/// Largest number of operations of a program for single calls. It limits the time to make the program.
 const LONGEST_SINGLE: f64 = 3_000.0;
 
 /// Number of queries of one arm whose programs are kept, for single calls and for rows each.
 const KEPT_QUERIES: usize = 64;
 
-/// Largest number of operations of a program. A longer program would take more than a second to make.
+/// Largest number of operations of a program for rows. It limits the time to make the program.
 const LONGEST: f64 = 600_000.0;
 
 /// A query, and its function for many rows.

@@ -10,7 +10,7 @@ use crate::status::Status;
 
 /// The number of attempts in a window.
 const WINDOW: u64 = 10_000;
-/// The number of consecutive slow windows that end a run. A stiff start takes fewer slow windows.
+/// The number of consecutive slow windows that end a run.
 const SLOW: u32 = 10;
 
 /// The progress of a run through its windows.

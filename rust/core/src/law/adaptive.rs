@@ -179,7 +179,7 @@ impl AdaptiveSpec {
     }
 
     /// Add a projection, which keeps the estimates physically possible. An initial estimate outside of the lower bounds of `projection` is
-    /// replaced by the nearest one within them.
+    /// replaced by the nearest one within them, in the metric of these bounds.
     ///
     /// Errors: `Input` for natural adaptation, or a base set.
     pub fn projected(mut self, projection: Projection) -> Result<Self> {

@@ -9,7 +9,7 @@ use crate::scalar::{Float, Real};
 use crate::trace::function::{self, CALLS, Evaluation, Recorded, record};
 use crate::trace::sym::Sym;
 
-/// The largest number of joints for which a law is recorded, because the time of a recording grows with the number of joints.
+/// The largest number of joints for which this evaluator records a law. It limits the time of the recording.
 const MOST_JOINTS: usize = 12;
 
 /// A law on one number type, with its buffers.

@@ -12,7 +12,7 @@ use super::{axpy, dot, largest};
 use crate::error::{Error, Result, finite};
 use crate::status::Status;
 
-/// The convergence is quadratic, so that far fewer sweeps suffice.
+/// The largest number of sweeps. The convergence is quadratic.
 const MAX_SWEEPS: usize = 60;
 
 /// The memory and the result of a decomposition. `new` allocates, and `decompose` does not.

@@ -208,8 +208,8 @@ impl PrioritySolver {
         self.run()
     }
 
-    /// Count a repeated call. After some calls, the algorithms `regular` and `pairs` are recorded and compiled as programs. Later solves
-    /// use these programs, with the same bits.
+    /// Count a repeated call. After a number of calls, the algorithms `regular` and `pairs` are recorded and compiled as programs, unless
+    /// these would be too long. Later solves use the programs, with the same bits.
     #[inline]
     pub fn used(&mut self) {
         self.uses += 1;

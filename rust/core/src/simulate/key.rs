@@ -1,5 +1,5 @@
 //! Keys of recorded loops. Two loops have the same recording if their keys match and their loop parameters have the same structure
-//! (`recorded::LoopParameters`). So a known recording is found without recording the whole loop.
+//! (`recorded::LoopParameters`). So a stored recording is found without recording the whole loop.
 
 use super::measures::{Plan, same_aims};
 use super::monitors::Monitored;

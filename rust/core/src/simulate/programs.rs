@@ -22,7 +22,7 @@ use crate::scalar::{Array8, Real};
 use crate::trace::Engine;
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// Single runs with fewer steps are computed without a program, to save the time of making it.
+/// Single runs with fewer steps are computed without a program, to save the time of making it, unless the law is guarded.
 const SHORT: usize = 20;
 
 /// The number type of a group of runs.

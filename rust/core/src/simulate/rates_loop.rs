@@ -17,8 +17,7 @@ use crate::linalg::Pairs;
 use crate::plant::Touch;
 use crate::scalar::Real;
 
-/// The number of evaluations of the rates after which an explicit method makes programs. Making programs takes as long as several hundred
-/// evaluations.
+/// The number of evaluations of the rates after which an explicit method makes programs. A shorter run saves the time of making them.
 const WAIT: usize = 500;
 
 /// The data from which the programs of a run are made.

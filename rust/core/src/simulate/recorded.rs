@@ -147,7 +147,7 @@ impl<R, T: PartialEq> Seen<R, T> {
     }
 }
 
-/// A known structure of loops with fixed steps.
+/// A stored structure of loops with fixed steps.
 pub type SeenLoop = Seen<Recorded, ()>;
 
 static KNOWN: Cache<Arc<SeenLoop>> = Cache::new();
