@@ -1,8 +1,8 @@
 //! Minimum-time planning of one link under gravity: `I theta_ddot + G sin theta = tau`, `tau_min <= tau <= tau_max`.
 //!
 //! - [`bang_bang_time`]: the exact interval of durations of the symmetric bang-bang acceleration profile.
-//! - [`trapezoid_time`]: the exact interval of durations of the trapezoidal-speed profile. [`minimum_jerk_time`]: that of the quintic, by a
-//!   search.
+//! - [`trapezoid_time`]: the exact interval of durations of the trapezoidal-speed profile. [`minimum_jerk_time`]: the interval of the
+//!   quintic, by a search.
 //! - [`torque_optimal_time`]: the minimum time with any torque between the bounds, over three families of motions.
 //! - [`torque_optimal_time_with_friction`]: the minimum time with viscous and Coulomb friction, by integration.
 //! - [`TorqueProfile`]: the motion of minimum time as a function of time.

@@ -1,7 +1,8 @@
 //! The search for the reason why a path has no timing.
 //!
-//! If a static torque exceeds its limit, its excess is the missing amount. Else, if no path speed is feasible, every limit is widened by
-//! `w` times its size. The missing amount is the smallest `w` for which a feasible speed exists. Bisection finds `w`.
+//! If a static torque exceeds its limit, its excess is the missing amount. Else, if no path speed is feasible, every limit of torque and
+//! acceleration is widened by `w` times its size. The missing amount is the smallest `w` for which a feasible speed exists. Bisection finds
+//! `w`.
 
 use super::check::{LimitCheck, TOLERANCE};
 use super::reach::{Profile, Stuck, widened};

@@ -19,7 +19,7 @@
 //! 5. With limits of the torque rate, average the timing over time and slow it down (`rate`).
 //! 6. Further limits are part of these steps: speed and acceleration of a frame's origin (`tip`), and limits that vary along the path
 //!    (`along`). Position limits are checked separately (`positions`).
-//! 7. Without a feasible timing, report the joint, the path position, the limit, and the missing amount (`reason`,
+//! 7. Without a feasible timing, report the joint or the frame, the path position, the limit, and the missing amount (`reason`,
 //!    `infeasibility`).
 
 mod along;

@@ -10,7 +10,8 @@
 //! or bounds have changed.
 //!
 //! If a limit changes along a segment, a constant `u` loses time in proportion to `h`. So when the active limits of a profile are known,
-//! `u` gets their slope `b`: `u_i + b (s - s_i - h/2)`. This only adds constants to the rows. The loss is then of order `h^2`.
+//! `u` gets their slope `b`: `u_i + b (s - s_i - h/2)`. This only adds constants to the rows. For smooth limits the loss is then of order
+//! `h^2`.
 
 use super::lines::{LimitRows, Lines, STATIC_EXCESS, largest, load};
 use super::magnitudes::{FAR, NONE};

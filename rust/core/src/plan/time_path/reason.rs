@@ -1,4 +1,5 @@
-//! The reason why a path has no timing: the joint, the path position, the limit, and the missing amount. `infeasibility` finds it.
+//! The reason why a path has no timing: the joint or the frame, the path position, the limit, and the missing amount. `infeasibility` finds
+//! it.
 
 use std::fmt;
 

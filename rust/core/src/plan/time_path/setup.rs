@@ -64,8 +64,8 @@ impl<'a> PathProblem<'a> {
         let Checked { lo, hi, along, tip } = checked(mover, &path, given, options)?;
         let stops = options.stops.iter().map(|&k| path.knots()[k]).collect();
         let (s, pieces) = grid(&path, options.points());
-        // Stored numbers per grid point and row: the coefficients of the rows, and the lines. The term 64 counts caps, profiles and other
-        // numbers per grid point.
+        // The approximate number of stored numbers per grid point and row: the coefficients of the rows, and the lines. The term 64 counts
+        // caps, profiles and other numbers per grid point.
         const ROWS: usize = 12;
         memory::require((s.len() * 8).saturating_mul(ROWS * (3 * n).next_multiple_of(BLOCK) + 64))?;
         let rows = LimitRows {
