@@ -9,11 +9,13 @@
     composite           w = Y's + W'R e_W,   e_W = tau_W - W a_hat,   W_dot = Y(q, v, v, v_dot) - lambda W,   tau_W_dot = tau - lambda tau_W
                                                                                                            (Slotine and Li 1989)
     concurrent          w = Y's + sum_j W_j'R (tau_j - W_j a_hat) of stored samples                 (Chowdhary and Johnson 2010)
-    for every estimate  -V1_dot = s'(tau - (M a_r + C v_r + g + tau_f(v))) + (a - a_hat)'w
+    Lyapunov function   -V1_dot = s'(tau - (M a_r + C v_r + g + tau_f(v))) + (a - a_hat)'w,  without projection and external force
 
-Y is the regressor of the estimated parameters a_hat, ' the transpose, and _dot the time derivative. R is a weight, lambda the rate of the
-filters, and v_dot the acceleration of the plant. In the filter, tau excludes armature v_dot that is not estimated. In the last row, M, C,
-g, the friction torque tau_f and the true parameters a are those of the plant.
+q_d, v_d, a_d are the desired motion, and Kp and Kd the gains. Y is the regressor of the estimated parameters a_hat. Gamma is the adaptation
+gain, sigma the leakage, and v_s the friction speed. R is a weight, one for composite and one for concurrent adaptation. lambda is the rate
+of the filters, and v_dot the acceleration of the plant. If armature is not estimated, tau in the filter is without armature v_dot. In the
+last row, M, C, g, the friction torque tau_f and the true parameters a are those of the plant. ' is the transpose, and _dot the time
+derivative.
 """
 
 from collections.abc import Iterable
@@ -157,7 +159,7 @@ class Adaptive(Law):
         return np.concatenate([self.projector @ arm.parameters, *(of_joints[kind] for kind in self.kinds)])
 
     def loss(self, terms: Terms, q: Array, v: Array, state: Array, plant: Any) -> float:
-        """The rate -V1_dot, without the term of a projection."""
+        """The rate -V1_dot that theory predicts without projection and external force."""
         s, arm = terms["s"], plant.arm
         if self.plain:
             return float(s @ self.kd @ s)

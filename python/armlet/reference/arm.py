@@ -1,14 +1,16 @@
 """Kinematics and energies of trees of revolute and prismatic joints, from homogeneous transforms (Uicker 1967).
 
     T_i = T_parent(i) place_i exp(xi_i q_i),    dT_i/dq_j = dT_parent/dq_j place_i exp(xi_i q_i),  and T_i xi_i for j = i
-    kinetic   1/2 sum_i tr( dT_i/dt P_i (dT_i/dt)^T )   so   M_jk = sum_i tr( dT_i/dq_j  P_i  (dT_i/dq_k)^T )
+    kinetic   1/2 sum_i tr( dT_i/dt P_i (dT_i/dt)' )   so   M_jk = sum_i tr( dT_i/dq_j  P_i  (dT_i/dq_k)' )
     potential -sum_i gravity . (T_i P_i e_4),   e_4 = (0, 0, 0, 1)
 
 T_i is the pose of body i in the world. place_i is the constant pose of joint i in its parent's body, and xi_i its twist, (4, 4). P_i is the
-pseudo-inertia of body i (see `inertia`), linear in its ten parameters. A link behind a fixed joint, with the pose X in its parent's body,
-adds X P X^T to this body. The exponential uses the half angle. It is analytic in q, so that every derivative can be a complex step.
+pseudo-inertia of body i (see `inertia`), linear in its ten parameters. A link behind a fixed joint, with the pose X in its parent's body
+and the pseudo-inertia P, adds X P X' to this body. ' is the transpose. The exponential uses the half angle. It is analytic in q, so that
+every derivative can be a complex step.
 
-The centre of mass is the potential energy for unit gravity along each axis, divided by the mass. The gravity torque gives its Jacobian.
+A coordinate of the centre of mass is the potential energy under unit gravity against its axis, divided by the mass. The gravity torque
+under this gravity, divided by the mass, is its row of the Jacobian.
 """
 
 from collections.abc import Mapping, Sequence

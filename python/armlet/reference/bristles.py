@@ -3,7 +3,8 @@
 w_dot = sigma_0 (v - |v| w / h),   h = F_s + (F_s - F_c) expm1(-(v/v_s)^2) + mu |L|
 tau_f = w + (sigma_1/sigma_0) w_dot + sigma_2 v,   stored energy w^2 / (2 sigma_0)
 
-v is the velocity, and L the load of the joint. `armlet.LuGre` defines the parameters.
+v is the velocity, and L the load of the joint. F_c and F_s are Coulomb and static friction, v_s is the Stribeck speed and mu the load
+ratio. sigma_0, sigma_1 and sigma_2 are stiffness, damping and viscous friction.
 """
 
 from typing import NamedTuple

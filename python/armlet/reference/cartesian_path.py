@@ -1,13 +1,16 @@
 """Joint positions along a curve through poses, at path positions s. Newton steps of inverse kinematics go from each s to the next.
 
     lines:    p = p_0 + u dp,   R = R_0 (R_0' R_1)^u by the eigenvalues of R_0' R_1
-    arcs:     p = m + R(n, phi) (a - m), a the start, n the normal of the plane, m the intersection of two perpendicular bisectors
-    corners:  p = C + (1 - t)^2 (A - C) + t^2 (B - C), rotations along two geodesics and along one between them
+    arcs:     p = m + turn(n, phi) (a - m), a turn by the angle phi about the normal n of the plane, a the start, m the centre
+    corners:  p = C + (1 - t)^2 (A - C) + t^2 (B - C), t from 0 to 1, rotations along two geodesics and along one between them
     spline:   natural cubic of positions and of quaternions, each the eigenvector of a matrix of R (Bar-Itzhack 2000)
     q <- q + J^+ e
 
-p and R are position and rotation matrix at the fraction u of a segment from p_0, R_0 to p_1, R_1. C is a corner, A and B are the points of
-both lines at the blend distance from C. e is the error of position and rotation, and J^+ the pseudo-inverse of the Jacobian.
+p and R are position and rotation matrix at the fraction u of a segment from p_0, R_0 to p_1, R_1, and dp = p_1 - p_0. ' is the transpose. C
+is a corner between two lines. A and B are the points at the length r before and after C. r is the blend, but at most half the length of
+each line. The length of a line is (distance^2 + (ARM angle)^2)^1/2. e is the error of position and rotation, and J^+ the pseudo-inverse of
+the Jacobian.
+
 `armlet.cartesian_path` makes a joint spline whose knots depend on the error, and represents rotations by quaternions.
 """
 

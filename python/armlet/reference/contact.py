@@ -45,7 +45,7 @@ class Contact(NamedTuple):
 
 
 def contacts(arm: Any, wall: Wall | None, stops: JointStops | None) -> list[Contact]:
-    """The contacts of an arm: the wall, and then the lower and the upper stop of each joint."""
+    """The contacts of an arm: the wall, and then the lower and the upper stop of each joint if its limit is finite."""
     found = []
     if wall is not None:
         normal = np.asarray(wall.normal, dtype=np.float64) / np.linalg.norm(wall.normal)

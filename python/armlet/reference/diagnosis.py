@@ -1,7 +1,7 @@
 """The directions of a stack of levels that can be commanded, from ranks of stacked rows.
 
     projected rank of level i = rank(rows down to i) - rank(rows above),   overlap = sum rank J_i - rank J_E
-    algorithmic iff rank J_E < min(sum rank J_i, n),   kinematic iff some rank J_i is below its rows      (Chiaverini 1997)
+    algorithmic iff rank J_E < min(sum rank J_i, n),   kinematic iff a rank J_i < rows of J_i      (Chiaverini 1997)
     lost at level i     1 - U U',  U the leading left vectors of J_i N,  N a null basis of the rows above
     loss of a command   (1 - U U')(v_i - J_i v_above),  v_above the exact solution of the levels above
 
@@ -114,7 +114,8 @@ def diagnose_priority(jacobians: Sequence[ArrayLike], *, rhs: Sequence[ArrayLike
     return Diagnosis(ranks, stacked, projected, overlap, kind, alone, seen, kinematic, algorithmic, lost, *verdict)
 
 
-# For the sines s2, s3, s4 of q2, q3, q4: whether each is not zero (None: either), the class, and the ranks of J1, J2, J_E, J2 P1.
+# For the sines s2, s3, s4 of q2, q3, q4: whether each is not zero (None: either), the class, and the ranks of J1, J2, J_E, J2 P1. P1 is the
+# projector on the null space of J1.
 MACRO_MICRO_CLASSES: tuple[tuple[bool, bool | None, bool, str, tuple[int, int, int, int]], ...] = (
     (True, None, True, "R", (2, 2, 4, 2)),
     (True, None, False, "A", (2, 2, 3, 1)),

@@ -1,7 +1,7 @@
 """The accuracy of base parameters that are estimated from one record of a motion.
 
     W = rows Y_b(q_k, v_k, a_k) / noise = U S V',   deviations = sqrt(diag((W'W)^-1)) = norms of the rows of V S^-1
-    condition = S_1 / S_b of W after its columns are scaled to the length one                    (Gautier and Khalil 1992)
+    condition = the largest / the smallest singular value of W, after its columns are scaled to norm one   (Gautier and Khalil 1992)
 
 `armlet.excitation` accumulates `W'W` for its search and computes deviations from a triangular factor of `W`. Here they come from one dense
 decomposition. `Y_b` is the regressor of the base parameters, and `'` the transpose.

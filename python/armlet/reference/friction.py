@@ -3,11 +3,14 @@
     I x_ddot + G sin x + d x_dot + c sign(x_dot) = u,  -down <= u <= up
     push: u = up from rest at x0, forwards in time;   brake: u = -down to rest at x1, backwards in time
 
-The monotone motion changes from push to brake at a state with equal angle and speed. A swing is two monotone motions: from x0 to a turning
-point, and from the turning point to x1. Both have the same torque at the turning point.
+x is the angle, I the inertia, G the gravity moment, d the viscous friction and c the Coulomb friction. The torque u is between -down and
+up.
 
-The steps are classical Runge-Kutta. Newton's method solves for both times at which the curves cross. The turning point is searched on a
-grid and refined by golden section.
+The monotone motion changes from push to brake where both have the same angle and speed. A swing is two monotone motions: from x0 to a
+turning point, and from the turning point to x1. Both have the same torque at the turning point.
+
+The steps are classical Runge-Kutta. Newton's method finds the crossing of push and brake: its time on each. The turning point is searched
+on a grid and refined by golden section.
 """
 
 import math
@@ -116,9 +119,9 @@ def _meet(link: Link, first: Array, last: Array) -> Leg:
 
 
 def swing(link: Link, x0: float, x1: float, side: float, samples: int = 60) -> tuple[float, tuple[float, float]]:
-    """The fastest motion with a turning point before x0 (side -1) or beyond x1 (side 1): its duration, s, and both switches, rad.
+    """The fastest motion that is found with a turning point before x0 (side -1) or beyond x1 (side 1), at most pi rad away.
 
-    The duration is infinite if no such motion is found.
+    The result is its duration, s, and both switches, rad. The duration is infinite if no such motion is found.
     """
     start = x0 if side < 0.0 else x1
 

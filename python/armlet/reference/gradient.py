@@ -16,8 +16,8 @@ from .lagrange import Array
 def sensitivity(run: Callable[[Array], Array], value: ArrayLike, size: ArrayLike | None = None, step: float = 1e-3) -> Array:
     """The derivatives of the array `run(value)` with respect to the entries of `value`, as a last axis.
 
-    The steps of the central differences are `step * size`. For None, `size` is the magnitude of each entry, or 1 for a zero. The relative
-    error of a smooth run is about `step**4`, and rounding adds about 1e-16 / step.
+    The steps of the central differences are `step * size`. For None, `size` is the magnitude of each entry, or 1 for a zero. For a
+    smooth run, the truncation error is of the order `step**4`.
     """
     at = np.array(value, dtype=np.float64)
     sizes = np.broadcast_to(np.where(at == 0.0, 1.0, np.abs(at)) if size is None else np.asarray(size, dtype=np.float64), at.shape)
@@ -43,7 +43,7 @@ def gradient(loss: Callable[[Array], float], value: ArrayLike, size: ArrayLike |
 def fit(
     run: Callable[[Array], Array], measured: ArrayLike, value: ArrayLike, deviation: ArrayLike | None = None, steps: int = 20
 ) -> tuple[Array, Array]:
-    """The `value`, (P,), at which `run(value)` is nearest to `measured`, and its standard deviations, (P,).
+    """The `value`, (P,), with the least sum of squares of (run(value) - measured) / deviation, and its standard deviations, (P,).
 
     The method is Gauss-Newton with normal equations. `deviation` is the standard deviation of each measured number. With None, all have
     one deviation, which is estimated from the residuals.

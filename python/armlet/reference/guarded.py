@@ -1,14 +1,16 @@
-"""A law with a momentum observer and a reaction to contact, written from its equations. M and g come from Lagrange's equations.
+"""A law with a momentum observer and a reaction to contact, written from its equations. M and g come from Lagrange's equations
+(De Luca et al. 2006).
 
 r           (1 + K T) r = K (p - w),  K the gain of the observer, T the period of a sampled loop, 0 in a continuous loop
-w           p = M v,  dw/dt = tau + dM/dt v - C v - g - tau_f + r                                                    (De Luca et al. 2006)
+w           p = M v,  dw/dt = tau + dM/dt v - C v - g - tau_f + r, with K_J (theta - q) for tau if joints are elastic
 contact     the first sample with some |r_i| above its threshold
-reaction    tau = g + K_c (y_c - y) + D_c (dy_c/dt - dy/dt)
+reaction    tau = g + K_c (y_d - y) + D_c (dy_d/dt - dy/dt),   y_d = y_c, or y_c + V r_c/max|r_c| min(s, duration) for "retract"
 stored      dc/dt = 1, d(y_c c)/dt = y, d(r_c c)/dt = r in the period after the sample of contact, ds/dt = 1 from then on
             y_c = (y_c c) / c,   r_c = (r_c c) / c
 
-y is q, or the motor positions theta for elastic joints, and y_c its value at contact. r is the residual, and r_c its value at contact. K_c
-and D_c are stiffness and damping of the reaction, and tau_f is the friction torque.
+y is q, or the motor positions theta for elastic joints, and r is the residual. y_c and r_c are their values at contact. c is the duration
+of the period after the sample of contact, s the time since contact, and V the argument `speed`. K_c and D_c are stiffness and damping of
+the reaction, and K_J is the joint stiffness. tau_f is the friction torque, or zero if the observer excludes friction.
 """
 
 from typing import Any

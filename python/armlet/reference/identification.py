@@ -4,10 +4,12 @@
         W z = 0,  W = rows M_ij(q; e_k) and g_i(q; e_k) at random q,  z = null space of W by SVD             (Gautier 1991)
     column j depends on earlier columns if the last nonzero entry of some null vector is j:   reduced echelon form R from the back,
         W_j = -sum_k R_jk W_k over the remaining columns k,   so  Y = Y_b P,  P_kj = -R_jk,  P_kk = 1
-    record:  W_b beta = tau over all samples at once,  W_b / (noise, lengths) = U S V',  beta = V S^-1 U' tau,
-        sigma^2 = |tau - W_b beta|^2 / (rows - rank),  cov = sigma^2 V S^-2 V'                     (Gautier and Khalil 1992)
-        noise: standard deviations of the torques, by which rows are divided;   lengths: norms of the columns
+    record:  Y_b beta = tau over all samples at once.  With rows divided by the noise, and columns by their norms:   Y_b = U S V',
+        beta = V S^-1 U' tau,  sigma^2 = |tau - Y_b beta|^2 / (rows - rank),  cov = sigma^2 V S^-2 V'       (Gautier and Khalil 1992)
     all parameters:  the smallest change of the arm's pi with P pi = beta, by least squares
+
+pi are the parameters, and in e_k parameter k is 1 and all others are 0. Y is the regressor, Y_b has its remaining columns, and beta are the
+base parameters. The noise is the standard deviation of each torque. ' is the transpose.
 
 The core stacks torques at random states, and removes dependent columns one by one. It processes a record block by block.
 """

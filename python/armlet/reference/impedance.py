@@ -3,16 +3,18 @@
 rigid    tau = J'[K_m e + D_m (x_d_dot - J v) + F_ff + w] + N' tau_0 + g(q),   e = x_d - x,   w_dot = K_i e
          `null_space` computes N' tau_0 and the coupling;   limits clip the wrench and tau
          a row of w_dot is 0   if it would increase the excess over a limit
-elastic  u = the torque above, or K (q_d - q) - D v + g(q);   B0 theta_ddot + D0 w + tau_J = u,  tau_J = K_J (theta - q)
+elastic  u = the torque above, or K (q_d - q) - D v + g(q);   B0 theta_ddot + D0 z + tau_J = u,  tau_J = K_J (theta - q)
          B theta_ddot + tau_J = tau:   the motor of inertia B behaves like a motor of inertia B0
-         here w = theta_dot, or theta_dot - v with relative damping       (Ott, Albu-Schaeffer, Kugi and Hirzinger 2008)
+         z = theta_dot, or theta_dot - v with relative damping            (Ott, Albu-Schaeffer, Kugi and Hirzinger 2008)
 D0       = 2 zeta B0^1/2 (B0^-1/2 K_J B0^-1/2)^1/2 B0^1/2
 E        = v'Mv/2 + (theta-q)'K_J(theta-q)/2 + theta_dot'B0 theta_dot/2 + e'K_m e/2
-P = dE/dt = F.x_dot - theta_dot'D0 w + x_dot.F_law + (x_d_dot - x_dot).K_m e + v.(u - J'F_law - g) + (theta_dot - v).u
+P = dE/dt = F.x_dot - theta_dot'D0 z + x_dot.F_law + (x_d_dot - x_dot).K_m e + v.(u - J'F_law - g) + (theta_dot - v).u
 
-x are the controlled coordinates with the Jacobian J and the target x_d. K_m, D_m and K_i are stiffness, damping and integral gain, and w in
-the rigid law is the integral wrench. F_ff is the feedforward wrench, F_law the wrench in the bracket, and F the external force on the tip.
-' is the transpose, and _dot the time derivative.
+x are the controlled coordinates with the Jacobian J and the target x_d. K_m, D_m and K_i are stiffness, damping and integral gain, and w is
+the integral wrench. F_ff is the feedforward wrench, F_law the wrench in the bracket with the coupling wrench, and F the external force on
+the tip. K and D are the stiffness and the damping of a joint impedance with the target q_d. K_J is the joint stiffness, and zeta the
+damping ratio. E and P are for elastic joints. P is without torque limits, contact, and damping and friction of the plant. ' is the
+transpose, and _dot the time derivative.
 """
 
 from typing import Any
@@ -45,7 +47,10 @@ def ratio_damping(inertia: Array, stiffness: Array, ratio: float) -> Array:
 
 
 class CartesianImpedance(Law):
-    """A spring and a damper between a frame and its target, with gravity compensation. The state is the integral wrench w (m,)."""
+    """A spring and a damper between a frame and its target, with gravity compensation.
+
+    With an integral gain, the state is the integral wrench w (m,).
+    """
 
     def __init__(
         self,

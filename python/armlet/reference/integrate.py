@@ -1,12 +1,13 @@
-"""Initial value problems y' = f(t, y): methods with fixed steps, and one adaptive method of a family that the core does not use.
+"""Initial value problems dy/dt = f(t, y): methods with fixed steps, and one adaptive method of a family that the core does not use.
 
     euler          y+ = y + h f
     semi_implicit  v+ = v + h a(t, q, v),  q+ = q + h v+,  and euler for all other states
     rk4            y+ = y + h (k1 + 2 k2 + 2 k3 + k4)/6
-    gbs            Gragg's modified midpoint rule with 2, 4, .., 2k substeps, extrapolated in h^2 (Bulirsch and Stoer 1966;
+    gbs            Gragg's modified midpoint rule with 2, 4, 6, .. substeps, extrapolated in h^2 (Bulirsch and Stoer 1966;
                    Hairer, Norsett, Wanner, Solving ODEs I, II.9)
 
-y+ is the state after a step of length h. The extrapolation method has no formula in common with the Runge-Kutta pairs of the core.
+y+ is the state after a step of length h, k1 to k4 are the slopes of the stages, and a is the acceleration. The extrapolation method has no
+formula in common with the Runge-Kutta pairs of the core.
 """
 
 from collections.abc import Callable, Iterable

@@ -1,9 +1,9 @@
 """Joint positions at which tasks are reached, by least squares from many starts.
 
-    q_j = middle_j + half_j sin z_j for joints with limits, q_j = z_j for joints without limits, so that z has no bounds
+    q_j = middle_j + half_j sin z_j for joints with two limits, q_j = z_j for other joints, so that z has no bounds
     level i:  min |e_i(q)|^2 + W sum_(k<i) |e_k(q) - e_k*|^2,  e_k* the errors reached by the levels above        (Levenberg and Marquardt)
     best start:         the start with the smallest error at the first level that is not reached
-    several solutions:  first solutions that reach every level, ordered by |q - q0|; then the others, ordered as the starts above
+    several solutions:  first solutions that reach every level, ordered by |q - q0|; then the others, the best first
 
 The core uses prioritised steps with an active set of limits.
 """

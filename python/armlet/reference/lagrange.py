@@ -1,15 +1,15 @@
 """Lagrangian mechanics of an arm whose energies are linear in its parameters.
 
-    T(q, v) = 1/2 v' M(q) v,   M(q) = sum_k pi_k M_k(q),   U(q) = sum_k pi_k U_k(q)
+    T(q, v) = 1/2 v' M(q) v,   M(q) = sum_k pi_k M_k(q) + diag(armature),   U(q) = sum_k pi_k U_k(q)
     g_i   = dU/dq_i
     C_ij  = 1/2 sum_k (dM_ij/dq_k + dM_ik/dq_j - dM_jk/dq_i) v_k          (Christoffel symbols of the first kind)
     tau   = M(q) a + C(q, v) v + g(q) + [damping v + friction sign(v)] - J'F
     Y(q, v, v_r, a_r)[:, k] = M_k a_r + C_k v_r + g_k                      (pi_k = 1, all other parameters 0)
 
-pi are the parameters, F is an external wrench at a frame with the Jacobian J, and ' is the transpose. Subclasses write only M_k and U_k,
-the *unit energies*. Every derivative is a complex step, df/dx = Im f(x + i h) / h (Martins, Sturdza and Alonso, 2003). The formula has no
-subtraction, so h = 1e-30 causes no cancellation. There is no recursion over bodies. Friction is included only with `friction=True`;
-sign(0) = 0.
+T and U are the kinetic and the potential energy. pi are the parameters, F is an external wrench at a frame with the Jacobian J, and ' is
+the transpose. Subclasses define M_k and U_k, the *unit energies*. Every derivative is a complex step, df/dx = Im f(x + i h) / h (Martins,
+Sturdza and Alonso, 2003). The formula has no subtraction, so h = 1e-30 causes no cancellation. Friction is included only with
+`friction=True`; sign(0) = 0.
 """
 
 from copy import copy
@@ -49,7 +49,7 @@ def complex_steps(q: Array) -> NDArray[np.complex128]:
 
 
 class Expansion(NamedTuple):
-    """The unit energies M_k and U_k at q, with M = sum pi_k M_k and U = sum pi_k U_k, and their derivatives.
+    """The unit energies M_k and U_k at q, and their derivatives.
 
     The fields are M_k (..., p, n, n), dM_k/dq_l (..., l, p, n, n), U_k (..., p) and dU_k/dq_i (..., p, n).
     """
@@ -61,7 +61,7 @@ class Expansion(NamedTuple):
 
 
 class Mechanism:
-    """An arm with parameters pi (p,), mass matrix M(q) = sum pi_k M_k(q) and potential energy U(q) = sum pi_k U_k(q).
+    """An arm with parameters pi (p,), mass matrix sum pi_k M_k(q) + diag(armature) and potential energy sum pi_k U_k(q).
 
     M_k and U_k are the *unit energies*. All functions broadcast over leading axes.
     """

@@ -3,9 +3,8 @@
     y = [plant state, law state, w_1, w_2],   dw_1/dt = the rate that theory predicts for -dV1/dt,   dw_2/dt = P, the power that E receives
     lyapunov_balance = V1(0) - V1(t) - w_1,   energy_balance = E(t) - E(0) - w_2
 
-V1 is the Lyapunov function of `adaptive`, and E the energy. The integrals and the trajectory use the same method and steps. So the energy
-balance is an error of the order of the method. The same is true of the Lyapunov balance of a continuous loop without projection and force.
-In a sampled loop, tau and the rate of the law's state are constant between two samples (see `sampling`).
+V1 is the Lyapunov function of `adaptive`, and E the energy. The integrals and the trajectory use the same method and steps. In a sampled
+loop, tau and the rate of the law's state are constant between two samples (see `sampling`).
 """
 
 from collections.abc import Callable, Sequence

@@ -2,11 +2,13 @@
 
     I theta_ddot + G sin theta = tau,  tau_min <= tau <= tau_max;   x = sg theta with sg the direction of motion
 
-A *leg* is a motion with constant torque that starts or ends at rest at r. On it, I x_dot^2/2 = (x - r) (tau - G mean sin on [r, x]), so
+I is the inertia, G the gravity moment, and x the angle along the motion. A *leg* is a motion between the angles r and p under constant
+torque, at rest at r. On it, I x_dot^2/2 = (x - r) (tau - G mean sin on [r, x]), so
 
     t(r -> p) = integral_0^1  2 sqrt(|h|) du / sqrt(2 |tau - G mean sin| / I),   x = r + h u^2,  h = p - r
 
-which has a smooth integrand. The families consist of such legs: monotone (+,-), back-swing (-,+,-), and overshoot (+,-,+). An overshoot is
+which has a smooth integrand. The families consist of such legs, with these signs of the torque: monotone (+,-), back-swing (-,+,-), and
+overshoot (+,-,+). An overshoot is
 the back-swing of the mirrored motion in reverse time. The module `friction` computes motions with friction.
 """
 
@@ -44,7 +46,7 @@ class Optimum(NamedTuple):
 
 
 def quad(f: Callable[[Array], Array], low: float, high: float, tol: float = 1e-14, depth: int = 40) -> float:
-    """Adaptive Gauss-Legendre quadrature. An interval is halved until the sum of its halves agrees with it."""
+    """Adaptive Gauss-Legendre quadrature. An interval is halved, at most `depth` times, until its halves agree with it."""
     nodes, weights = GAUSS
 
     def rule(a: float, b: float) -> float:
@@ -149,7 +151,7 @@ class Link:
         return sum(self.time(*leg, exact=exact) for leg in legs), turn, last
 
     def _turn(self, first: float, energy: float) -> float | None:
-        """The turning point, at which the positive torque stops the backward motion: the first zero of the energy below `first`."""
+        """The turning point, at which the positive torque stops the backward motion, at most 20 rad below `first`; otherwise None."""
 
         def left(x: Array) -> Array:
             kept: Array = energy + (x - first) * self.push(first, x, self.up)
@@ -165,7 +167,7 @@ class Link:
         return float(x[0])
 
     def back_swing(self, x0: float, x1: float, samples: int = 240) -> tuple[float, float, float]:
-        """The fastest back-swing, with the torques `-down`, `up`, `-down`: its duration, first switch and last switch."""
+        """The fastest back-swing that is found, with the torques `-down`, `up`, `-down`: duration, first switch, last switch."""
         grid = x0 - 2 * np.pi * (np.arange(1, samples + 1) / samples) ** 2
         values = np.array([self.swing(x0, x1, float(first), exact=False)[0] for first in grid])
         if not np.isfinite(values).any():

@@ -1,12 +1,12 @@
 """The null-space torque of an impedance law and its coupling with the frame (Khatib 1987; Ott 2008), from singular values.
 
-    G = S J W^-1/2 = U diag(s) V',  W = M (consistent) or 1 (static);  S scales the rows of position to a root mean square of one,
-                                    and the rows of orientation also
+    G = S J W^-1/2 = U diag(s) V',  W = M (consistent) or 1 (static)
     N' = W^1/2 (1 - V diag(min(1, (s/eps)^2)) V') W^-1/2,   L = S U diag(1 / max(s, eps)^2) U' S
-    tau_0 = K_n (q_n - q) + D_n (q_n_dot - v),   coupling: C v to the torque, L (x_d_ddot - J_dot v) to the wrench
+    tau_0 = K_n (q_n - q) + D_n (q_n_dot - v),   coupling: C v to the torque, and L (x_d_ddot - J_dot v) to the wrench, with the L of W = M
 
-J is the Jacobian of the task with the target x_d, s are singular values and eps their threshold. q_n is the posture, K_n and D_n are its
-stiffness and damping. ' is the transpose, _dot and _ddot are time derivatives.
+S is diagonal, with one factor for the rows of position and one for the rows of orientation. It scales each block of rows of J W^-1/2 so
+that the root mean square of the norms of its rows is one. J is the Jacobian of the task with the target x_d, s are singular values and eps
+their threshold. q_n is the posture, K_n and D_n are its stiffness and damping. ' is the transpose, _dot and _ddot are time derivatives.
 
 A moving rotation vector r has the angular velocity w = A r_dot and the angular acceleration w_dot = A r_ddot + A_dot r_dot. Here
 A = int_0^1 exp(u r) du comes from Gauss-Legendre quadrature, and d exp(u r)/dt = [u A(u r) r_dot]x exp(u r). [..]x is the matrix of the
@@ -66,7 +66,7 @@ def clamped(J: Array, W: Array, rows: list[int], eps: float) -> tuple[Array, Arr
 
 
 def coupling(arm: Arm, at: Coordinates, q: Array, v: Array, acceleration: Array, eps: float) -> tuple[Array, Array]:
-    """The coupling torque C v (n,) and the coupling wrench L (x_d_ddot - J_dot v) (m,)."""
+    """The coupling torque C v (n,) and the coupling wrench L (x_d_ddot - J_dot v) (m,), with the L of W = M."""
     _, L, _ = clamped(at.jacobian(q), arm.mass_matrix(q), at.rows, eps)
     J_dot = arm.jacobian_dot(q, v, at.frame)[at.rows]
     return arm.coriolis_matrix(q, v) @ v, L @ (acceleration - J_dot @ v)
@@ -76,7 +76,7 @@ def rate_of_rotation(r: Array, rate: Array, acceleration: Array) -> tuple[Array,
     """The angular velocity and the angular acceleration of the rotation exp(r), (3,) each. `rate` is r_dot, `acceleration` is r_ddot."""
 
     def mean(scale: float) -> Array:
-        """A(scale r), by quadrature over two halves. With twelve nodes per half, only rounding errors remain for rotations of some rad."""
+        """A(scale r), by Gauss-Legendre quadrature over two halves."""
         parts = [0.5 * w * rotation_matrix(scale * 0.5 * (half + x) * r) for half in (0, 1) for x, w in zip(NODES, WEIGHTS, strict=True)]
         total: Array = np.sum(parts, axis=0)
         return total

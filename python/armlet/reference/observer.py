@@ -6,8 +6,8 @@
     wrench                     F = (J')# r with singular values below eps clamped;  unexplained r - J'F
     contact                    the outermost joint with |r_i| above its threshold
 
-K is the gain, r the residual, tau_f the friction torque and tau_ext the external torque. J is the Jacobian of a frame, J' its
-transpose and A# the pseudo-inverse of A.
+K is the gain, r the residual, dt the time since sample k-1, tau_f the friction torque and tau_ext the external torque. J is the Jacobian of
+a frame, J' its transpose and A# the pseudo-inverse of A.
 """
 
 from typing import Any
@@ -59,7 +59,7 @@ class MomentumObserver:
         self.residual = np.zeros_like(q)
 
     def update(self, q: ArrayLike, v: ArrayLike, tau: ArrayLike, dt: float) -> Array:
-        """The residual r of the next sample; the first call starts the observer."""
+        """The residual r of the next sample. The first call starts the observer and returns zeros."""
         q, v = np.asarray(q, dtype=np.float64), np.asarray(v, dtype=np.float64)
         if self.residual is None:
             self.reset(q, v)
@@ -98,7 +98,7 @@ class MomentumObserver:
         self.threshold = np.abs(r.mean(axis=0)) + sigmas * r.std(axis=0, ddof=1)
 
     def contact(self) -> int:
-        """The index of the joint of the touched link of a chain; -1 without contact."""
+        """The largest index of a joint with |r_i| above its threshold; -1 if there is none."""
         assert self.residual is not None and self.threshold is not None
         above = np.flatnonzero(np.abs(self.residual) > self.threshold)
         return int(above[-1]) if above.size else -1

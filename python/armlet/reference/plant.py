@@ -3,7 +3,7 @@
     RigidArm    M a + C v + g + tau_f(v) = tau + J'F + tau_c
     ElasticArm  M a + C v + g = tau_J + J'F + tau_c,   B theta_ddot + F_m theta_dot + tau_J = tau
                 tau_J = K (theta - q) + D (theta_dot - v),   D and F_m the damping of the joints and the viscous friction of the motors
-    friction    tau_f = d v + c sign(v) with the damping d and the Coulomb friction c of the arm
+    friction    tau_f = d v + c sign(v) with the damping d and the Coulomb friction c of the arm, zero unless `friction=True`
     contact     tau_c of the wall and the stops (see `contact`)
     LuGre       friction of the joints of a RigidArm or of the motors of an ElasticArm; its state is last (see `bristles`)
 
@@ -50,7 +50,7 @@ class RigidArm:
         return np.concatenate([v, self.arm.forward_dynamics(q, v, effort - torque), rate])
 
     def rub(self, y: Array, tau: Array) -> tuple[Array, Array, float]:
-        """The torque of LuGre friction (n,), the derivative of its state (n,), and the lost power, W."""
+        """The torque of LuGre friction (n,), the derivative of its state, (n,) or empty without LuGre, and the lost power, W."""
         n = self.arm.n
         if self.dry is None:
             return np.zeros(n), np.zeros(0), 0.0
@@ -123,7 +123,7 @@ class ElasticArm:
         return self.stiffness @ (theta - q) + self.joint_damping @ (theta_dot - v)
 
     def rub(self, y: Array, tau: Array) -> tuple[Array, Array, float]:
-        """The torque of LuGre friction (n,), the derivative of its state (n,), and the lost power, W."""
+        """The torque of LuGre friction (n,), the derivative of its state, (n,) or empty without LuGre, and the lost power, W."""
         n = self.arm.n
         if self.dry is None:
             return np.zeros(n), np.zeros(0), 0.0

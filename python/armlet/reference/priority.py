@@ -8,7 +8,7 @@
     damped      as clamp, but x += A_i' (A_i A_i' + lambda^2)^-1 (v_i - J_i x),  lambda = eps (1 - prod min(1, sigma/eps))
     chiaverini  x = sum_i N_i N_i' J_i+ v_i,  J_i+ as in clamp, N_i as in exact                            (Chiaverini 1997)
     sns         x = N z within bounds, with the largest scale of each level; joints are fixed at their bounds (see `saturation`)
-    weight      min x'Wx: the methods above compute y for the Jacobians J_i W^-1/2, and x = W^-1/2 y
+    weight      min x'Wx: x is W^-1/2 times the result of the methods above for the Jacobians J_i W^-1/2
 
 x are the joint velocities, J_i and v_i the Jacobian and the task velocity of level i, and sigma the singular values of A_i. A' is the
 transpose of A, and A# its pseudo-inverse. `diagnosis` computes the ranks.
@@ -54,8 +54,8 @@ def solve_exact(jacobians: Sequence[ArrayLike], velocities: Sequence[ArrayLike],
 def clamp_inverse(A: Array, eps: float) -> Array:
     """The clamped inverse A' phi(A A'): a singular value sigma below eps is inverted as sigma / eps^2.
 
-    The eigenvectors U of A A' only divide the rows U'A into two sets. A QR decomposition inverts the rows with singular values above eps.
-    Division by eigenvalues would square the condition number (residual of the first level 1e-12 instead of 1e-14).
+    The eigenvectors U of A A' only divide the rows U'A into two sets. A QR decomposition inverts the rows with singular values from eps on.
+    Division by eigenvalues would square the condition number.
     """
     mu, U = np.linalg.eigh(A @ A.T)
     rows = U.T @ A

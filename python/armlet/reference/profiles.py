@@ -4,9 +4,10 @@
     along x = sg theta, sg the direction of motion:   tau(u) = k s''(u) + G sin x(u)
     excess(k) = max over u of max(tau - tau_max, tau_min - tau),   convex in k:  the durations with excess <= 0 are one interval
 
-T is the duration, I the inertia, G the gravity moment, and ' the derivative with respect to u. The shape is an integral of s'', which is
-defined piece by piece. A grid and its refinement give the extremes over u, golden section gives the smallest excess, and bisection gives
-its zeros. With s'' = 4 and then -4 this is `bang_bang_time`, whose a is 4 k.
+T is the duration, I the inertia, and G the gravity moment. If sg = -1, tau_max and -tau_min are exchanged in the excess. ' is the
+derivative with respect to u. The shape is an integral of s'', which is defined piece by piece. A grid and its refinement give the extremes
+over u, golden section gives the smallest excess, and bisection gives its zeros. With s'' = 4 and then -4 this is `bang_bang_time`, whose a
+is 4 k.
 """
 
 from collections.abc import Callable, Sequence
@@ -39,9 +40,9 @@ class Profile(NamedTuple):
 
 
 class ProfileReport(NamedTuple):
-    """The feasible durations, s, and the feasible interval of k, N m; NaN if none is feasible.
+    """The feasible durations, s, which are NaN if there are none, and the feasible interval of k, N m.
 
-    `missing` is the torque, N m, by which both limits must then be widened.
+    `missing` is the smallest excess of the torque over its limits, N m; 0 if a duration is feasible.
     """
 
     feasible: bool

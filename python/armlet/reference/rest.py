@@ -3,6 +3,7 @@
     rigid    r(q) = tau(q) - L(q),   L = g(q) - J'F - tau_c
     elastic  r(q, theta) = [K (theta - q) - L(q), tau(q, theta) - K (theta - q)]
     dy/dt = r(y) by implicit Euler steps of lengths s that grow as r falls:   (1/s - dr/dy) dy = r       (pseudo-transient continuation)
+    y = q or (q, theta), then the state of the law, and r is then followed by its rate
     tau_E = L(q_E),   theta_E = q_E + K^-1 tau_E,   tau_c the torque of wall and stops
 
 tau(q) is the torque of the law at rest, and K the joint stiffness. F is the external force at a frame with the Jacobian J, and ' the
@@ -53,10 +54,7 @@ def slope(f: Callable[[Array], Array], x: Array, h: float = 1e-2, columns: int =
 
 
 def descend(r: Callable[[Array], Array], y: Array) -> Array:
-    """The state to which the solution of dy/dt = r(y) converges from y, by implicit Euler steps.
-
-    If the solution is stable, no entry changes by more than about 0.1 in the first step.
-    """
+    """Follow dy/dt = r(y) from y by at most 300 implicit Euler steps, until it is at rest. No entry changes by more than 0.3 in a step."""
     size = first = float(np.abs(r(y)).max())
     if size == 0.0:
         return y

@@ -3,9 +3,9 @@
 samples   W_j = Y(q_j, v_j, v_j, a_j), tau_j the torque without the torque of known rotors
 windows   W_j = [Y_M] + int Y_D dt,  [Y_M] the change of Y_M over the window,  M v = Y_M pi,  g - C' v = Y_D pi,
           Y_D = Y(q, v, v, 0) - d/dt Y_M(q, v fixed);   Simpson's rule, and dM/dt v by differences
-selection a chosen sample is replaced by another sample   while this increases the smallest nonzero singular value of the stacked W_j
+selection a chosen sample is replaced by another sample   while this increases singular value number `rank` of the stacked chosen W_j
 
-Y is the regressor, pi are the parameters, and ' is the transpose.
+Y is the regressor, pi are the parameters, `rank` is the rank of the stacked W_j of all samples, and ' is the transpose.
 """
 
 from typing import Any

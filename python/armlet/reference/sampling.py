@@ -1,12 +1,14 @@
-"""A sampled law, simulated event by event. The events are samples, and the later times at which their outputs begin to act.
+"""A sampled law, simulated event by event. The events are samples, and the later times at which their torques begin to act.
 
     sample k at t_k = k T + j_k,  j_k uniform in [0, jitter];   x_m = round((x + sigma w_k)/step) step
     the law uses x_m of sample k - sensor_delay;  |tau_k - tau_(k-1)| <= rate_limit (t_k - t_(k-1));  tau_k acts from t_k + delay
     torque sensor: dtau_f/dt = w_c (tau_J - tau_f), tau_J linear between samples;  q_m = theta_m - K_law^-1 reading
 
-x_m is the measurement of a quantity x with the noise sigma and the resolution step, and w_k is a standard normal number. Random numbers are
-splitmix64 (Steele, Lea and Flood 2014) of the seed and of the integers k and channel, modulo 2^64. Normal numbers come from the method of
-Box and Muller (1958), as a complex exponential. Entry i of q, v, theta, theta_dot has the channels 4 i + 0, 1, 2, 3.
+T is the period. With fixed steps, j_k is rounded down to a multiple of the step. x_m is the measurement of a quantity x with the noise
+sigma and the resolution step, and w_k is a standard normal number. tau_J is the joint torque, tau_f its filtered value, w_c the bandwidth
+of the filter, and K_law the joint stiffness of the law. Random numbers are splitmix64 (Steele, Lea and Flood 2014) of the seed and of the
+integers k and channel, modulo 2^64. Normal numbers come from the method of Box and Muller (1958), as a complex exponential. Entry i of q,
+v, theta, theta_dot has the channels 4 i + 0, 1, 2, 3.
 """
 
 from collections.abc import Callable, Mapping
@@ -90,7 +92,7 @@ def lag(state: Array, before: Array, now: Array, turn: float) -> Array:
 
 
 class Clock:
-    """The samples of one run. `visit` must be called at every instant in the order of time, and returns the law's output that acts then.
+    """The samples of one run. `visit` must be called at time 0 and at all `instants`, in the order of time.
 
     `grid` is the step of a method with fixed steps, s, to which jitter is rounded down; 0 for adaptive methods. `stiffness` is the joint
     stiffness of the plant, and `believed` the joint stiffness of the law, for torque sensors.
@@ -112,7 +114,7 @@ class Clock:
         return k * self.sampling.period + (np.floor(late / self.grid) * self.grid if self.grid else late)
 
     def instants(self, t_end: float) -> list[float]:
-        """All times in (0, t_end) at which a sample is taken or an output starts to act."""
+        """All times in (0, t_end) at which a sample is taken or its torque begins to act."""
         samples = [self.instant(k) for k in range(int(np.ceil(t_end / self.sampling.period)) + 1)]
         times = sorted({t for s in samples for t in (s, s + self.sampling.delay) if 0.0 < t < t_end})
         return [t for k, t in enumerate(times) if k == 0 or t - times[k - 1] > ON_TIME * self.sampling.period]

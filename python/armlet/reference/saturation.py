@@ -6,7 +6,7 @@
     at distance d from a limit     the largest u with  u dt <= d  and  u^2 <= 2 a d  (u > 0),  by bisection
 
 E_F are the rows of the unit matrix for the joints F, and b_F their bounds. null(A) is an orthonormal null basis, A# the pseudo-inverse of
-A. dt is the sample time and a the braking deceleration. One SVD solves for all fixed joints. With a metric W the Jacobians are J W^-1/2,
+A. dt is the sample time and a the braking deceleration. With a metric W the Jacobians are J W^-1/2,
 and `back` = W^-1/2 converts to joint velocities.
 """
 

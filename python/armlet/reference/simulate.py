@@ -1,7 +1,7 @@
 """Runs of a closed loop, with fixed steps k dt, or with an extrapolation method.
 
     fixed steps: a jump of force or motion inside a step divides the step; a record between grid points requires a separate short step
-    adaptive: the method restarts at samples, outputs, jumps and records
+    adaptive: the method restarts at samples, when their torques begin to act, at jumps, at records and at checks of events
     events: a change of sign between two checks is located with trial points, each integrated from the previous check
 
 `loop` defines the state.
@@ -45,11 +45,13 @@ def simulate(
     events: Sequence[Event] = (),
     looks: int = 200,
 ) -> dict[str, Any]:
-    """Simulate the closed loop, and return a dict of arrays: t, q, v, tau, estimate, theta, theta_dot, s, energy, lyapunov, balances.
+    """Simulate the closed loop, and return a dict of arrays: t, q, v, tau, estimate, energy and energy_balance.
 
-    The first axis of each array is time. The methods "euler", "semi_implicit" and "rk4" require dt, or use the sample time as dt. A
-    sample time must be a multiple of dt. The method "gbs" is adaptive, and records t_eval. Without t_eval, fixed steps record the start,
-    every record_every-th step and the end. load(q, F) returns J'F for a law without a frame.
+    An elastic arm adds theta and theta_dot. LuGre friction adds friction and bristles. An adaptive law adds s, lyapunov, dissipated and
+    lyapunov_balance. The first axis of each array is time. The methods "euler", "semi_implicit" and "rk4" require dt, or
+    use the sample time as dt. A sample time must be a multiple of dt. The method "gbs" is adaptive, and records t_eval, by default only
+    t_end. Without t_eval, fixed steps record the start, every record_every-th step and the end. load(q, F) returns J'F for a law without a
+    frame.
 
     Only "gbs" supports events: `run["events"]` is a list of (t, index, plant state). The sign of each event function is checked at `looks`
     times of the run.
@@ -110,7 +112,7 @@ def _fixed(
     wanted: list[float] | None,
     breaks: list[float],
 ) -> Iterator[tuple[float, Array]]:
-    """The states at the times k dt, where the last step ends at t_end. Stages before a jump use its limit from the left."""
+    """The times and states of the records. Stages before a jump use its limit from the left."""
     count = int(np.ceil(t_end / dt - 1e-9))
     for k in range(count + 1):
         t, end = min(k * dt, t_end), min((k + 1) * dt, t_end)
@@ -150,7 +152,10 @@ def _adaptive(
     search: Search | None,
     looks: int,
 ) -> Iterator[tuple[float, Array]]:
-    """The recorded states. The integration goes from one sample, output or check to the next. A record at a sample has the new input."""
+    """The times and states of the records. The integration restarts when a sample is taken, when its torque begins to act, and at checks.
+
+    It ends at an event that stops the run, with a record of it. A record at the time of a sample has the new input.
+    """
     last = max(wanted)
     marks = {0.0, last, *(loop.clock.instants(last) if loop.clock is not None else ())}
     if search is not None:

@@ -1,4 +1,4 @@
-"""Derivatives of the dynamics from values of the dynamics at other states, without truncation error.
+"""Derivatives of the dynamics of arms without mimic joints from values at other states, without truncation error.
 
     In an angle q_j the torque is a trigonometric polynomial of degree 2:  df/dq_j = sum_k w_k f(q_j + 2 pi k/5),
         w_k = 2/5 (sin x_k + 2 sin 2 x_k),  x_k = 2 pi k/5,  k = 0..4

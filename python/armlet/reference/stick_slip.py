@@ -4,7 +4,8 @@
     F_i = F_s + mu |L| at rest, F_c + (F_s - F_c) exp(-(v/v_s)^2) + mu |L| in motion
 
 v and v+ are the velocities before and after a step of length h. A is the inertia of the joints or motors with friction, b their torque
-without friction, and d the viscous friction. The load L of an ElasticArm is its joint torque. The load of a RigidArm is tau - tau_f, with
+without friction, and d the viscous friction. F_c and F_s are Coulomb and static friction, v_s is the Stribeck speed and mu the load ratio.
+The load L of an ElasticArm is its joint torque. The load of a RigidArm is tau - tau_f, with
 the friction of the previous step. Projected Gauss-Seidel iterations compute the impulses p. No event is located, and the steps have first
 order.
 """

@@ -21,8 +21,8 @@ MASK = (1 << 64) - 1
 class SuggestedGains(NamedTuple):
     """The gains kp and kd, the inertia m, (n,) each, and two limits of the bandwidth of a sampled loop, rad/s.
 
-    `limit` is for laws with gains in N m/rad and N m s/rad. It depends on the smallest eigenvalue of diag(m)^-1 M(q) over random
-    configurations q. `computed_torque_limit` is for computed torque, where this eigenvalue is 1. Above its limit a loop is unstable.
+    `limit` is for laws with gains in N m/rad and N m s/rad. Above it, the mode with the smallest eigenvalue of diag(m)^-1 M(q) over random
+    configurations q is unstable. `computed_torque_limit` is for computed torque, where this eigenvalue is 1.
     """
 
     kp: Array
@@ -61,7 +61,10 @@ def _limit(zeta: float, light: float, h: float) -> float:
 
 
 def suggest_gains(arm: Mechanism, bandwidth: float, damping_ratio: float = 1.0, sample_time: float | None = None) -> SuggestedGains:
-    """Compute gains. Joints without limits range from -pi to pi rad or from -1 to 1 m. Without `sample_time` the limits are infinite."""
+    """Compute gains. Joints of an `Arm` without limits range from -pi to pi rad or from -1 to 1 m.
+
+    Without `sample_time` the limits of the bandwidth are infinite.
+    """
     if isinstance(arm, Arm):
         half = np.where(arm.angles, np.pi, 1.0)
         lower, upper = arm.limits["lower"], arm.limits["upper"]

@@ -74,7 +74,7 @@ class Coordinates:
             raise ValueError(f"target is misshapen: expected ({len(self.rows)},), got {self.target.shape}")
 
     def error(self, q: Array, target: Array | None = None) -> Array:
-        """The error x_d - x, (rows,). If the argument `target` is not None, it is x_d."""
+        """The error e, (rows,). If the argument `target` is not None, it replaces the target of the object."""
         return pose_error(self.arm.pose(q, self.frame), self.target if target is None else target, self.rows)
 
     def jacobian(self, q: Array) -> Array:

@@ -7,9 +7,10 @@
     relative        e as for frame, with X = X_r^-1 X_f             from dX/dq = X_r^-1 dX_f/dq - X_r^-1 dX_r/dq X
     joint limits    e = clip(q, lower + m range, upper - m range) - q,  m the margin
 
-K is the gain, and ' the transpose. a and d are the direction of the axis and its target in world axes, and J_w the angular rows of the
-geometric Jacobian. X_f and X_r are the poses of the frame and of the reference frame. The feed-forward of a direction d(t) is B' times its
-angular velocity w = d x d_dot / d.d. Complex steps compute w_dot and dJ/dt, because each Jacobian here is analytic in q.
+K is the gain, and ' the transpose. p and R are position and rotation matrix of the frame, x_d and R_d their targets. c is the centre of
+mass and c_d its target. a and d are the direction of the axis and its target in world axes, and J_w the angular rows of the geometric
+Jacobian. X_f and X_r are the poses of the frame and of the reference frame. The feed-forward of a direction d(t) is B' times its angular
+velocity (d x d_dot) / d.d. Complex steps compute the derivatives of this velocity and of J, because each Jacobian here is analytic in q.
 """
 
 from collections.abc import Sequence

@@ -6,7 +6,7 @@
                                                  a = q' u + q'' m within a_max,      and at each s_k  |q'| b_k^1/2 <= v_max
     of a frame's origin  |p' u + p'' m| <= tip_acceleration in the middle of each segment,  |p'| b_k^1/2 <= tip_speed at each s_k
     A = M q',  B = M q'' + C(q, q') q'
-    by Newton's method on  T/mu - sum log(distance to each limit),  mu falling to zero         (Verscheure et al. 2009)
+    by Newton's method on  T/mu - sum log(distance to each limit),  with a decreasing mu       (Verscheure et al. 2009)
 
 ' is the derivative with respect to s, p the position of the frame's origin, d and c are viscous and Coulomb friction. The core passes over
 the grid forwards and backwards. Stops divide the path into parts with separate timings. The search starts with the arm nearly at rest. So
@@ -210,7 +210,10 @@ def _barrier(rows: Rows, b: Array, mu: float) -> float:
 
 
 def _newton(rows: Rows, b: Array, mu: float) -> tuple[Array, float]:
-    """The Newton step of b, which is zero at the ends, and the predicted decrease. The second derivative of friction is neglected."""
+    """The Newton step of b, which is zero at the ends, and minus its product with the gradient.
+
+    The second derivative of friction is neglected.
+    """
     h, r = rows.h, np.sqrt(b)
     total = r[:-1] + r[1:]
     m = 0.5 * (b[:-1] + b[1:])

@@ -51,7 +51,11 @@ class VelocityArm:
 
 
 class PriorityVelocity(Law):
-    """A velocity law for tasks, the highest priority first. The limits are for "sns"; None means the limits of the arm."""
+    """A velocity law for tasks, the highest priority first.
+
+    The limits are for the method "sns". None means the limits of the arm, and no limit for `a_max`. Of `v_min` and `v_max`, a single one
+    also limits the other direction.
+    """
 
     def __init__(
         self,
