@@ -3,9 +3,9 @@
     tau = Y a_hat + Kp e + Kd e_dot,   a_hat_dot = Gamma Y's,   Y (A, B, C)' = M a_r + S v_r
 
 Here ' is the transpose, Y the regressor, S the Coriolis matrix, s the sliding variable, a = (A, B, C) the parameters and a_hat their
-estimate. The checks are results of the theory. dM/dt - 2S is skew-symmetric. V1 = s'Ms/2 + (a - a_hat)'Gamma^-1(a - a_hat)/2 never
-increases. V1(0) - V1(t) is the integral of s'Kd s. The error e goes to zero from every initial state and every initial estimate, also from
-zero.
+estimate. e is the tracking error, v_r and a_r are reference velocity and acceleration, and Kp, Kd and Gamma the gains. The checks are
+results of the theory. dM/dt - 2S is skew-symmetric. V1 = s'Ms/2 + (a - a_hat)'Gamma^-1(a - a_hat)/2 never increases. V1(0) - V1(t) is the
+integral of s'Kd s. The error e goes to zero from every initial state and every initial estimate, also from zero.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ def run(report: Report) -> None:
 
 
 def identities(report: Report, arm: al.Arm) -> None:
-    """Check Y (A, B, C)' = M a_r + S v_r with the Coriolis matrix S, the printed Christoffel matrices and the printed Y.
+    """Check Y (A, B, C)' = M a_r + S v_r with the Coriolis matrix S, and the Christoffel matrices and Y as printed in the exam.
 
     Parameters with A C = B^2 must raise an error.
     """
@@ -103,7 +103,7 @@ def against_oracle(report: Report, plant: al.RigidArm, law: al.Adaptive) -> None
 
 
 def lyapunov(report: Report, plant: al.RigidArm, law: al.Adaptive) -> None:
-    """Check the identities at 4001 times of a run."""
+    """Check V1, its balance, the skew-symmetry of dM/dt - 2S and the last estimate in a run with 4001 records."""
     times = np.linspace(0.0, 40.0, 4001)
     run = al.simulate(plant, law, Q0, t_end=40.0, method="dop853", rtol=1e-12, atol=1e-12, t_eval=times)
     v1 = run.monitors["lyapunov"]

@@ -3,9 +3,10 @@
     M a + C v + g = tau_J + J'F,   B theta_ddot + tau_J = tau,   tau_J = K_J (theta - q)
     tau = (1 - B B0^-1) tau_J + B B0^-1 (u - D0 theta_dot),   u = J'[K_m (x_d - x) - D_m J v] + g(q)
 
-B0 and D0 are the reduced inertia of the motors and its damping. F is the external force at the tip x with the Jacobian J and the target
-x_d, and ' is the transpose. Vertical plane, gravity along -y. At equilibrium x_E = x_d + K_m^-1 F and tau_E = g(q_E) - J'F, if x_E is
-reachable and regular. Numbers such as E9 are errata of the exam (docs/exam.md).
+B is the motor inertia and K_J the joint stiffness. B0 and D0 are the reduced inertia of the motors and its damping. K_m and D_m are
+Cartesian stiffness and damping. F is the external force at the tip x with the Jacobian J and the target x_d, and ' is the transpose. The
+arm moves in a vertical plane, with gravity along -y. At equilibrium x_E = x_d + K_m^-1 F and tau_E = g(q_E) - J'F, if x_E is reachable and
+regular, and the loop is stable. Numbers such as E9 are errata of the exam (docs/exam.md).
 """
 
 from __future__ import annotations
@@ -158,7 +159,7 @@ def force_step(report: Report, arm: al.Arm, plant: al.ElasticArm, law: al.Elasti
 
 
 def printed_run(arm: al.Arm, u: Callable[[Array, Array, Array], Array], t_end: float, dt: float = 1e-3) -> tuple[Array, Array]:
-    """Simulate the elastic arm with the outer law u(q, v, J), N m, which is not a law of armlet. The method is RK4 in numpy.
+    """Simulate the elastic arm with the outer law `u`, a function u(q, v, J), N m. The method is RK4 in numpy.
 
     J is the linear Jacobian of the frame "link2", (2, 2), m. Returns the times (K,), s, and the positions q (K, 2), rad.
     """
@@ -326,8 +327,8 @@ def draw(
 ) -> None:
     """Draw a force step: the tip position and the joint torques over time, and two comparisons.
 
-    The first one is the distance of the tip from its equilibrium under the laws as the exam prints them. The second one is the deviation
-    from the motion with rigid joints over B0.
+    The first comparison has the distance of the tip from x_E, under the correct law and under the law as printed in the exam. The second
+    has the deviation from the motion with rigid joints over B0.
     """
     from ..figures.style import COLOURS
 

@@ -3,8 +3,9 @@
     I theta_ddot + G sin theta = tau,   |tau| <= tau_max,   theta from -pi/2 to pi/2 in the exam of `armlet demo`
 
 The checks are results of the theory. For this motion, the shortest duration of the symmetric bang-bang profile is
-T = sqrt(4 pi I / tau_max) for every G <= 2 tau_max. For larger G no T is feasible. The optimum under full torque is faster, and its
-advantage grows with gravity. If the optimum is not certified, a motion that swings back first can be faster.
+T = sqrt(4 pi I / tau_max) for every G <= 2 tau_max. For larger G no T is feasible. The fastest monotone motion under full torque is
+shorter, and its advantage grows with gravity. If it is not certified as the global optimum (`certified_global`), a motion that swings back
+first or overshoots can be faster.
 """
 
 from __future__ import annotations
@@ -27,8 +28,8 @@ if TYPE_CHECKING:
 TITLE = "System 4: minimum time of one link under gravity, rest to rest"
 
 START, END = -math.pi / 2, math.pi / 2
-# Shortest duration of the profile divided by the duration of the optimum, for each G / tau_max, with the digits of the exam's corrected
-# solution.
+# Shortest duration of the profile divided by the duration of the fastest monotone motion, for each G / tau_max, with the digits of the
+# exam's corrected solution.
 RATIOS = {0.5: 1.2084, 1.0: 1.3853, 2.0: 1.6837}
 # Tolerance: a few rounding errors of square roots and quotients of order one.
 ROUNDING = 4e-15
@@ -69,7 +70,7 @@ def profile(report: Report) -> None:
 
 
 def impossible(report: Report) -> None:
-    """Check that no duration is feasible for G > 2 tau_max, and that the reported missing torque is exact."""
+    """Check that no duration is feasible for G > 2 tau_max, and the reported missing torque for G = 2.5 tau_max."""
     ratio = 2.0 + np.geomspace(1e-9, 1e3, 1000)
     r = al.bang_bang_time(START, END, 1.0, ratio, 1.0)
     report.equal("1000 links with G > 2 tau_max: number of feasible links", 0, int(r.feasible.sum()))
@@ -95,7 +96,7 @@ def erratum(report: Report) -> None:
 
 
 def optimum(report: Report) -> None:
-    """Check the minimum time from -pi/2 to pi/2 over all motions."""
+    """Check the fastest monotone motion from -pi/2 to pi/2, and that it is certified as the global optimum for G = tau_max."""
     ratios = {g: al.bang_bang_time(START, END, 1.0, g, 1.0).t_min / al.torque_optimal_time(START, END, 1.0, g, 1.0).t for g in RATIOS}
     # The tolerance is half a unit of the last printed digit.
     report.near("T_profile / T_optimum at G / tau_max = 0.5, 1, 2", tuple(RATIOS.values()), tuple(ratios.values()), 5e-5)
@@ -111,7 +112,7 @@ def optimum(report: Report) -> None:
 
 
 def swings(report: Report) -> None:
-    """Check motions that swing back first or overshoot. They can be faster where the monotone optimum is not certified."""
+    """Check motions that swing back first or overshoot, where the fastest monotone motion is not certified as the global optimum."""
     o = al.torque_optimal_time(math.pi / 2, 3.0, 1.0, 1.0, 1.02)
     report.equal("pi/2 -> 3 at tau_max = 1.02 G: certified", False, o.certified_global)
     report.near("pi/2 -> 3 at tau_max = 1.02 G: duration of the monotone motion (s)", 8.419, o.t, 5e-4)

@@ -154,9 +154,9 @@ def trap(report: Report) -> None:
 
 
 def near(report: Report) -> None:
-    """Check that the velocities of the method "exact" are discontinuous at an algorithmic singularity.
+    """Check the velocities near the algorithmic singularity of case a, at q4 = 1e-12.
 
-    Those of "clamp" are bounded, and keep the primary task exact.
+    With "exact" they are huge. With "clamp" they are near the exact velocities at q4 = 0, and the primary task is exact.
     """
     q = CASE_A + np.array([0.0, 0.0, 0.0, 1e-12])
     velocities = [ONES[0], np.zeros(2)]

@@ -42,7 +42,7 @@ class Report:
 
     Args:
         out: folder of the figures and of the page. It is created if it does not exist.
-        figures: whether to draw figures; False if matplotlib is not installed.
+        figures: whether to draw figures. It must be False if matplotlib is not installed.
     """
 
     def __init__(self, out: Path, *, figures: bool = True) -> None:
