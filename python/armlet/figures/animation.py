@@ -43,9 +43,9 @@ def animate(
 ) -> None:
     """Write a run as a film. The arm must have frames, and may have branches and prismatic joints.
 
-    Blue lines between the joints are the links, and the orange line is the path of `arm.tip_frame`. An arm whose joints and tips stay in a
-    plane of two world axes is drawn in that plane. Another arm, or any arm with `view`, is drawn in space, with its shadow on the floor of
-    the picture. If an error occurs, no incomplete file remains.
+    Blue lines are the links, grey lines the displacements of prismatic joints, and the orange line is the path of `arm.tip_frame`. An arm
+    whose joints and tips stay in a plane of two world axes is drawn in that plane. Another arm, or any arm with `view`, is drawn in space,
+    with its shadow on the floor of the picture. If an error occurs, no incomplete file remains.
 
     Args:
         run: the run.

@@ -1,4 +1,4 @@
-"""The figure of a minimum-time problem of one link. It compares the symmetric bang-bang profile with the optimum under full torque.
+"""The figure of a minimum-time problem of one link. It compares the symmetric bang-bang profile with the fastest motions under full torque.
 
     I theta_ddot + G sin theta = tau,   tau_min <= tau <= tau_max
 

@@ -2,8 +2,9 @@
 
     p_j(q)  the origin of joint j,    s_j(q) = X_parent(q) X_parent(0)^-1 p_j(0),  the origin of joint j at q_j = 0
 
-A *link* is a line from the parent's origin to `s_j`. A *slide* is a line from `s_j` to `p_j`. It shows the motion of a prismatic joint, and
-has zero length for a revolute joint. Further lines connect the tip frame, and frames of the outermost bodies, with their joints.
+X_parent is the pose of the parent joint, or of the base. A *link* is a line from the parent's origin to `s_j`. A *slide* is a line from
+`s_j` to `p_j`. It shows the motion of a prismatic joint, and has zero length for a revolute joint. Further lines connect the tip frame, and
+frames of the outermost bodies, with their joints.
 """
 
 from __future__ import annotations
@@ -83,7 +84,7 @@ class Skeleton:
 class Picture:
     """A picture of an arm that can be drawn repeatedly.
 
-    If all points are in a plane of two axes, the picture is of that plane. Otherwise it is in space.
+    If all points are in a plane of two axes and `view` is None, the picture is of that plane. Otherwise it is in space.
 
     Args:
         cloud: points that the picture must contain, (points, 3), m.

@@ -2,7 +2,9 @@
 
     tau = A u + B r^2 + g + d q' r,   A = M q',   B = M q'' + C(q, q') q',   r = ds/dt,   u = d^2 s/dt^2
 
-Here q' and q'' are derivatives with respect to the path position s, and d is the viscous friction.
+q' and q'' are derivatives with respect to the path position s. M, C and g are mass matrix, Coriolis matrix and gravity torque, and d is the
+viscous friction.
+
 At a path position `s` and a path speed `r`, each limit of torque or acceleration allows an interval of `u`. If the intervals have no common
 point, no motion is feasible there. The edge of this region is the maximum velocity curve. Limits of joint speed also bound `r`.
 """
@@ -151,7 +153,7 @@ class PathTiming:
         return np.asarray(most - least)
 
     def switches(self) -> Array:
-        """The indices of grid points at which the path acceleration jumps, because another limit becomes active."""
+        """The indices of grid points at which the path acceleration jumps by more than JUMP times its largest value."""
         p = self.motion
         u = np.diff(p.s_dot**2) / (2.0 * np.diff(p.s))
         jumps = np.abs(np.diff(u))

@@ -1,8 +1,6 @@
 """`armlet lab`: the laboratory on a page. Controls and handles write to the model from any thread, and one thread draws the model.
 
-    controls -> Lab -> poses at 30 Hz, curves and text at 4 Hz
-
-Because only one thread draws, no object is changed after it was removed from the page.
+controls -> Lab -> poses at most 31 times, curves and text at most 4 times per second
 """
 
 from __future__ import annotations
@@ -49,7 +47,7 @@ def lab(urdf: Path | None, frame: str | None, host: str, port: int, packages: Se
 
 
 class LabPage:
-    """The page of a laboratory. `frame` is called repeatedly, and only it draws."""
+    """The page of a laboratory. One thread calls `frame` repeatedly, which draws."""
 
     def __init__(self, server: Server, model: Lab) -> None:
         self.server, self.model = server, model
@@ -162,7 +160,7 @@ class LabPage:
                 model.pull(turn @ np.array(event.end_position), float(self._hand.value))
 
     def frame(self, seconds: float) -> None:
-        """Simulate `seconds` of the clock and draw the state."""
+        """Build the page of a newly chosen system, simulate `seconds` of the clock, and draw the state."""
         if self._requested is not None and self._requested != self.model.system.title:
             self.model.choose(self._requested)
             self.scene.clear()

@@ -1,6 +1,6 @@
 """The laboratory without a page: it converts values of sliders to poses and curves, by a compiled loop at 1 kHz.
 
-    x(t + 1 ms) = RK4(f(x; gains, targets, force)),   for LuGre friction ROS2 instead of RK4
+    x(t + 1 ms) = RK4(f(x; gains, targets, force)),   for LuGre friction the Rosenbrock method ROS2 instead of RK4
 
 Any thread may set a slider; one thread calls `advance`. A loop that diverges is not an error. The laboratory then keeps the last finite
 state, shows a message, and waits for a reset.
@@ -154,7 +154,7 @@ class Lab:
     def force(self) -> Array:
         """The force of the mouse, (3,), N: a spring of stiffness k and a damper.
 
-        The force is constant during a frame of T s. This delay acts like a negative damping. The damper k T is larger than this effect.
+        The force is constant during a frame of T s. This delay acts like a negative damping, so the damper has the coefficient k T.
         """
         with self._lock:
             ends = self.spring()
@@ -175,7 +175,10 @@ class Lab:
         return Force(self._grip[0], np.concatenate([f, np.cross(lever, f)]))
 
     def advance(self, seconds: float = FRAME) -> int:
-        """Simulate `seconds` of the clock, at the ratio `speed`. Return the number of steps."""
+        """Simulate `speed` times `seconds`, but at most MOST_STEPS steps. Return the number of steps.
+
+        The number is zero while the laboratory is paused, and after the loop has diverged.
+        """
         with self._lock:
             self._paces.append((self._clock(), self._state.t))
             if self.paused or self.status is not al.Status.SUCCESS:

@@ -1,6 +1,6 @@
-"""Access to the server of a page: the page itself and the user's programs have access, pages of other sites do not.
+"""Access to the server of a page: the page itself and programs that send no origin have access, pages of other sites do not.
 
-    refused unless  Host names this machine  and  (no Origin, or Origin = http(s)://Host)
+    refused unless  Host is an IP address or a name of this machine  and  (no Origin, or Origin = http(s)://Host)
 
 A browser sends the origin of the page when it opens a websocket. Any page may open a websocket to this machine. Without this check a page
 of another site could read the robot and move the sliders. A foreign DNS server may map its name to this machine; such a name is refused.
@@ -22,7 +22,7 @@ STRANGER = "http://stranger.invalid"
 
 
 def allowed(headers: Any, host: str) -> bool:
-    """Whether the headers belong to a request of a page of the server at `host`. `headers.get_all(name)` returns a list."""
+    """Whether the server at `host` allows a request with these headers: the rule above. `headers.get_all(name)` returns a list."""
     hosts, origins = headers.get_all("Host"), headers.get_all("Origin")
     if len(hosts) != 1 or len(origins) > 1:
         return False
@@ -70,7 +70,7 @@ def own_pages_only(host: str) -> Iterator[None]:
 
 
 def refuses_strangers(host: str, port: int) -> bool:
-    """Request a websocket with the origin of another site. Return whether the server refuses it."""
+    """Request a websocket with the origin of another site. Return whether the server answers with the status 403."""
     here = {"0.0.0.0": "127.0.0.1", "::": "::1", "": "127.0.0.1"}.get(host, host)
     lines = [f"Host: localhost:{port}", f"Origin: {STRANGER}", "Upgrade: websocket", "Connection: Upgrade", "Sec-WebSocket-Version: 13"]
     request = "\r\n".join(["GET / HTTP/1.1", *lines, "Sec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==", "", ""])

@@ -1,7 +1,7 @@
 """An arm on the page: shapes attached to one node per frame, and handles to drag.
 
-A root node rotates the axes of the arm's base to the axes of the scene, and all objects are attached to it. So positions are in the axes
-of the base.
+A root node rotates the axes of the arm's base to the axes of the scene. All shapes and handles are attached to it, so their positions are
+in the axes of the base.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ def mesh_of(shape: Shape) -> tuple[Any, Any]:
 
 
 class ArmScene:
-    """The drawing of one arm. `bodies` are its moving shapes with the names of their frames."""
+    """The drawing of one arm. `bodies` are its shapes that are fixed to frames, with the names of the frames."""
 
     def __init__(self, server: Server, shapes: list[Shape], rotation: Array, reach: float) -> None:
         self.server, self.rotation, self.reach = server, rotation, reach

@@ -1,4 +1,4 @@
-"""The server of a page. It imports viser on first use. By default it listens only on the local address."""
+"""The server of a page. It imports viser on first use."""
 
 from __future__ import annotations
 
@@ -65,7 +65,10 @@ def address(server: Server) -> str:
 
 
 def serve(server: Server, frame: Callable[[float], None], period: float) -> int:
-    """Print the address, and call `frame` every `period` s with the seconds since its last call, until Ctrl-C. Return the exit code."""
+    """Print the address, and call `frame` every `period` s, or later if a call takes longer, until Ctrl-C. Return the exit code.
+
+    The argument of `frame` is the time since its last call, s, at most LATE.
+    """
     print(f"armlet: {address(server)} (Ctrl-C ends it)", flush=True)
     try:
         last = time.perf_counter()

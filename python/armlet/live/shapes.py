@@ -2,8 +2,8 @@
 
     X_WS = X_WF X_FS,   X_WF = arm.pose(q, frame),  X_FS the pose of the shape in its frame
 
-A link whose geometry is in the file is drawn with this geometry: boxes, cylinders, spheres, and meshes whose files are found. Any other
-link is a set of capsules from its frame to its child joints [URDF].
+X_WF is the pose of the frame in the axes of the arm's base. `urdf` makes the shapes of a robot file, and `planar_links` those of
+`al.planar_arm`.
 """
 
 from __future__ import annotations

@@ -1,9 +1,12 @@
-"""The shapes of a robot from its URDF: the geometry of the file, or capsules between joints if a link has none [URDF].
+"""The shapes of a robot from its URDF [URDF].
 
     X_LS = (R(rpy), xyz) of <origin>, R = Rz(yaw) Ry(pitch) Rx(roll), in the frame of the link
 
-A shape that cannot be read is not drawn; the page still opens. The file names its meshes, and may come from an untrusted source. So a mesh
-must be inside the folder of the URDF or of a package of the user, after symbolic links are resolved.
+A link is drawn with its geometry, if it has any: boxes, cylinders, spheres, and meshes whose files are found. Another link is a set of
+capsules from its frame to its child joints. Without child joints it is a sphere, drawn only if no link has geometry.
+
+A shape with invalid numbers is not drawn. The file names its meshes, and may come from an untrusted source. So a mesh must be inside the
+folder of the URDF or of a package of the user, after symbolic links are resolved.
 """
 
 from __future__ import annotations
@@ -66,7 +69,7 @@ def read_shapes(source: str | Path, arm: al.Arm, packages: Sequence[Path] = ()) 
         name = link.get("name", "")
         if name not in frames:
             continue
-        # If no visual can be drawn, the collision shape often can, because its meshes are simpler.
+        # If no visual can be drawn, the collision shapes are drawn.
         for tag in ("visual", "collision"):
             seen = [shape for looks in link.findall(tag) if (shape := _visual(looks, name, folders, colours, missing))]
             if seen:
@@ -156,7 +159,7 @@ def find_mesh(name: str, folders: Sequence[Path]) -> Path | None:
 
 
 def _inside(path: Path, roots: Sequence[Path]) -> Path | None:
-    """Return `path` with symbolic links resolved, if it is a mesh file inside one of `roots`; else None."""
+    """Return `path` with symbolic links resolved, if it is a mesh file of at most MOST_BYTES inside one of `roots`; else None."""
     try:
         file = path.resolve(strict=True)
         known = file.suffix.lower() in ENDINGS and file.is_file() and file.stat().st_size <= MOST_BYTES
