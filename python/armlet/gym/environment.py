@@ -27,18 +27,19 @@ class ArmEnv(gymnasium.Env[Array, Array]):
     """An arm under the torques of an agent, simulated by armlet's compiled loop.
 
     The torque `tau = tau_max * action` is constant for one period. An observation is `[q, v, error]`, (2 n + m,), with the m entries of the
-    task's error. `terminated` is True if the task is finished, the arm leaves its limits or the run diverges. `info` has the flags
-    `reached` and `diverged`. `truncated` is True at the horizon.
+    task's error. It is clipped to the observation space. `terminated` is True if the task is finished, the arm leaves its limits or the run
+    diverges. `info` has the flags `reached` and `diverged`. `truncated` is True at the horizon.
 
     Args:
         plant: a plant; an arm (then `RigidArm(arm)`); or a `Scenario`, which gives the plant, `tau_max`, `dt`, `t_end` and the
             joint motion. None: a planar arm of two joints in a horizontal plane, and a target for its tip.
-        task: `Reach`, `Track`, or a subclass of `Task`; None: `Reach()`.
-        tau_max: torque of an action of 1, a number or (n,), N m or N; None: the arm's effort limits. For a `VelocityArm` it is a velocity,
+        task: `Reach`, `Track`, or a subclass of `Task`. None: `Track` with the joint motion of a `Scenario`, otherwise `Reach()`. tau_max:
+        torque of an action of 1, a number or (n,), N m or N; None: that of a `Scenario`, or the arm's effort limits. For a `VelocityArm` it
+        is a velocity,
             rad/s or m/s.
-        dt: step of the integration by rk4, s; None: 2 ms.
-        period: time for which an action is held, s.
-        horizon: length of a run, s; None: 5 s.
+        dt: step of the integration by rk4, s; None: that of a `Scenario`, or 2 ms.
+        period: time for which an action is held, s; a multiple of `dt`.
+        horizon: length of a run, s, a multiple of `period`; None: `t_end` of a `Scenario`, or 5 s.
         q_limit: `(low, high)`, positions beyond which a run ends, rad or m; None: the arm's limits, and +-2 pi for joints without limits.
         v_limit: speed beyond which a run ends, rad/s or m/s; None: the arm's limits, and 20 for joints without limits.
         render_mode: "rgb_array": `render` returns a picture, (480, 480, 3). "human": each step draws in a window of matplotlib, in real

@@ -2,7 +2,8 @@
 
     tau = tau_max * action,   observation = [q, v, error],   terminated: reached, beyond the limits or diverged,   truncated: at the horizon
 
-An action is held for one period, which is a whole number of steps of `dt`. A *row* is one of the B arms.
+An action is held for one period, which is a whole number of steps of `dt`. Actions are clipped to [-1, 1], and observations to the
+observation space. A *row* is one of the B arms.
 """
 
 from __future__ import annotations
@@ -118,7 +119,10 @@ class Rows:
             self._errors[rows] = self.task.error(self.k[rows], self.states.q[rows], self.states.v[rows], self.goal[rows])
 
     def step(self, action: ArrayLike) -> tuple[Array, NDArray[np.bool_], NDArray[np.bool_], dict[str, NDArray[np.bool_]]]:
-        """Advance all rows by one period. Return reward, terminated, truncated and info, (B,) each."""
+        """Advance all rows by one period. Return reward, terminated, truncated and info, (B,) each.
+
+        A row that diverges keeps the state before the step.
+        """
         given = np.clip(self._checked(action), -1.0, 1.0)
         states, each = self.states, self._each
         # `states.step` assigns new arrays, so these arrays do not change.

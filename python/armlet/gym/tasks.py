@@ -4,8 +4,7 @@
 
 `error`, `reward`, `reached` and `points` compute all rows together: the first axis of an array is the row, one row per arm. The reward has
 no unit. `e` is the error after the step. For `Reach` it is the target minus the frame's position, m. For `Track` it is
-`[q_d - q, v_d - v]`, rad and rad/s, or m and m/s for prismatic joints. With `effort = 0` every reward is positive. So an agent never gains
-by ending a run early.
+`[q_d - q, v_d - v]`, rad and rad/s, or m and m/s for prismatic joints.
 """
 
 from __future__ import annotations
@@ -36,7 +35,7 @@ class Task:
 
     Args:
         q0: centre of the initial configurations and of targets, (n,), rad or m; None: the middle of the limits.
-        spread: a run starts at rest within `q0 +- spread`, rad or m.
+        spread: a run starts within `q0 +- spread`, rad or m, and within the limits. It starts at rest, except for `Track`.
         scale: norm of the error at which the reward is 1/2 with `effort = 0`, in the error's unit.
         effort: weight of the mean square of the action in the reward. A full action of all joints costs `effort` per step.
     """
@@ -69,7 +68,7 @@ class Task:
         return q0, v0, goal
 
     def bound(self) -> Array:
-        """Largest magnitude of each entry of the error, (m,)."""
+        """The largest magnitude of each entry of the error in observations, (m,). Larger errors are clipped."""
         raise NotImplementedError
 
     def error(self, k: NDArray[np.int64], q: Array, v: Array, goal: Array) -> Array:

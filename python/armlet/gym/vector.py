@@ -31,8 +31,6 @@ Flags: TypeAlias = NDArray[np.bool_]
 class ArmVectorEnv(VectorEnv[Array, Array, Array]):
     """`num_envs` arms that one call advances together. It replaces a `SyncVectorEnv` of `num_envs` `ArmEnv`s.
 
-    armlet compiles machine code for the plant, which uses SIMD instructions and several threads.
-
     Args:
         num_envs: the number of arms.
         plant, task, tau_max, dt, period, horizon, q_limit, v_limit: as for `ArmEnv`.

@@ -127,7 +127,8 @@ def from_pinocchio(model: Any) -> Arm:
         The arm, with the units of the model: m, kg, rad.
 
     Raises:
-        InputError: `model` is not a model, or has a joint of another type (free flyer, spherical); the message names it.
+        InputError: `model` is not a model, is not finite, or has two joints of the same name. It is also raised for a joint of another
+            type (free flyer, spherical, screw).
 
     Source: docs/migration.md.
     """
@@ -243,7 +244,7 @@ def from_mujoco(model: Any, *, mimic: Literal["joined", "independent"] = "joined
         The arm, with the units of the model: m, kg, rad.
 
     Raises:
-        InputError: `model` is not a model, or has a free or ball joint; the message names it.
+        InputError: `model` is not a model, is not finite, or has two joints of the same name. It is also raised for a free or ball joint.
 
     Source: docs/interop.md.
     """

@@ -9,8 +9,8 @@
 the motors, `K` and `D` stiffness and damping of the joints. In a closed loop, `u = law(t, x) + d` with a disturbance `d`. The state of the
 law, such as an adaptive estimate, is the last part of x.
 
-The linear system about `(x0, u0)` is `dx' = A dx + B du`. `A` and `B` of an arm with frames are exact (Carpentier and Mansard 2018).
-Derivatives of a closed-form arm (`pendulum`, `planar_pr`) and of the law are five-point differences
+The linear system about `(x0, u0)` has the derivatives of x' with respect to x and u. For an arm with frames they are exact (Carpentier and
+Mansard 2018). Derivatives of a closed-form arm (`pendulum`, `planar_pr`) and of the law are five-point differences
 `f' = (f(-2h) - 8 f(-h) + 8 f(h) - f(2h)) / (12 h)`.
 """
 
@@ -56,7 +56,8 @@ def to_control(
             rest, the springs support gravity, and the law has its initial estimate. The states of the linear system are deviations from
             this state.
         t: time of the law for the linearisation, s.
-        u0: input about which an arm is linearised, (n,); None: the input with zero acceleration. With a law, the law determines it.
+        u0: input about which an arm is linearised, (n,). None: the input with which a rigid arm has zero acceleration; zero for a
+            velocity-controlled arm. With a law, the law determines it.
 
     Returns:
         A `control.NonlinearIOSystem`; with `x0` a `control.StateSpace`.

@@ -55,7 +55,8 @@ class Field:
 class Numbers(Field):
     """A number, or nested lists of numbers down to `depth` levels.
 
-    `low` is the lower bound of a number and of the entries of a list, not of a matrix. It is excluded if `strict`.
+    Without `scalar`, a plain number is not valid. `low` is the lower bound of a number and of the entries of a list, not of a matrix. It is
+    excluded if `strict`.
     """
 
     depth: int = 0

@@ -1,7 +1,7 @@
 """The tables of a scenario: the kinds of arms, plants, motions and laws, and the keys of each kind.
 
-A class of the extension is available in scenario files if each of its parameters has a field here. A class whose table differs from its
-constructor is declared explicitly.
+A plant or law of the extension is available in scenario files if each of its parameters has a field here. Arms, motions, and classes whose
+table differs from the constructor are declared explicitly.
 """
 
 from __future__ import annotations

@@ -17,7 +17,7 @@ TEXT = Text()
 
 
 def tasks_of(motions: OneOf) -> OneOf:
-    """The kinds of tasks. A task has a fixed `target` or a `motion`, with one number per row of the task."""
+    """The kinds of tasks. A task has a fixed `target` or a `motion`; a `JointLimitTask` has neither."""
     matrix = Numbers(depth=2, low=0.0)
     fields: dict[str, Field] = {
         **dict.fromkeys(("frame", "reference", "axes"), TEXT),

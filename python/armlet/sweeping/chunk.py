@@ -1,6 +1,7 @@
-"""A chunk of a sweep: consecutive cells that one worker runs as batches. A *cell* is one run of the scenario with the cell's values.
+"""A chunk of a sweep: consecutive cells that one worker runs as batches. A *cell* is one run with one set of values of the
+varied paths.
 
-An error in one cell does not affect the other cells.
+If a cell raises an error, the other cells still run. All cells must have the same metrics.
 """
 
 from __future__ import annotations

@@ -1,7 +1,8 @@
 """Many runs of one scenario: every cell of a grid, or random draws. They run on threads, processes or a cluster, and can be resumed.
 
-A *cell* is one run with the cell's values. A *chunk* is a group of consecutive cells, which a worker of the executor runs as batches. The
-calling process stores the finished chunks. The bits of a table row depend only on its cell.
+A *cell* is one run with one set of values of the varied paths. A *chunk* is a group of consecutive cells, which a worker of the executor
+runs as batches. The calling process stores the finished chunks. On one instruction set, the division into chunks does not affect the bits
+of the table.
 """
 
 from __future__ import annotations
@@ -135,12 +136,13 @@ def sweep(
         scenario: the scenario, or the path of its file.
         vary: values by path (`"law.kd[0]"`): a list, `{"linspace": [a, b, n]}` or `{"geomspace": [a, b, n]}`. With `draws` also
             `{"uniform": [a, b]}`, `{"log_uniform": [a, b]}`, `{"normal": [mean, deviation]}`. None means the scenario's `[sweep]`.
-        draws: number of random cells, at most 10^8. None runs every combination of the listed values.
-        seed: seed of the draws, and of noise and jitter in the runs. None means the seed of the scenario, or 0 if it has none.
+        draws: number of random cells, at most 10^8. None runs every combination of the listed values. If `vary` is None too, the draws of
+            `[sweep]` are used.
+        seed: seed of the draws, and of noise and jitter in the runs. None means the seed of `[sweep]`, or 0 if it has none.
         out: path of the folder for finished chunks and the file `sweep.json`; None stores nothing.
         executor: any `concurrent.futures.Executor`, such as `ProcessPoolExecutor(8)` or dask's `client.get_executor()`. None uses the
             threads of this process.
-        chunk: number of cells per chunk. None means up to 256, and fewer for long runs.
+        chunk: number of cells per chunk. None means that of `[sweep]`. If it has none: up to 256, and fewer for long runs.
         threads: number of threads per chunk. None means 1 with an executor, and else the default of `simulate_batch`.
         progress: True writes the number of finished cells and the remaining time to standard error. A function is called with the number
             of finished cells and the number of all cells.
@@ -151,7 +153,8 @@ def sweep(
         Then it has `Status.INTERRUPTED`, NaN and the text in the column `error`, and the sweep continues.
 
     Raises:
-        InputError: an argument, or the first or the last cell is not valid, or the folder `out` has another sweep.
+        InputError: an argument, or the first or the last cell is not valid, cells have different metrics, or the folder `out` has another
+            sweep.
         FormatError: the file `sweep.json` in `out` is damaged, or another version wrote it.
         SolveError: the executor's workers died and cannot be replaced, or new workers cannot start. A `ProcessPoolExecutor` is replaced,
             and Dask replaces its workers. Finished chunks remain in `out`.
@@ -213,7 +216,7 @@ def sweep(
 
 
 def cells_of(scenario: Scenario, vary: Mapping[str, Any] | None = None, draws: int | None = None, seed: int | None = None) -> Cells:
-    """Return the cells of the arguments. An argument that is None is taken from the scenario's `[sweep]`."""
+    """Return the cells of the arguments. If `vary` is None, values and draws are those of `[sweep]`. None means its seed."""
     stated = scenario.data.get("sweep", {})
     if vary is None and "vary" not in stated:
         raise InputError("sweep: vary is missing: expected values by path, as an argument or in the scenario's [sweep]")
@@ -240,7 +243,7 @@ def _chunk_size(run: Mapping[str, Any]) -> int:
 
 
 def metrics_arguments(function: str, given: Mapping[str, Any], scenario: Scenario) -> dict[str, Any]:
-    """Return the keywords of `armlet.metrics` as numbers and lists, which JSON can store."""
+    """Return the keywords of `armlet.metrics` as numbers, lists and the name `frame`, which JSON can store."""
     n = len(scenario.data["run"]["q0"])
     shapes: dict[str, list[tuple[int | str, ...]]] = {"band": [(), (n,)], "reference": [(n,), ("K", n)]}
     plain: dict[str, Any] = {}

@@ -1,4 +1,4 @@
-"""Search for gains with scipy's differential evolution [storn1997differential], with one batch per generation of candidates. For losses
+"""Search for gains with scipy's differential evolution [storn1997differential], with batches of the candidates of a generation. For losses
 with a gradient, search with scipy's L-BFGS-B from several starts: see `descent`.
 
     minimise over u in [0, 1]^k   max_c cost(metrics of the run with gains g(u) under condition c),   or the mean over c
@@ -49,8 +49,8 @@ class Tuning:
         best: the best values by path.
         cost: the cost of the best values.
         scenario: the scenario with the best values.
-        costs: the lowest cost after each generation. The first entry is the cost of the initial candidates. With gradients: the lowest cost
-            after each iteration.
+        costs: the lowest cost so far, after each generation. The first entry is that of the initial candidates. With gradients: the lowest
+            cost so far, after each iteration and at the end.
         tried: every candidate, in order: `cell`, a column per path, and `cost`.
         runs: number of runs. With gradients, the computations of the derivatives are not counted.
         method: the name of the search method.
@@ -113,7 +113,7 @@ def tune(
 ) -> Tuning:
     """Search for the gains, or any other values of a scenario, with the lowest cost. It requires scipy (`armlet[tune]`).
 
-    Each generation of candidates, under all conditions, is one batch. The same seed has the same result, to the bit, for every number of
+    The candidates of a generation, under all conditions, run as batches. The same seed has the same result, to the bit, for every number of
     threads.
 
     Args:

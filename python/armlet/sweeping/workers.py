@@ -2,9 +2,9 @@
 
 At most AHEAD chunks are submitted to the executor and not finished. If a worker of a process pool dies, the whole pool is broken, and the
 chunk that caused the death is unknown. From then on every worker is a separate pool with one chunk at a time, so that the next death
-identifies its chunk. A chunk whose worker died TRIES - 1 times is continued cell by cell. A cell whose worker died TRIES times is recorded
-as failed. Dask restarts the tasks of a dead worker without a message. So its scheduler counts the starts of each chunk, with the same
-limit.
+identifies its chunk. A chunk whose worker or pool died TRIES - 1 times is continued cell by cell. A cell whose worker died TRIES times is
+recorded as failed. Dask restarts the tasks of a dead worker without a message. So its scheduler counts the starts of each chunk, with the
+same limit.
 """
 
 from __future__ import annotations
