@@ -297,6 +297,10 @@ impl<'a> Problem<'a> {
         let o = &self.options;
         self.validate_pairs()?;
         let limit = o.tau_max.as_deref().unwrap_or_default();
+        let n = self.plants[0].n();
+        if o.tau_max.is_some() && limit.len() != n {
+            return Err(Error::wrong("tau_max", "length", n, limit.len()));
+        }
         if let Some(i) = limit.iter().position(|&x| !(x > 0.0)) {
             return Err(Error::input("tau_max", format!("is not positive: expected > 0, got {}", limit[i])).at([i]));
         }

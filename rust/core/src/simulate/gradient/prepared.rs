@@ -57,10 +57,12 @@ impl<'a> Loop<'a> {
     pub fn of(problem: &'a Problem<'a>, parameters: Parameters) -> Result<Self> {
         problem.validate()?;
         let (o, law) = (&problem.options, problem.law(0));
-        debug_assert!(
-            !o.monitors && matches!(o.times, Times::At(_)),
-            "the derivatives are those of a run without monitors, at given times"
-        );
+        if o.monitors {
+            return Err(Error::input("monitors", "have no derivatives: expected a run without monitors"));
+        }
+        if !matches!(o.times, Times::At(_)) {
+            return Err(Error::input("times", "are not given: expected the times of the results"));
+        }
         let Some(tableau) = o.method.tableau() else {
             let problem =
                 format!("has no derivatives of runs: expected one of euler, semi_implicit, rk4, dopri5, dop853, got {}", o.method.name());

@@ -161,6 +161,21 @@ mod tests {
         }
     }
 
+    #[test]
+    fn an_invalid_problem_is_an_error() {
+        let model = model(9.81);
+        let (plant, law) = (PlantSpec::from(RigidSpec::new(model.clone())), law(&model, 5.0, 2.0));
+        let refused = |change: fn(&mut Options)| {
+            let mut invalid = problem(vec![&plant], vec![&law]);
+            change(&mut invalid.options);
+            let all = Parameters { all: &[], sizes: &[], shared: &[] };
+            sensitivities(&invalid, all, &AtomicBool::new(false)).expect_err("it is invalid").to_string()
+        };
+        assert!(refused(|options| options.monitors = true).starts_with("monitors have no derivatives"));
+        assert!(refused(|options| options.times = Times::Every(1)).starts_with("times are not given"));
+        assert_eq!(refused(|options| options.tau_max = Some(vec![5.0])), "tau_max has the wrong length: expected 2, got 1");
+    }
+
     /// The stiffness of a wall is an input of the recording, and gravity is a constant. Both are in the key.
     #[test]
     fn a_constant_of_the_recording_is_refused_in_shared_functions_too() {
