@@ -60,6 +60,18 @@ def test_units_and_columns() -> None:
     assert again.units == found.units and str(again) == text
 
 
+def test_units_of_commanded_velocities(tmp_path: Path) -> None:
+    """The plant determines the units of the input. Files, pickles and rows of batches keep them."""
+    plant = al.VelocityArm(al.planar_arm([0.5, 0.4]))
+    law = lambda t, q: [0.1, 0.1]  # noqa: E731
+    run = al.simulate(plant, law, [0.0, 0.0], t_end=0.02, dt=0.01, sample_time=0.01)
+    run.save(tmp_path / "run.npz")
+    tip = al.PriorityVelocity(plant.arm, [al.Task("link2", "xy", [0.6, 0.3], 5.0)])
+    batch = al.simulate_batch(plant, tip, [[0.3, 0.4]], t_end=0.02, dt=0.01)
+    for found in (run, pickle.loads(pickle.dumps(run)), al.load(tmp_path / "run.npz"), batch, batch[0]):
+        assert found.input_units == ("rad/s", "rad/s") and found.units == ("rad", "rad")
+
+
 def test_options() -> None:
     run = made()
     assert run.metrics(band=2.0)["settling_time"] == 0.0

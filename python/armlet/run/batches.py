@@ -201,7 +201,8 @@ def _summed(piece: BatchRun, measures: Mapping[str, Any], first: int, last: int)
     found = metrics(piece, **measures)
     fields: dict[str, Any] = {name: getattr(piece, name)[:, -1:] for name in SERIES if getattr(piece, name) is not None}
     fields |= {"t": piece.t[-1:], "status": piece.status, "monitors": {name: values[:, -1:] for name, values in piece.monitors.items()}}
-    fields |= {"stats": piece.stats | dict(found), "law_name": piece.law_name, "units": piece.units, "parameters": piece.parameters}
+    fields |= {"stats": piece.stats | dict(found), "law_name": piece.law_name, "parameters": piece.parameters}
+    fields |= {"units": piece.units, "input_units": piece.input_units}
     return BatchRun(fields)
 
 

@@ -80,11 +80,12 @@ class Recorded:
         self._estimated = len(laws[0].parameter_names) if isinstance(laws[0], _core.Adaptive) else None
         # Fields that were passed replace the cached properties below. Otherwise a property computes its field from the plant and the law
         # at its first use.
-        stated = {name: given.pop(name, None) for name in (*OTHERS, "units")}
+        stated = {name: given.pop(name, None) for name in (*OTHERS, "units", "input_units")}
         if stated["parameters"] is not None:
             stated["parameters"] = _core.numbers(who, "parameters", stated["parameters"])
-        if stated["units"]:
-            stated["units"] = tuple(stated["units"])
+        for name in ("units", "input_units"):
+            if stated[name]:
+                stated[name] = tuple(stated[name])
         self.__dict__.update((name, value) for name, value in stated.items() if value is not None and len(value))
         self._set_status(given.pop("status", Status.SUCCESS))
         self.events: Events | None = given.pop("events", None)
@@ -127,7 +128,8 @@ class Recorded:
     def _items(self) -> dict[str, Any]:
         """Return every field by name, in the form that `__init__` accepts."""
         items = {name: getattr(self, name) for name in ("t", *SERIES, *OTHERS) if getattr(self, name) is not None}
-        items |= {"monitors": self.monitors, "stats": self.stats, "law_name": self.law_name, "units": self.units, "status": self.status}
+        items |= {"monitors": self.monitors, "stats": self.stats, "law_name": self.law_name, "status": self.status}
+        items |= {"units": self.units, "input_units": self.input_units}
         desired = self.desired()
         return items if desired is None else items | {"desired": desired}
 
@@ -210,10 +212,10 @@ class Recorded:
             return desired[0], desired[1]
         return None if self.target is None else (self.target[..., None, :], None)
 
-    @property
+    @cached_property
     def input_units(self) -> tuple[str, ...]:
         """Unit of each joint's input: "N m" for a torque, "N" for a force, "rad/s" or "m/s" for a commanded velocity."""
-        if self.law_name == "PriorityVelocity":
+        if isinstance(self._plants[0], _core.VelocityArm) or self.law_name == "PriorityVelocity":
             return tuple(f"{unit}/s" for unit in self.units)
         return tuple("N" if unit == "m" else "N m" for unit in self.units)
 

@@ -195,7 +195,7 @@ class BatchRun(_Stored):
             raise InputError('BatchRun: rows have no time axis: expected a batch run with keep="all"')
         items = {name: getattr(self, name)[i] for name in SERIES if getattr(self, name) is not None}
         items |= {"t": self._times(i), "monitors": {name: values[i] for name, values in self.monitors.items()}}
-        items |= {"status": self.status[i], "law_name": self.law_name, "units": self.units}
+        items |= {"status": self.status[i], "law_name": self.law_name, "units": self.units, "input_units": self.input_units}
         items["target"] = self.target[i] if self.target is not None and self.target.ndim == 2 else self.target
         items["limits"] = self.limits and {name: each[i] if each.ndim == 2 else each for name, each in self.limits.items()}
         items["parameters"] = self.parameters[i] if self.parameters is not None and self.parameters.ndim == 2 else self.parameters

@@ -56,6 +56,7 @@ def save(run: Recorded, path: str | PathLike[str]) -> None:
         "kind": type(run).__name__,
         "law": run.law_name,
         "units": list(run.units),
+        "input_units": list(run.input_units),
         "status": int(status) if isinstance(status, Status) else None,
         "stats": {name: value.item() if isinstance(value, np.generic) else value for name, value in scalars.items()},
     }
@@ -110,7 +111,8 @@ def read(path: str | PathLike[str]) -> tuple[str, dict[str, Any]]:
         "law_name": header["law"],
         "limits": group("limits/"),
     }
-    fields |= {"units": tuple(header["units"]), "status": arrays.get("status", header["status"])}
+    # Files of earlier versions have no units of inputs.
+    fields |= {"units": header["units"], "input_units": header.get("input_units"), "status": arrays.get("status", header["status"])}
     if "events" in header:
         fields["events"] = Events(names=tuple(header["events"]), **group("events/"))
     if "sensitivity" in header:
