@@ -30,7 +30,7 @@ pub struct Segments {
 pub enum Clock {
     /// The law is evaluated in every stage.
     None,
-    /// The law is evaluated once per period, s, and at the jumps of the input.
+    /// The law is evaluated at the start and at each multiple of this period, s. A jump of the input between them is no sample.
     Every(f64),
     /// The loop's `sample` is called at the start and at every break. The loop decides whether a sample is due.
     Breaks,
@@ -222,13 +222,16 @@ where
         return outcome(status, t, method);
     }
     loop {
-        if let Clock::Every(period) = segments.clock
-            && started
-            && t >= (sample + 1) as f64 * period
-        {
-            sample += 1;
-        }
-        if segments.clock != Clock::None && !inside {
+        let due = match segments.clock {
+            Clock::None => false,
+            Clock::Every(period) if started => {
+                let next = t >= (sample + 1) as f64 * period - ON_SAMPLE * period;
+                sample += u64::from(next);
+                next
+            }
+            Clock::Every(_) | Clock::Breaks => true,
+        };
+        if due && !inside {
             system.sample(t, method.x().as_ref());
         }
         let (segment_end, jumps) = segments.next(t, sample);

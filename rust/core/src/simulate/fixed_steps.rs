@@ -129,8 +129,9 @@ fn run_block<S, F, M, B>(
     loop {
         let mut k = step;
         while k < to {
+            let t = after_jump(schedule, schedule.time(k), *next_break);
             if hold != 0 && k.is_multiple_of(hold) {
-                system.sample(schedule.time(k), x.as_ref());
+                system.sample(t, x.as_ref());
                 method.restart();
             }
             let smooth = if careful || offset > 0.0 { 0 } else { smooth_steps(schedule, k, to, hold, *next_break) };
@@ -139,10 +140,9 @@ fn run_block<S, F, M, B>(
                 continue;
             }
             if let Some(i) = schedule.noted(k) {
-                system.note(i, schedule.time(k), x.as_ref());
+                system.note(i, t, x.as_ref());
             }
             if schedule.within == Within::Sums {
-                let t = schedule.time(k);
                 system.sum_up(t, schedule.time(k + 1) - t, x.as_mut());
                 if careful && !bound.holds(x.as_ref()) {
                     note_faults(at, x, bound, t);
@@ -174,11 +174,20 @@ fn block(step: usize, hold: usize) -> usize {
     if inside > 0 { (hold - inside).min(BLOCK) } else { BLOCK / hold.min(BLOCK) * hold.min(BLOCK) }
 }
 
+/// Return the time at which the input of a step that starts at `t` is evaluated. It is `t`, or the last jump of the input before break
+/// number `next_break`, if this jump equals `t` up to rounding but is later.
+#[inline]
+fn after_jump(schedule: &Schedule, t: f64, next_break: usize) -> f64 {
+    next_break.checked_sub(1).map_or(t, |last| t.max(schedule.breaks[last]))
+}
+
 /// Return the number of equal steps from `step` on, up to `to` at most. In these steps the input does not jump, and no sample is taken
 /// between two of them.
 fn smooth_steps(schedule: &Schedule, step: usize, to: usize, hold: usize, next_break: usize) -> usize {
-    // Metrics or records within steps require a separate first step.
-    if schedule.within != Within::Nothing && step == 0 {
+    // Metrics or records within steps require a separate first step. A step after a jump that equals its start up to rounding starts at
+    // the jump.
+    let start = schedule.time(step);
+    if schedule.within != Within::Nothing && step == 0 || after_jump(schedule, start, next_break) > start {
         return 0;
     }
     // The last step may be shorter, so that it is not one of the equal steps. A jump at the end of a step belongs to this step.
@@ -219,7 +228,7 @@ where
         if system.enter_step(t, x.as_ref()) {
             method.restart();
         }
-        method.step(system, t, piece, input_end, x);
+        method.step(system, after_jump(schedule, t, *next_break), piece, input_end, x);
         if system.leave_step(x.as_mut()) {
             method.restart();
         }

@@ -146,9 +146,16 @@ impl TimelineBuilder<'_> {
         Ok(())
     }
 
+    /// Return `t`, or the last jump of the input up to `t + close` if it is later.
+    fn after_jump(&self, t: f64, close: f64) -> f64 {
+        let passed = self.breaks.partition_point(|&jump| jump <= t + close);
+        self.breaks[..passed].last().map_or(t, |&jump| t.max(jump))
+    }
+
     /// Append the steps from `t` to `end` to the operations. A step of size `h` is divided where the input jumps.
     fn step(&mut self, mut t: f64, mut h: f64, end: f64) -> Result<()> {
         let close = ON_STEP * h;
+        t = self.after_jump(t, close);
         let first = self.breaks.partition_point(|&jump| jump <= t + close);
         for i in first..self.breaks.len() {
             let jump = self.breaks[i];
@@ -175,7 +182,7 @@ impl TimelineBuilder<'_> {
             look();
             let t = schedule.time(step);
             if hold != 0 && step.is_multiple_of(hold) {
-                self.sample(t)?;
+                self.sample(self.after_jump(t, ON_STEP * schedule.dt))?;
             }
             while let Some(record) = schedule.record(self.timeline.records).filter(|record| record.step == step) {
                 if record.offset == 0.0 { self.record(record.t)? } else { self.aside(t, t + record.offset)? }
