@@ -206,6 +206,17 @@ def test_changes_of_an_arm_name_the_argument(name: str) -> None:
         change(al.planar_arm([0.5, 0.4]))
 
 
+@pytest.mark.parametrize("key", ["velocity", "effort", "armature", "damping", "friction"])
+def test_limits_and_drives_of_a_chain_are_not_negative(key: str) -> None:
+    with pytest.raises(al.InputError, match=rf'^Arm.from_chain: joints\[1\]\["{key}"\] is negative: expected a number >= 0, got -2'):
+        al.Arm.from_chain([{"type": "R"}, {"type": "P", key: -2.0}])
+
+
+def test_limits_of_a_chain_are_in_order() -> None:
+    with pytest.raises(al.InputError, match=r'joints\[0\]\["lower"\] is above the upper limit: expected at most 0, got 1'):
+        al.Arm.from_chain([{"type": "R", "lower": 1.0, "upper": 0.0}])
+
+
 ROBOT = al.load_urdf(al.example_urdf("six_axis"))
 ZERO = np.zeros(6)
 

@@ -305,7 +305,8 @@ impl Arm {
     ///
     /// Raises:
     ///     InputError: the list is empty, a key or type is unknown, a name is repeated, a shape is wrong, or a number is not finite. An axis
-    ///         of length zero and an index that is not that of a valid joint also raise it.
+    ///         of length zero and an index that is not that of a valid joint also raise it. `velocity`, `effort`, `armature`, `damping` or
+    ///         `friction` is negative, or `lower` is above `upper`.
     ///
     /// >>> import armlet as al
     /// >>> arm = al.Arm.from_chain([{"type": "R", "axis": [0, 0, 1], "phi": [1, 0.5, 0, 0, 0, 0, 0, 0, 0, 0.3]}])

@@ -102,6 +102,15 @@ pub fn chain_joint(function: &str, joint: &Bound<'_, PyAny>, i: usize) -> Result
     out.armature = scalar_of(function, joint, at, "armature", 0.0)?;
     out.damping = scalar_of(function, joint, at, "damping", 0.0)?;
     out.friction = scalar_of(function, joint, at, "friction", 0.0)?;
+    let Limits { lower, upper, velocity, effort } = out.limits;
+    let others =
+        [("velocity", velocity), ("effort", effort), ("armature", out.armature), ("damping", out.damping), ("friction", out.friction)];
+    if let Some((key, value)) = others.into_iter().find(|(_, value)| *value < 0.0) {
+        return Err(refuse(&format!("[{key:?}]"), format!("is negative: expected a number >= 0, got {value}")));
+    }
+    if lower > upper {
+        return Err(refuse("[\"lower\"]", format!("is above the upper limit: expected at most {upper}, got {lower}")));
+    }
     if let Some(given) = joint.get_item("mimic")?.filter(|given| !given.is_none()) {
         out.mimic = Some(mimic(function, &given, i)?);
     }
