@@ -222,7 +222,7 @@ where
         return outcome(status, t, method);
     }
     loop {
-        let due = match segments.clock {
+        let samples = match segments.clock {
             Clock::None => false,
             Clock::Every(period) if started => {
                 let next = t >= (sample + 1) as f64 * period - ON_SAMPLE * period;
@@ -231,7 +231,7 @@ where
             }
             Clock::Every(_) | Clock::Breaks => true,
         };
-        if due && !inside {
+        if samples && !inside {
             system.sample(t, method.x().as_ref());
         }
         let (segment_end, jumps) = segments.next(t, sample);
