@@ -149,7 +149,10 @@ impl fmt::Display for PathReason {
         let short = format!("{limited} is {missing_units:.6e} short ({:.3e} of it) at s = {s:.9}", missing);
         match self.what {
             Shortfall::NoSpeed => write!(f, "the limits leave no path speed: {short}"),
-            Shortfall::StartSpeed => write!(f, "start_speed is not possible: expected at most {speed:.9e} (the nearest that is): {short}"),
+            Shortfall::StartSpeed => {
+                let bound = if *missing < 0.0 { "least" } else { "most" };
+                write!(f, "start_speed is not possible: expected at {bound} {speed:.9e} (the nearest that is): {short}")
+            }
             Shortfall::EndSpeed => write!(f, "end_speed is not possible: expected at most {speed:.9e}: {short}"),
             Shortfall::Standstill => {
                 write!(f, "the limits allow no motion from s = {s:.9}: {limited} holds the arm there")
@@ -159,6 +162,29 @@ impl fmt::Display for PathReason {
             }
             Shortfall::Slow => write!(f, "no timing keeps the torque rate, however slow: {short}"),
             Shortfall::Unresolved => write!(f, "no grid resolves the limits: {short}"),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_start_speed_is_too_large_or_too_small() {
+        for (missing, bound) in [(0.25, "at most"), (-0.25, "at least")] {
+            let reason = PathReason {
+                what: Shortfall::StartSpeed,
+                joint: Some(0),
+                joint_name: "joint1".into(),
+                s: 0.0,
+                limit: LimitKind::TorqueMax,
+                missing,
+                missing_units: 1.0,
+                speed: 0.5,
+                position: f64::NAN,
+            };
+            assert!(reason.to_string().contains(&format!("expected {bound} 5.000000000e-1")), "{reason}");
         }
     }
 }
