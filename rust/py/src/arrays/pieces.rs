@@ -11,7 +11,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 use std::ops::Range;
 
-/// The count of float64 numbers in a piece, which is half a megabyte. Larger arrays are copied in pieces.
+/// The largest count of float64 numbers in a piece: half a megabyte. Larger arrays are copied in pieces.
 pub const PIECE: usize = 1 << 16;
 
 /// Copy `from` to `to`, large arrays without the interpreter lock. No other thread may read or write `to`, or write to `from`.

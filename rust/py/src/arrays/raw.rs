@@ -13,8 +13,9 @@ use std::ptr::null_mut;
 
 /// A slice of the elements of a C-contiguous, aligned array, without a copy; `None` for other arrays.
 pub fn in_place<'a, T: Element>(array: &'a Bound<'_, PyArrayDyn<T>>) -> Option<&'a [T]> {
-    // SAFETY: the GIL is held while the slice is used (callers copy before they release it), so no Python code
-    // can write to or free the array meanwhile; contiguity and alignment are checked, and `Bound` keeps it alive.
+    // SAFETY: contiguity and alignment are checked, and `Bound` keeps the array alive. The calling thread holds the GIL while the slice is
+    // used, and callers copy it before they release the GIL. So no other thread can write to the array meanwhile. As in numpy, Python code
+    // that converts another argument must not free the memory (`resize` with `refcheck=False`).
     unsafe {
         let flags = (*array.as_array_ptr()).fields.flags;
         let wanted = npyffi::flags::NPY_ARRAY_C_CONTIGUOUS | npyffi::flags::NPY_ARRAY_ALIGNED;
@@ -77,14 +78,16 @@ fn of_class<'a>(value: &'a Bound<'_, PyAny>, shape: &[usize], class: *mut pyo3::
     }
 }
 
-/// A mutable slice of the elements of the array `out=`; `None` if the array is read-only, or if [`of_shape`] returns `None`.
+/// A mutable slice of the elements of a new array, or of the array `out=`. `None` if the array is read-only or empty, or if [`of_shape`]
+/// returns `None`.
 ///
-/// This is the fast path for small results. The caller ensures that no input overlaps the array.
+/// The caller ensures that no input overlaps the array. It holds the GIL while it writes an array that other code can access.
 #[inline]
 #[allow(clippy::mut_from_ref)]
 pub fn out_of_shape<'a>(value: &'a Bound<'_, PyAny>, shape: &[usize]) -> Option<&'a mut [f64]> {
     let length = of_shape(value, shape)?.len();
-    // SAFETY: `of_shape` has checked the type and the memory of the array, and the GIL is held while its elements are written.
+    // SAFETY: `of_shape` has checked the type and the memory of the array. Only this thread can write it: the thread holds the GIL, or no
+    // other code has a reference to the array.
     unsafe {
         let array = &(*value.as_ptr().cast::<npyffi::PyArrayObject>()).fields;
         if length == 0 || array.flags & npyffi::flags::NPY_ARRAY_WRITEABLE == 0 {
@@ -238,6 +241,9 @@ pub fn is_masked(value: &Bound<'_, PyAny>) -> PyResult<bool> {
 
 /// A mutable slice of the elements of the caller's array `out=`. An array of another type, shape or layout, a read-only array, and an array
 /// that overlaps an argument are refused.
+///
+/// Long work of an `Arm` writes the slice without the GIL. If another thread uses the array during the call, the values are undefined, as
+/// with `out=` of numpy.
 // A `&mut Bound` is never available, because Python code can share every array.
 #[allow(clippy::mut_from_ref)]
 pub fn out_slice<'a>(
@@ -271,7 +277,8 @@ pub fn out_slice<'a>(
             return Err(refuse("overlaps an argument: expected a separate array".into()));
         }
     }
-    // SAFETY: the array is contiguous, aligned and writeable, and overlaps no input. The GIL is held while it is written.
+    // SAFETY: the array is contiguous, aligned and writeable, and overlaps no input. The reference of the call keeps its memory valid,
+    // also without the GIL. As in numpy, other code must not free this memory (`resize` with `refcheck=False`).
     Ok(unsafe { std::slice::from_raw_parts_mut(array.data(), array.len()) })
 }
 

@@ -1,6 +1,7 @@
 //! The conversion of lists, tuples and other sequences to float64.
 //!
-//! The length of a sequence is read first, and no entries beyond this length are converted. Ctrl-C is checked between entries.
+//! The length of a sequence is read first, and no entries beyond this length are converted. Ctrl-C is checked after every
+//! [`POLL`] entries.
 
 use super::convert::{Wrong, array_of, copy, object, real};
 use super::shape::shown;
@@ -19,7 +20,7 @@ const DEEPEST: usize = 16;
 /// The number of entries between two checks for Ctrl-C.
 const POLL: usize = 1 << 12;
 
-/// Whether an object has a length and entries by index, such as a list, a range or a deque.
+/// Whether an object has a length and entries by index, such as a list, a range or a deque. Strings and mappings do not count.
 pub fn is_sequence(value: &Bound<'_, PyAny>) -> bool {
     if value.is_instance_of::<PyList>() || value.is_instance_of::<PyTuple>() {
         return true;

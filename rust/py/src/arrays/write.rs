@@ -1,4 +1,4 @@
-//! New result arrays, C-contiguous. Insufficient memory is a `MemoryError`.
+//! New C-contiguous arrays for results, and for the arguments of Python callables ([`Lent`]). Insufficient memory is a `MemoryError`.
 
 use super::pieces;
 use super::raw::{Bits, made, out_of_shape, overwrite_unseen};

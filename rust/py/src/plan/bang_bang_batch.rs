@@ -36,7 +36,7 @@ pub struct BangBangBatch {
     solved: usize,
 }
 
-/// The number of problems that are solved between two checks for Ctrl-C. They take some milliseconds.
+/// The largest number of problems that a thread solves between two checks for Ctrl-C.
 pub(super) const CHUNK: usize = 1 << 13;
 
 /// The largest number of problems for one thread.

@@ -14,15 +14,15 @@ use pyo3::types::{PyList, PyTuple};
 use std::cell::RefCell;
 use std::sync::Arc;
 
-/// A solver with default options, and the number of rows of each level.
+/// The solver of a call that set no other keywords than `method` and `rounding`, and the number of rows of each level.
 struct Kept {
     solver: Core,
     rows: Arc<[usize]>,
 }
 
 thread_local! {
-    /// The solver of the last single solve with default options on this thread. A loop over stacks of equal sizes therefore allocates its
-    /// buffers once.
+    /// The solver of the last single solve on this thread that set no other keywords than `method` and `rounding`. A loop over single stacks
+    /// of equal sizes with one method therefore allocates the solver's buffers once.
     static LAST: RefCell<Option<Kept>> = const { RefCell::new(None) };
 }
 
@@ -61,19 +61,23 @@ fn solve_row(solver: &mut Core, stack: &Stack) -> Result<Status, Error> {
 ///     jacobians: one `(..., rows_i, n)` per level, the highest priority first. Zero rows, and more rows than joints, are allowed.
 ///     velocities: one `(..., rows_i)` per level, in the unit of the task.
 ///     method: "exact" is the equation above. "clamp" is continuous and bounded, and equals "exact" where all singular values are at least
-///         `eps`. "damped" and "chiaverini" use damped pseudoinverses. "sns" satisfies `v_min` and `v_max` (keyword only, as all below).
-///     eps: threshold on singular values, one number or one per level; None: 0.02 times each level's largest row norm.
+///         `eps`. "damped" and "chiaverini" use damped pseudoinverses. "sns" keeps `v` between `v_min` and `v_max`, and requires at least
+///         one of them. The method and all further arguments are keyword only.
+///     eps: threshold on singular values, > 0, one number or one per level; None: 0.02 times each level's largest row norm. "exact" and
+///         "sns" do not use it.
 ///     rounding: relative error of the entries of the Jacobians; None: 8 times the machine epsilon. For Jacobians that were computed from
 ///         angles `q`, pass `8 (1 + sum|q|)` times the machine epsilon.
 ///     weight: joint metric `W`, `(n, n)`, symmetric and positive definite: `v' W v` is minimised; None: the identity.
-///     v_min, v_max: bounds for "sns", a number or `(n,)`, rad/s or m/s. A missing bound is minus the other bound.
+///     v_min, v_max: bounds for "sns", a number or `(n,)`, rad/s or m/s. A missing bound is minus the other bound. Other methods ignore
+///         them.
 ///
 /// Returns:
 ///     A `PrioritySolution`. A batch does not raise for one invalid row. A row whose numbers are not finite, or whose result overflows, is
 ///     NaN with `Status.DIVERGED`.
 ///
 /// Raises:
-///     InputError: shapes do not fit, the stack is empty, or the method is unknown. For a single stack, a number is not finite.
+///     InputError: shapes do not fit, the stack is empty, the method is unknown, "sns" has no bounds, or an option is out of its range. For
+///         a single stack, also if a number is not finite.
 ///     SolveError: the result of a single stack overflows.
 ///
 /// Source: Siciliano and Slotine, A general framework for managing multiple tasks in highly redundant robotic systems, ICAR 1991.

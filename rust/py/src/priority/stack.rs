@@ -226,7 +226,7 @@ pub fn require_size(py: Python<'_>, function: &str, n: usize, rows: &[usize]) ->
     Ok(())
 }
 
-/// Read one number for all joints, or one per joint. Infinite numbers are accepted, and the core refuses NaN.
+/// Read one number for all `n` joints or levels, or one for each. Infinite numbers are accepted, and the core refuses NaN.
 pub fn per_joint(function: &str, name: &str, value: &Bound<'_, PyAny>, n: usize) -> Result<Vec<f64>, Failure> {
     let (shape, values) = numbers(function, name, value, &[SCALAR, Form(&[Axis::Is(n)])])?;
     spread(&shape, values, n)
