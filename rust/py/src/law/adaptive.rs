@@ -14,8 +14,9 @@ use pyo3::types::{PyBool, PyString, PyTuple};
 ///
 /// `e = q_d - q`, `Lambda = Kd^-1 Kp`, `v_r = v_d + Lambda e`, `a_r = a_d + Lambda e_dot`, `s = v_r - v`, and `Y(q, v, v_r, a_r)` is the
 /// arm's regressor. Without leakage and dead zone, the error `e` converges to zero from every initial state and every initial estimate.
-/// This requires a rigid plant with the structure of the model. The estimate `a_hat` converges to the true parameters `a` only under
-/// excitation. Without `armature=True` the rotor inertia is known, and the law adds `armature a_r` to the torque.
+/// This requires a rigid plant with the structure of the model, without sampling, torque limits and other forces. The estimate `a_hat`
+/// converges to the true parameters `a` only under excitation. Without `armature=True` the rotor inertia is known, and the law adds
+/// `armature a_r` to the torque.
 ///
 /// The estimate has all inertial parameters, or the base set of inertial parameters. After them it has the requested parameters of joints
 /// (friction, rotor inertia), each with its column of `Y`. The columns are `a_r` (rotor inertia), `v_r` (damping), `tanh(v_r / v_s)`

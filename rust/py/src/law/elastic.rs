@@ -165,7 +165,7 @@ impl ElasticImpedance {
 ///     motor_inertia, reduced_inertia, motor_damping, damping_ratio, relative_damping: as for `ElasticImpedance`.
 ///
 /// Raises:
-///     InputError: a shape is wrong, a number is not finite, a matrix is not positive definite, or a name is unknown.
+///     InputError: a shape is wrong, a number is not finite or out of its range, a matrix is not positive definite, or a name is unknown.
 ///
 /// Source: [Ott2008]; docs/elastic.md.
 ///
@@ -224,7 +224,7 @@ impl ElasticTracking {
 ///     joint_stiffness, motor_inertia, reduced_inertia, motor_damping, damping_ratio, relative_damping: as for `ElasticImpedance`.
 ///
 /// Raises:
-///     InputError: a shape is wrong, a number is not finite, or a matrix is not positive definite.
+///     InputError: a shape is wrong, a number is not finite or out of its range, or a matrix is not positive definite.
 ///
 /// Source: Albu-Schaeffer, Ott and Hirzinger, A unified passivity-based control framework for flexible joint robots,
 /// IJRR 26(1), 2007.
@@ -276,8 +276,9 @@ impl JointImpedance {
 
 /// PD control of the motors of elastic joints with gravity compensation: `tau = Kp (theta_d - theta) - Kd theta_dot + g`.
 ///
-/// `theta_d = q_d + K_J^-1 g(q_d)`. The compensation is constant, `g = g(q_d)`, or online, `g = g(theta - K_J^-1 g(q_d))`. `q_d` is an
-/// equilibrium with both. If the gains are too small for the derivative of gravity, there may be further equilibria (see `equilibrium`).
+/// `theta_d = q_d + K_J^-1 g(q_d)`. The compensation is constant, `g = g(q_d)`, or online, `g = g(theta - K_J^-1 g(q_d))`. With an
+/// exact model and no external force, `q_d` is an equilibrium with both. If the gains are too small for the derivative of gravity, there
+/// may be further equilibria (see `equilibrium`).
 ///
 /// Args:
 ///     arm: the model whose gravity is compensated.
@@ -287,7 +288,7 @@ impl JointImpedance {
 ///     online: compute the gravity compensation from the motor positions at every instant (keyword only).
 ///
 /// Raises:
-///     InputError: a shape is wrong, a number is not finite, or a gain is not positive definite.
+///     InputError: a shape is wrong, a number is not finite, or a gain or `joint_stiffness` is not positive definite.
 ///
 /// Source: Tomei, A simple PD controller for robots with elastic joints, IEEE Trans. Automatic Control 36(10), 1991; De Luca,
 /// Siciliano and Zollo, PD control with on-line gravity compensation for robots with elastic joints, Automatica 41, 2005.
@@ -345,7 +346,7 @@ impl MotorPD {
 ///     joint_stiffness: `K_J`, N m/rad or N/m, positive definite: scalar, `(n,)` or `(n, n)`.
 ///
 /// Raises:
-///     InputError: a shape is wrong, a number is not finite, or a gain is not positive definite.
+///     InputError: a shape is wrong, a number is not finite, or a gain or `joint_stiffness` is not positive definite.
 ///
 /// Source: Albu-Schaeffer and Hirzinger, A globally stable state feedback controller for flexible joint robots,
 /// Advanced Robotics 15(8), 2001.

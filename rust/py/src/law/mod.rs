@@ -114,8 +114,8 @@ fn by_level<'py>(py: Python<'py>, rows: &[usize], shape: &[usize], values: &[f64
 impl Law {
     /// Compute the input of the plant, `(n,)`, at the time `t` in s, the positions `q` and the velocities `v`, `(n,)` each.
     ///
-    /// `theta`, `theta_dot`: motor positions and velocities, `(n,)`, rad and rad/s, for laws of elastic arms. `state`: the state of the
-    /// law, such as an estimate `(p,)`; its initial value if None.
+    /// `theta`, `theta_dot`: motor positions and velocities, `(n,)`, rad or m, rad/s or m/s, for laws of elastic arms. `state`: the
+    /// state of the law, such as an estimate `(p,)`; its initial value if None.
     ///
     /// Raises:
     ///     InputError: an argument is wrong, or the input is not finite because a product overflows.

@@ -73,11 +73,12 @@ impl<'py> Arguments<'py> {
 ///         the velocity is at most `(q_max - q) / horizon` and at least `(q_min - q) / horizon`.
 ///     a_max: deceleration before a position limit for "sns", a number or `(n,)`, rad/s^2 or m/s^2 (keyword only). The velocity is at most
 ///         `sqrt(2 a_max (q_max - q))`, and the lower bound has the same form. None: without this bound.
-///     horizon: the shortest time in which a joint may reach its position limit, s; 0.1 if None (keyword only). It must be at least the
-///         step or the sample time.
+///     horizon: for "sns", the shortest time in which a joint may reach its position limit, s; 0.1 if None (keyword only). It must be at
+///         least the step or the sample time.
 ///
 /// Raises:
-///     InputError: a shape is wrong, a task has no target, or a name or the method is unknown.
+///     InputError: a shape is wrong, a number is not finite or out of its range, a task has no target, or a name or the method is unknown.
+///         It is also raised for "sns" without velocity bounds, and for limits and `horizon` with another method.
 ///
 /// Source: Siciliano and Slotine, A general framework for managing multiple tasks in highly redundant robotic systems, ICAR 1991.
 ///
@@ -135,10 +136,12 @@ impl PriorityVelocity {
 ///     v_min, v_max, q_min, q_max: limits for "sns" as for `PriorityVelocity` (keyword only). At every evaluation the acceleration is at
 ///         most `(v_u - v) / horizon` with `v_u = min(v_max, (q_max - q) / (4 horizon), sqrt(a_max (q_max - q)))`. The lower bound has the
 ///         same form.
-///     horizon: a time as for `PriorityVelocity`, s; 0.1 if None (keyword only). It must be at least the step or the sample time.
+///     horizon: for "sns", a time as for `PriorityVelocity`, s; 0.1 if None (keyword only). It must be at least the step or the sample
+///         time.
 ///
 /// Raises:
-///     InputError: a shape is wrong, a task has no target, or a name or the method is unknown.
+///     InputError: a shape is wrong, a number is not finite or out of its range, a task has no target, or a name or the method is unknown.
+///         It is also raised for "sns" without velocity bounds, and for limits and `horizon` with another method.
 ///
 /// Source: [siciliano1991priority, nakanishi2008operational]; bounds: [flacco2015saturation].
 ///

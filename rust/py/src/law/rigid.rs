@@ -53,7 +53,8 @@ impl ComputedTorque {
 
 /// PD control with gravity compensation: `tau = Kp (q_d - q) - Kd v + g(q)`.
 ///
-/// A rigid arm converges to the target from every state if the model's gravity is exact, and no other forces act.
+/// A rigid arm converges to the target from every state if the model's gravity is exact, and no other forces act. This is proved for a
+/// loop without sampling and torque limits.
 ///
 /// Args:
 ///     arm: the model whose gravity is compensated.
