@@ -26,7 +26,7 @@ __all__ = ["Balances", "energy_error", "quiet", "warn_of_balances"]
 
 Array: TypeAlias = NDArray[np.float64]
 
-#: Largest `energy_error` without a warning, as a fraction of the energy. Steps that are just fine enough have an error of 1e-2 or less.
+#: Largest `energy_error` without a warning: a fraction of the largest energy stored or exchanged.
 MOST_ENERGY = 0.1
 #: Largest `energy_missing` without a warning, J. The rounding of an arm at rest causes smaller values.
 LEAST_ENERGY = 1e-6

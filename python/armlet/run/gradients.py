@@ -62,8 +62,8 @@ def gradient(
         law: the law, or for a batch also a list with one law per row.
         q0: initial position, (n,), rad or m; (B, n) for a batch. The threads share the rows of a batch.
         names: names of numbers such as `["law.kp", "arm.parameters", "q0"]`, as for `simulate(sensitivity=)`.
-        memory: size of the stored states, bytes. States between two stored states are computed again. Each thread of a batch uses this
-            size.
+        memory: approximate limit of the stored states, bytes. States between two stored states are computed again. The limit holds for
+            each thread of a batch.
         keywords: the keywords of `simulate`, including `t_end`. For a batch: the keywords of `simulate_batch` that concern its runs, and
             `threads`.
 

@@ -46,7 +46,7 @@ Row: TypeAlias = dict[str, Any]
 
 #: The path of a quantity of the loop, such as `law.kp`, or of one of its entries, such as `run.q0[1]`.
 ENTRY = re.compile(r"(law\.[A-Za-z_]+|run\.(?:q0|v0))(?:\[(\d+)\])?")
-#: Size of the states that an adjoint run stores, bytes.
+#: Approximate limit of the states that an adjoint run stores, bytes. Other states are computed again.
 MEMORY = 1 << 26
 
 
