@@ -21,7 +21,7 @@ def test_chain(case: dict[str, Any]) -> None:
     given, expected = case["input"], case["expected"]
     arm = al.Arm.from_chain(given["chain"]["joints"], gravity=[float(x) for x in given["chain"]["gravity"]])
     q, v, v_r, a_r = (np.array(given[name], dtype=float) for name in ("q", "qd", "qd_r", "qdd_r"))
-    # The file states the tolerance. The entries are up to about 50.
+    # The file states the tolerance.
     close = {"rtol": case["tolerance"]["rel"], "atol": case["tolerance"]["abs"]}
     regressor = arm.regressor(q, v, v_r, a_r)
     np.testing.assert_allclose(regressor @ arm.parameters, expected["tau"], **close)
@@ -42,7 +42,7 @@ def test_a_batch_is_its_rows() -> None:
         (arm.regressor(q, v, v, a), lambda i: arm.regressor(q[i], v[i], v[i], a[i])),
     ):
         for i in (0, 7, 8, 299):
-            # SIMD lanes and single calls round in a different order. The largest entries are some hundreds.
+            # SIMD lanes and single calls may round in a different order. The entries are at most 51.
             np.testing.assert_allclose(batch[i], row(i), rtol=1e-11, atol=1e-11)
     np.testing.assert_allclose(arm.forward_dynamics(q, v, arm.inverse_dynamics(q, v, a)), a, rtol=1e-8, atol=1e-8)
 
