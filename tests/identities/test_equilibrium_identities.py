@@ -46,7 +46,7 @@ def test_the_rest_is_where_a_run_ends(name: str, wall: al.Wall | None) -> None:
     plant = al.ElasticArm(ARM, FULL_K if name == "full" else K, B, wall=wall)
     rest = al.equilibrium(plant, LAWS[name], FORCE, q0=START, force_frame="link2")
     end = settled(plant, LAWS[name], FORCE)
-    # The run has converged to its tolerance.
+    # The run has converged.
     np.testing.assert_allclose(rest.q, end.q[-1], rtol=0.0, atol=1e-6)
     np.testing.assert_allclose(rest.theta, end.theta[-1], rtol=0.0, atol=1e-6)
     np.testing.assert_allclose(rest.tau, end.tau[-1], rtol=0.0, atol=1e-3)
@@ -70,7 +70,7 @@ def test_unforced_laws_of_motors_rest_at_their_target() -> None:
 
 
 def test_a_weak_law_of_motors_rests_where_it_should_not() -> None:
-    # kp is below the derivative of gravity, 5 N m/rad, so there are equilibria other than the target.
+    # kp is below the largest derivative of gravity, 5 N m/rad, so there are equilibria other than the target.
     link = al.pendulum(1.0, 5.0)
     plant = al.ElasticArm(link, 500.0, 0.2)
     law = al.MotorPD(link, [0.5], 0.2, 1.0, 500.0)

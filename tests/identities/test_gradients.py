@@ -140,8 +140,8 @@ def test_every_method_with_fixed_steps(name: str, method: str) -> None:
 @pytest.mark.parametrize("method", ["dopri5", "dop853"])
 def test_adaptive_methods_with_their_steps_frozen(method: str) -> None:
     options: dict[str, Any] = {"t_end": 0.1, "method": method, "rtol": 1e-12, "atol": 1e-13, "v0": V0, "t_eval": [0.0, 0.033, 0.1]}
-    # Runs with changed parameters take different steps. So the tolerance is the error of a run divided by the step of the difference
-    # quotient, 1e-3.
+    # Runs with changed parameters take different steps. So the difference quotient divides the errors of the runs by its step, which
+    # is 1e-3 of `size`.
     compare(plant_of("Adaptive"), LAWS["Adaptive"](), ["law.kp", "law.gamma", "law.motion.amplitude", "q0", "v0"], options, 1e-7)
 
 
@@ -206,7 +206,7 @@ def test_an_exponential_has_its_closed_form() -> None:
     r, slope = 1 + z + z**2 / 2 + z**3 / 6 + z**4 / 24, 1 + z + z**2 / 2 + z**3 / 6
     assert run.sensitivity is not None
     found = {name: one.q[:, 0, 0] for name, one in run.sensitivity.items()}
-    # The tolerance covers rounding of 50 steps.
+    # The results agree up to rounding.
     np.testing.assert_allclose(found["q0"], r**k, rtol=0.0, atol=1e-12)
     np.testing.assert_allclose(found["law.tasks.0.target"], 1 - r**k, rtol=0.0, atol=1e-12)
     np.testing.assert_allclose(found["law.tasks.0.gain"], 0.6 * k * r ** (k - 1.0) * slope * h, rtol=0.0, atol=1e-12)

@@ -137,9 +137,9 @@ def test_the_profile_moves_the_link() -> None:
         t = np.linspace(0.0, np.nextafter(best.t, 0.0), 257)
         q, v, a, tau = o.profile(t)
         assert set(tau.tolist()) <= {tau_max, tau_min}
-        # The equation of motion has terms of order one.
+        # The equation of motion holds up to rounding.
         np.testing.assert_allclose(inertia * a + gravity * np.sin(q), tau, rtol=0.0, atol=1e-13)
-        # While the torque is constant, I v^2/2 - G cos q - tau q is constant. The tolerance 1e-8 covers motions near a stall.
+        # While the torque is constant, I v^2/2 - G cos q - tau q is constant up to rounding.
         energy = inertia * v**2 / 2 - gravity * np.cos(q) - tau * q
         phase = np.searchsorted(best.t_switches, t, side="right")
         for k in range(len(best.switches) + 1):
@@ -160,7 +160,7 @@ def test_friction() -> None:
         if rough.feasible:
             assert rough.best.t <= rough.t and (rough.best.kind == "monotone") == (rough.best.t == rough.t)
             nearly = al.torque_optimal_time(*p[:5], tau_min=p[5], viscous=1e-9)
-            # The time is continuous at zero friction: friction of 1e-9 changes T by about 1e-9 T, and by more near a stall.
+            # The time is continuous at zero friction: friction of 1e-9 changes T little. Near a stall it changes T more.
             assert not plain.feasible or nearly.t == pytest.approx(plain.t, rel=1e-5)
         c = 0.05
         if p[1] > p[0] and p[4] > c:
@@ -196,7 +196,7 @@ def test_swings_with_friction() -> None:
     first, second = (np.repeat(ends, TURNS) for ends in (theta0, thetaf))
     detours = (friction_trials.legs(first, turns.ravel(), each) + friction_trials.legs(turns.ravel(), second, each)).reshape(turns.shape)
     straight = friction_trials.legs(theta0, thetaf, parameters)
-    # Legs of 1,500 steps have an accuracy of 1e-5; near a stall 3e-4.
+    # Legs of 1,500 steps have a relative error of at most 1e-5.
     np.testing.assert_allclose(straight, monotone, rtol=1e-3)
     np.testing.assert_allclose(detours[swings, 0], best[swings], rtol=1e-3)
     assert not np.any(detours < best[:, None] * (1.0 - 1e-3))

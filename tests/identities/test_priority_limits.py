@@ -109,7 +109,7 @@ def test_rounding_of_a_command_does_not_move_saturated_velocities() -> None:
         found = al.solve_priority(Js, vs, method="sns", v_max=0.3)
         near = [[J * (1.0 + 1e-15 * rng.normal(size=J.shape)) for J in Js] for _ in range(4)]
         moved = max(float(np.abs(al.solve_priority(other, vs, method="sns", v_max=0.3).v - found.v).max()) for other in near)
-        # The rows of random stacks have singular values above 1e-3. So each of two levels amplifies rounding of 1e-15 by at most 1e3.
+        # The inverses of the levels amplify rounding, here to at most 2e-14.
         assert moved <= 1e-9
         saturated += int(found.scales[1] < 1.0 and found.scales[2] > 0.0)
     assert saturated >= 10

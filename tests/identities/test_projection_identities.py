@@ -120,7 +120,7 @@ def test_rows_of_a_batch_are_the_single_runs() -> None:
     assert batch.estimate is not None
     for i, law in enumerate(laws):
         run = al.simulate(al.RigidArm(arm), law, np.zeros(2), t_end=1.0, dt=1e-4, record_every=500)
-        # The runs use two instruction sets with errors of 1e-12 each. With steps of 1 ms the stiff boundary layer would amplify rounding.
+        # The rows of the batch agree with single runs up to rounding.
         np.testing.assert_allclose(batch.estimate[i], np.asarray(run.estimate), rtol=0.0, atol=1e-12)
         assert np.min(shares(batch.estimate[i], least[i])) > 0.5
 

@@ -95,7 +95,7 @@ def test_random_links(stratum: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert not failed, f"{len(failed)}: " + "; ".join(failed[:SHOWN])
 
 
-#: Problems with difficult swings: the back-swing is at most 1e-5 rad, the turning angles are in narrow intervals, or the swing is slightly
+#: Problems with difficult swings: the back-swing is very short, the turning angles are in narrow intervals, or the swing is slightly
 #: faster than a monotone motion near a stall.
 NARROW = [
     [-3.4667431832180107, -2.814124262858684, 10.577386720594172, -109865.70587046185, 94.14145400106368, -40246.14372858033],
@@ -129,7 +129,7 @@ def test_a_minimum_where_one_part_of_its_slope_changes_sign() -> None:
 
 
 def test_rules_that_agree_by_chance() -> None:
-    # A motion of two turns. With the tolerance 1e-12, two quadrature rules that are compared have the same error, 1e-10 of the duration.
+    # A motion of two turns, for which two quadrature rules that are compared had the same error by chance.
     row = [5.599521593263056, 18.91548469442784, 1.3232613864949951, -0.18523837054913272, 1.688013602722488, -0.5040704951942897]
     tally, failed = link_trials.judge_optima(np.array([row]), np.random.default_rng(1))
     assert not failed and tally["monotone, checked"] == 1, (tally, failed)

@@ -120,14 +120,14 @@ def motors(level: str, method: str, rtol: float, **more: Any) -> al.Run:
     return al.simulate(al.ElasticArm(arm, [k] * 2, [0.5] * 2), law, q0, theta0=q0, method=method, rtol=rtol, **keywords)
 
 
-# Largest numbers of steps at rtol 1e-8. An error ten times smaller needs 1.8 times as many steps.
+# Largest numbers of steps at rtol 1e-8. With radau5, a decade of tolerance takes 1.8 times as many steps.
 @pytest.mark.parametrize(("method", "steps"), [("radau5", 1500), ("rodas4", 2500)])
 @pytest.mark.parametrize("level", STIFF)
 def test_tight_tolerances_are_met_where_springs_are_stiff(level: str, method: str, steps: int) -> None:
     truth = motors(level, "radau5", 1e-11).q
     for decade, rtol in ((0, 1e-8), (1, 1e-9), (2, 1e-10)):
         run = motors(level, method, rtol)
-        # RODAS loses an order in the transient of motors: a decade takes 2.9 times as many steps.
+        # RODAS loses an order in the transient of motors: a decade takes 2.6 to 3.4 times as many steps.
         assert run.stats["steps"] < steps * 3.0**decade, rtol
         assert run.stats["rejections"] < 0.05 * run.stats["steps"], rtol
         assert np.abs(run.q - truth).max() < 100.0 * rtol, rtol

@@ -52,7 +52,7 @@ def test_closed_loops_pass_through_singularities(case: dict[str, Any]) -> None:
         sigma = np.array([np.linalg.svd(arm.jacobian(q, "link4")[:2], compute_uv=False)[-1] for q in run.q])
         regular = sigma >= eps[0]
         assert regular.all()
-        # Each velocity solves the first task exactly. The closed loop has the error of the integrator, of order 1 to 2 at kinks.
+        # Each velocity solves the first task exactly. The closed loop has the error of the integrator.
         assert run.monitors["residual_1"].max() <= 1e-12 * (1 + np.abs(run.v).max())
         assert run.monitors["error_1"].max() <= 1e-5 * L
         speed = np.linalg.norm(run.v, axis=1)
@@ -72,7 +72,7 @@ def test_errors_decay_with_their_gains() -> None:
     q0 = [0.3, 0.4, -0.6, 0.5, 0.4]
     run = al.simulate(al.VelocityArm(arm), law, q0, t_end=1.0, method="dop853", t_eval=[0.0, 1.0])
     start, end = [np.concatenate(law.terms(0.0, q, np.zeros(5))["e"]) for q in (run.q[0], run.q[-1])]
-    # The tolerance covers rtol 1e-8 and atol 1e-10 of the integrator, amplified ten times.
+    # The tolerance is ten times that of the integrator, which is 1e-8 relative and 1e-10 absolute.
     np.testing.assert_allclose(end, start * np.exp(-np.array([*gain, 2.0])), rtol=1e-7, atol=1e-9)
 
 
@@ -105,7 +105,7 @@ def test_joint_limits_are_left_alone_and_left() -> None:
     after = law.terms(0.0, run.q[-1], np.zeros(7))["e"][1]
     assert np.count_nonzero(before) >= 1
     assert np.abs(after).max() < 0.9 * np.abs(before).max()
-    # The point is fixed while the arm moves around it. The error is that of rk4 for a velocity with kinks.
+    # The point is fixed while the arm moves around it. The error is that of rk4.
     assert run.monitors["error_1"].max() <= 1e-6
 
 
@@ -143,7 +143,7 @@ def test_accelerations_in_priority_move_rigid_arms() -> None:
     decay = (1 + 5.0 * run.t) * np.exp(-5.0 * run.t)  # critical damping from rest, D = 2 K^1/2
     for i, t in enumerate(run.t):
         e = law.terms(t, run.q[i], run.v[i])["e"]
-        # The tolerance covers rtol 1e-8 of the integrator over 3 s.
+        # The difference is the error of the integrator over 3 s.
         np.testing.assert_allclose(e[0], start["e"][0] * decay[i], rtol=0, atol=1e-6)
     assert abs(law.terms(3.0, run.q[-1], run.v[-1])["e"][1]).max() <= 1e-4
     terms = law.terms(0.4, q0, [0.2, -0.4, 0.3, 0.1])
@@ -220,6 +220,5 @@ def test_a_mirrored_arm_is_searched_as_the_arm() -> None:
         ]
         same += bool(np.allclose(found[0].q, -found[1].q, rtol=0.0, atol=1e-6)) and found[0].iterations == found[1].iterations
         at_limits += bool((found[0].q == low).any())
-    # 95 of 100 searches are equal. A few long ones differ, because rounding is not symmetric. If lower limits had no effect, 33 would be
-    # equal.
+    # Rounding is not symmetric, so a few long searches may differ.
     assert same >= 85 and at_limits > 0, (same, at_limits)

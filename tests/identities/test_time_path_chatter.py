@@ -19,7 +19,7 @@ LINKS = [0.5, 0.4]
 ARM, CHECKER = al.planar_arm(LINKS), ref.planar_arm(LINKS)
 Q = np.array([[0.0, 0.0], [0.5, 0.8], [1.2, 0.3]])
 TAU = np.array([20.0, 8.0])
-# Relative distance to the active limit in the middle of a segment. On the final grid it is about 1e-5.
+# A limit is active if its relative distance in the middle of a segment is below this number.
 ACTIVE = 1e-3
 PROMISE = 1e-9
 
@@ -51,7 +51,7 @@ def jumps(p: al.TimedPath, limits: dict[str, Any]) -> tuple[np.ndarray, np.ndarr
     even = np.isclose(np.roll(steps, 1), steps, rtol=1e-6)
     inner = np.arange(2, active.size - 1)
     chosen = inner[(np.ptp(np.stack(near), axis=0) == 0)[inner] & (active[inner] >= 0) & even[inner]]
-    # The time difference is so short that the motion itself changes the torque by less than 1e-6.
+    # The times differ from that of the point by 1e-8 of the duration, in which the motion itself hardly changes the torque.
     aside = 1e-8 * p.duration
     before, after = (CHECKER.inverse_dynamics(*p(p.t[chosen] + side * aside)) for side in (-1.0, 1.0))
     return np.abs(after - before), active[chosen]

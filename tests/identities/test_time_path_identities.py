@@ -58,7 +58,7 @@ def judge(arm: Any, p: al.TimedPath, spline: Any, limits: dict[str, Any], rng: A
     if limits.get("tau_max") is not None:
         tau, rounding = timing.torques(arm, q, v, a, viscous)
         assert timing.excess(tau, limits["tau_max"], rounding) <= PROMISE
-    # The numbers are of order one, so the tolerance is the rounding error of the motion.
+    # Speeds and accelerations exceed their limits by at most the relative tolerance of the planner.
     for name, values in (("v_max", v), ("a_max", a)):
         if limits.get(name) is not None:
             assert timing.excess(values, limits[name]) <= PROMISE, name
@@ -219,7 +219,7 @@ def test_stops_and_speeds_at_the_ends() -> None:
     np.testing.assert_allclose(stopped(stopped.t[k])[0], q[1], atol=1e-12)
     assert stopped.s_dot[k] == 0.0
     moving = al.time_path(arm, q, tau_max=30.0, start_speed=0.5, end_speed=0.25)
-    # The motion takes about a second. Its end speeds equal the arguments, up to rounding.
+    # The motion takes 0.16 s. Its end speeds equal the arguments, up to rounding.
     assert (moving.s_dot[0], moving.s_dot[-1]) == (pytest.approx(0.5, rel=1e-12), pytest.approx(0.25, rel=1e-12))
     assert moving.duration < free.duration
     assert np.abs(moving(moving.duration)[1]).max() > 0.0 and np.abs(moving(moving.duration + 1e-9)[1]).max() == 0.0
@@ -262,7 +262,7 @@ def test_a_path_that_turns_back_within_rounding(grid: int) -> None:
     arm = al.planar_arm([0.5, 0.4], gravity=(0.0, 0.0))
     path = al.time_path(arm, [there, turn, there], tau_max=tau_max, v_max=[2.604642581277789, 1.3478641318789544], grid=grid)
     assert path.reason is None
-    # The largest error of grids with about 30 points.
+    # The tolerance is for the error of coarse grids.
     assert path.duration == pytest.approx(1.1277, rel=1e-4)
 
 
@@ -280,6 +280,6 @@ def test_torques_that_peak_beside_a_grid_point() -> None:
         if p.feasible:
             planned += 1
             t = (p.t[:-1, None] + np.diff(p.t)[:, None] * beside).ravel()
-            # At a grid point p(t) has the acceleration of one of the two segments. Rounding, about 1e-13, is below the tolerance.
+            # At a grid point p(t) has the acceleration of one of the two segments. Rounding is below the tolerance.
             assert np.max(np.abs(arm.inverse_dynamics(*p(t[t < p.duration]))) / limit) <= 1.0 + PROMISE
     assert planned > 60

@@ -84,7 +84,7 @@ def test_drake_joint_speeds() -> None:
     lower, upper = 1.1 + 0.1 * np.arange(7), 2.1 + 0.1 * np.arange(7)
     v_max = np.where(END > START, upper, lower)
     p = al.time_path(ARM, [START, END], v_max=v_max, a_max=A_MAX)
-    # The grid of path positions adds up to 1e-4 of the duration.
+    # The grid of path positions makes the motion slightly longer.
     assert p.duration == pytest.approx(least(END - START, v_max, A_MAX), rel=2e-4)
     v = p(instants(p))[1]
     assert np.all(v <= upper * (1 + PROMISE)) and np.all(v >= -lower * (1 + PROMISE))
@@ -115,7 +115,7 @@ def test_drake_speed_of_a_frame() -> None:
     for limit in forms:
         p = al.time_path(ARM, [START, END], a_max=A_MAX, tip_speed=limit, frame=TOOL)
         speed = np.linalg.norm(moved(p, instants(p))[0], axis=1)
-        # The error of the differences is h^4 times the fifth derivative, about 1e-10 m/s.
+        # The error of the differences is proportional to h^4 and to the fifth derivative.
         assert p.feasible and speed.max() <= 1.1 * (1 + PROMISE) + 1e-9
         assert speed.max() > 1.1 * (1 - 1e-4)
         durations.append(p.duration)
@@ -189,7 +189,7 @@ def test_toppra_short_moves(q: Any, v_max: Any, a_max: Any, theirs: tuple[float,
     p = al.time_path(al.planar_arm([0.5, 0.4, 0.3]), q, v_max=v_max, a_max=a_max)
     d = np.asarray(q[-1]) - np.asarray(q[0])
     d = np.where(d == 0.0, 1e-300, d)
-    # The waypoints of SMALL and ISSUE_26 deviate from a line, and from even spacing, by 1e-3 of a step.
+    # The waypoints of SMALL and ISSUE_26 deviate slightly from a line and from even spacing.
     assert p.duration == pytest.approx(least(d, v_max, a_max), rel=2e-3)
     assert p.duration < theirs[1] < theirs[0]
     _, v, a = p(instants(p))
