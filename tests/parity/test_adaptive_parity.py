@@ -19,7 +19,7 @@ from armlet import reference
 
 Array = NDArray[np.float64]
 
-# Numbers are below 1e3 and result from a few dozen operations: 1e-12 of the largest number is more than 100 roundings.
+# The tolerance is 1e-12 of the largest number, which is some thousand rounding errors.
 ROUNDING = 1e-12
 
 
@@ -85,7 +85,7 @@ def test_arm_functions(name: str, lead: tuple[int, ...]) -> None:
     for _ in range(8):
         pi = parameters(rng)
         values = rng.uniform(-3.0, 3.0, (FUNCTIONS[name], *lead, 2))
-        # The determinant of M may be as small as 0.1 A C, so forward dynamics amplifies rounding tenfold.
+        # The determinant of M may be as small as 0.1 A C, so forward dynamics amplifies rounding.
         close(getattr(al.planar_pr(*pi), name)(*values), getattr(reference.planar_pr(*pi), name)(*values), 10 * ROUNDING)
 
 

@@ -12,8 +12,7 @@ import armlet as al
 from armlet import reference
 
 ROWS = 3
-# Rounding errors grow over the steps, with accelerations of some hundred rad/s^2 or m/s^2, and with complex-step derivatives in the
-# reference.
+# Rounding errors of the accelerations, and of the complex-step derivatives of the reference, grow over the steps.
 ROUNDING = 1e-9
 
 

@@ -96,7 +96,7 @@ def test_terms(option: str, n: int) -> None:
     got, want = ours.terms(0.3, q, v, state=state_of(other, ours, q, v, state)), other.terms(0.3, q, v, state=state)
     for key in ("tau", "W", "tau_W", "e_W"):
         close(got[key], want[key], tolerance=1e-11)
-    # The 10 x 10 metric has a condition number of about 1e4.
+    # For natural adaptation the reference solves with a 10 x 10 matrix for each body, which amplifies rounding.
     close(got["estimate_rate"], want["state_rate"][:p], tolerance=1e-10)
 
 

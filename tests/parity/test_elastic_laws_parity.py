@@ -69,7 +69,7 @@ def test_torques(name: str, options: dict[str, Any], n: int, form: str) -> None:
     for t, (q, v, theta, theta_dot) in zip((0.0, 0.4), np.random.default_rng([n, 1]).uniform(-1.0, 1.0, (2, 4, n)), strict=True):
         got = law.terms(t, q, v, theta=theta, theta_dot=theta_dot)
         want = other.terms(t, q, v, theta, theta_dot)
-        # The torque is a product with two full matrices, each of condition number 100.
+        # The torque is a product with two full matrices, which amplify rounding.
         close(law(t, q, v, theta=theta, theta_dot=theta_dot), want["tau"], tolerance=1e-11)
         for key in {"u", "tau_J", "e", "g", "theta_d", "x_d"} & got.keys() & want.keys():
             close(np.asarray(got[key]), want[key], 1e3, 1e-11)

@@ -27,8 +27,7 @@ def record(m: al.ExcitingMotion, count: int) -> tuple[Array, Array, Array]:
 
 def same(m: al.ExcitingMotion, theirs: Any, count: int, **options: Any) -> None:
     want = ref.excitation(theirs, *record(m, count), **options)
-    # With a condition number below 1e4, the triangular factor keeps twelve of sixteen digits. The tolerance also covers rounding of the
-    # samples.
+    # The condition number amplifies rounding of the samples and of the triangular factor.
     assert m.condition == pytest.approx(want.condition, rel=1e-8)
     np.testing.assert_allclose(m.deviations, want.deviations, rtol=1e-8)
 
@@ -79,5 +78,5 @@ def test_options_of_the_search() -> None:
     np.testing.assert_allclose(keywords["frequency"], np.broadcast_to(2.0 * np.pi / 5.0 * np.array([1.0, 2.0]), (2, 2)), rtol=1e-15)
     theirs_motion = ref.Sinusoid(*(keywords[name] for name in ("offset", "amplitude", "frequency", "phase")))
     for t in (0.3, 7.9):
-        # The motion is a sum of a few sines, so rounding is below 1e-12.
+        # The motion is a sum of a few sines, so both agree up to rounding.
         np.testing.assert_allclose(np.array(first(t)), np.array(theirs_motion(t)), rtol=0.0, atol=1e-12)

@@ -15,7 +15,7 @@ from loops import Array, close, law_pair, pair
 import armlet as al
 from armlet import reference
 
-# Rounding errors grow over the steps, with accelerations of some hundred rad/s^2 or m/s^2, and with the stiffness of the bristles.
+# Rounding errors of the accelerations and of the stiff bristles grow over the steps.
 ROUNDING = 1e-9
 # The reference iterates until the impulses change by less than 1e-15 of the largest. The inertia matrix amplifies this error.
 SWEEPS = 1e-9

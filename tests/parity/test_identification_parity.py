@@ -26,7 +26,7 @@ def test_base_parameters(n: int, seed: int, options: dict[str, Any]) -> None:
     arm, theirs = driven_tree(n, seed)
     got, want = arm.base_parameters(**options), ref.base_parameters(theirs, **options)
     np.testing.assert_array_equal(got.columns, want.columns)
-    # The smallest distance of a column from the space of the previous columns is 1e-4, which amplifies rounding.
+    # Some columns are close to the space of the previous columns, which amplifies rounding.
     close(got.projection, want.projection, tolerance=1e-10)
     close(got.values, want.values, tolerance=1e-10)
 
@@ -63,7 +63,7 @@ def test_possible_parameters(n: int) -> None:
         if got.eigenvalues.max() <= 0.0:
             continue
         for options in ({}, {"length": 0.3, "floor": 1e-3}):
-            # Entries are divided by the length and multiplied again, which amplifies rounding. The square of the length is at least 0.01.
+            # Entries are divided by the length and multiplied again, which amplifies rounding.
             close(al.project_parameters(pi, **options), ref.project_parameters(pi, **options), tolerance=1e-11)
             np.testing.assert_array_equal(arm.project_parameters(pi, **options), al.project_parameters(pi, **options))
     assert possible and impossible
@@ -74,7 +74,7 @@ def compare(got: Any, want: Any, rounding: float) -> None:
     """Compare all results of an identification. `rounding` is the relative tolerance of the identified values."""
     assert got.rank == want.rank
     close(got.singular_values, want.singular_values)
-    # The rounding error of the least singular value is about 1e-12 of the largest singular value.
+    # The rounding error of the least singular value is proportional to the largest singular value.
     assert got.condition == pytest.approx(want.condition, rel=1e-9)
     close(got.values, want.values, tolerance=rounding)
     close(got.covariance, want.covariance, float(np.abs(want.covariance).max()), 1e-6)
@@ -96,7 +96,7 @@ def test_identification(n: int, options: dict[str, Any]) -> None:
     tau = theirs.inverse_dynamics(q, v, a, friction=True) + 0.1 * rng.normal(size=(samples, n))
     for extra in ({}, {"noise": rng.uniform(0.1, 2.0, n)}):
         got = arm.identify(q, v, a, tau, **options, **extra)
-        # Rounding of the torque is divided by the least singular value, about 1e-4.
+        # Rounding of the torque is divided by the least singular value.
         compare(got, ref.identify(theirs, q, v, a, tau, **options, **extra), 1e-9)
 
 

@@ -134,7 +134,7 @@ def test_several_solutions(count: int) -> None:
     assert found.q.shape == want.q.shape == (3, count, 2) and found.errors[0].shape == want.errors[0].shape
     assert found.reached.tolist() == want.reached.tolist()
     here = min(count, 2)
-    # Both solutions err by the tolerance divided by the smallest singular value, about 0.2. Joints without limits may differ by full turns.
+    # Both solutions err by the tolerance divided by the smallest singular value. Joints without limits may differ by full turns.
     gap = found.q[:2, :here] - want.q[:2, :here]
     if count == 2:
         order = np.argsort(np.sin(found.q[:2, :here, 1])), np.argsort(np.sin(want.q[:2, :here, 1]))

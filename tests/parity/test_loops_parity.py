@@ -25,7 +25,7 @@ def test_a_run_is_the_references(name: str, n: int) -> None:
     options: dict[str, Any] = {"t_end": 0.02, "dt": 2e-3, "v0": v0}
     run = al.simulate(al.RigidArm(arms[0]), law, q0, **options)
     theirs = reference.simulate(reference.RigidArm(arms[1]), their_law, q0, **options)
-    # Rounding errors grow over the steps, with accelerations of some hundred rad/s^2, and with complex-step derivatives in the reference.
+    # Rounding errors of the accelerations, and of the complex-step derivatives of the reference, grow over the steps.
     for field in ("q", "v", "tau"):
         close(getattr(run, field), theirs[field], 1e-9)
     if name in ("Adaptive", *PIDS):
@@ -46,7 +46,7 @@ def test_forces_in_steps(sample_time: float | None) -> None:
     q0 = rng.uniform(-0.3, 0.3, 3)
     run = al.simulate(al.RigidArm(arms[0]), law, q0, **options)
     theirs = reference.simulate(reference.RigidArm(arms[1]), their_law, q0, **options)
-    # Rounding errors grow over the steps, with accelerations of some hundred rad/s^2, and with complex-step derivatives in the reference.
+    # Rounding errors of the accelerations, and of the complex-step derivatives of the reference, grow over the steps.
     for field in ("q", "v", "tau"):
         close(getattr(run, field), theirs[field], 1e-9)
     free = al.simulate(al.RigidArm(arms[0]), law, q0, **(options | {"force": None}))

@@ -110,7 +110,7 @@ FRICTION = [
 def test_friction(row: tuple[float, ...]) -> None:
     """Minimum times with friction agree.
 
-    armlet uses Taylor series of order 24, and the reference at least 300 Runge-Kutta steps, which err by about 1e-9 of the time.
+    armlet uses Taylor series of order 24, and the reference at least 300 Runge-Kutta steps.
     """
     limits = {"tau_min": row[5], "viscous": row[6], "coulomb": row[7]}
     got, expected = al.torque_optimal_time(*row[:5], **limits), ref.torque_optimal_time(*row[:5], **limits)

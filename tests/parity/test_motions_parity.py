@@ -39,7 +39,7 @@ def test_timed_paths(n: int, options: dict[str, float]) -> None:
     times = [-0.1, 0.0, *p.t[1:-1:7], *rng.uniform(0.0, p.duration, 60), p.duration, p.duration + 0.1]
     for t in times:
         got, want = p(float(t)), other(float(t))
-        # The duration T of an interval, about 1e-3 of the whole, has a relative error of 1e-13. The coefficient b divides by T^2.
+        # The duration T of an interval is a difference of times, so it has a rounding error. The coefficient b divides by T^2.
         for mine, theirs, rounding in zip(got, want, (1e-12, 1e-11, 1e-8), strict=True):
             close(mine, theirs, 10.0, rounding)
 

@@ -30,7 +30,7 @@ def test_samples(n: int, friction: bool, full: bool) -> None:
             other.reset(q, v)
         for dt in (1e-3, 1e-3, 5e-3, 0.02, 1e-3):
             q, v, tau = rng.normal(size=(3, n))
-            # The momenta are random, so their differences lose no digits.
+            # The momenta are random, so their differences are not small.
             close(ours.update(q, v, tau, dt), other.update(q, v, tau, dt), tolerance=1e-11)
         assert ours.residual is not None and other.residual is not None
         close(ours.residual, other.residual, tolerance=1e-11)
@@ -48,7 +48,7 @@ def test_wrenches(n: int) -> None:
         observer.update(q, 0.5 * v, tau, 0.01)
     frame = arm.frame_names[-1]
     for eps in (None, 0.5):
-        # Near the bound, eigenvalues of J'J have half the digits of singular values.
+        # No singular value is near the bound, so both methods agree up to rounding.
         close(ours.wrench(q, frame, eps=eps), other.wrench(q, frame, eps), tolerance=1e-7)
         close(ours.unexplained(q, frame, eps=eps), other.unexplained(q, frame, eps), tolerance=1e-7)
 

@@ -46,8 +46,8 @@ def test_velocities(method: str, singular: bool) -> None:
             continue  # the two rank rules may disagree here
         mine, theirs = al.solve_priority(Js, vs, method=method), ref.solve_priority(Js, vs, method)
         size = 1.0 + np.linalg.norm(theirs.v)
-        # Rounding of the entries is divided by singular values. A clamped level with repeated rows divides rounding by eps^2. The two codes
-        # then differ by eps_machine / 0.02^2 for each level, and the levels multiply.
+        # Rounding of the entries is divided by singular values. A clamped level with repeated rows divides rounding by eps^2, and the factors
+        # of several levels multiply.
         tolerance = 1e-13 / condition**2 if method == "exact" else 1e-9
         assert np.linalg.norm(mine.v - theirs.v) <= tolerance * size, (Js, vs)
         for J, v, r in zip(Js, vs, mine.residuals, strict=True):
@@ -132,7 +132,7 @@ def test_weight_is_a_change_of_coordinates() -> None:
         L = np.linalg.cholesky(weight)
         plain = ref.solve_priority([np.linalg.solve(L, J.T).T for J in Js], vs, "exact")
         v = al.solve_priority(Js, vs, method="exact", weight=weight).v
-        # The weights have a condition number of about 1e3, which multiplies rounding.
+        # The inverse of the weight amplifies rounding.
         np.testing.assert_allclose(v, np.linalg.solve(L.T, plain.v), rtol=0, atol=1e-11 * (1 + np.abs(v).max()))
 
 

@@ -87,7 +87,7 @@ def test_rest(name: str, contact: str) -> None:
 def test_elastic_limits(name: str, bandwidth: float | None) -> None:
     given: dict[str, Any] = {"force": [4.0, -3.0, 0.0], "force_frame": "link2", "sample_time": 1e-3, "sensor_bandwidth": bandwidth}
     ours, theirs = (library.elastic_limits(plant, each, q0=Q, **given) for library, plant, each in plants(name))
-    # Both codes find these limits by bisection. The spectral radius changes slowly near its limit, so the tolerance is large.
+    # Both codes find these limits by bisection.
     assert ours.sample_time_max == pytest.approx(theirs.sample_time_max, rel=1e-6)
     close(ours.reduced_inertia_min / theirs.reduced_inertia_min, np.ones(3), 1e-6)
     none = np.isnan(theirs.stiffness_max)

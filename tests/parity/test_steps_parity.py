@@ -11,8 +11,7 @@ from loops import PIDS, close, law_pair, pair
 import armlet as al
 from armlet import reference
 
-# Rounding errors grow over the steps, with accelerations of some hundred rad/s^2 or m/s^2, and with complex-step derivatives in the
-# reference.
+# Rounding errors of the accelerations, and of the complex-step derivatives of the reference, grow over the steps.
 ROUNDING = 1e-9
 
 
@@ -166,7 +165,7 @@ def test_integrate_with_fixed_steps(method: str) -> None:
     got = al.integrate(field, (0.0, 1.0), y, method=method, dt=0.01)
     for k in range(100):
         y = reference.integrate.STEPS[method](field, 0.01 * k, y, 0.01)
-    # The tolerance is the rounding error of a hundred equal steps.
+    # Both codes take the same hundred steps, up to rounding.
     close(got.y[-1], y, 1e-13)
 
 
@@ -181,6 +180,6 @@ def test_named_parts_of_laws(name: str, n: int) -> None:
         shared = {"tau", "e", "u", "J"} & got.keys() & expected.keys()
         assert {"e"} < shared
         for part in shared:
-            # The reference computes gravity with complex steps, which adds some hundred roundings.
+            # The reference computes gravity with complex steps, which adds rounding errors.
             close(np.asarray(got[part]), expected[part], 1e-12)
         close(law(0.0, q, v), theirs(0.0, q, v), 1e-12)

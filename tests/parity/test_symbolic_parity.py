@@ -25,7 +25,7 @@ def symbols(text: str) -> Any:
 
 
 def close(got: Array, wanted: Array, scale: float = 0.0, tolerance: float = 1e-13) -> None:
-    """Compare relative to the largest entry. The formulas are sums of at most a few hundred products."""
+    """Compare relative to the largest entry."""
     assert got.shape == wanted.shape
     assert np.abs(got - wanted).max(initial=0.0) <= tolerance * max(scale, np.abs(wanted).max(initial=0.0))
 
@@ -92,7 +92,7 @@ def test_random_trees(n: int, lengths: bool) -> None:
     formulas = check(arm, lengths)
     q = np.random.default_rng(n).uniform(-2.0, 2.0, (STATES, n))
     there, (rows, columns) = np.argsort(place), np.ix_(place, place)
-    # The reference multiplies 4 x 4 matrices, which rounds more.
+    # The reference multiplies 4 x 4 matrices, so it rounds differently.
     close(formulas.function("M")(q), reference.mass_matrix(q[:, there])[:, rows, columns], tolerance=1e-12)
     close(formulas.function("g")(q), reference.gravity(q[:, there])[:, place], tolerance=1e-12)
 

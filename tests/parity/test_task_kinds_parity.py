@@ -123,7 +123,7 @@ def test_three_levels(n: int, method: str) -> None:
             law = getattr(al, name)(arm, levels(al, arm, n), method, eps)
             other = getattr(ref, name)(theirs, levels(ref, arm, n), method, eps)
             for t, (q, v) in zip((0.0, 0.7), np.random.default_rng(n).uniform(-0.4, 0.4, (2, 2, n)), strict=True):
-                # Each level divides by singular values above its threshold, or without one by singular values down to 1e-3.
+                # Each level divides by singular values above its threshold, or without one by small singular values.
                 close(law(t, q, speed * v), other(t, q, speed * v), tolerance=1e-9)
 
 

@@ -58,14 +58,14 @@ def test_a_run_is_the_references(n: int, method: str) -> None:
     law = al.PriorityVelocity(arms[0], tasks(np.random.default_rng(1), arms[0], al), method)
     other = reference.PriorityVelocity(arms[1], tasks(np.random.default_rng(1), arms[0], reference), method)
     for t in (0.0, 0.21, 0.9):
-        # Both codes invert matrices with condition numbers up to 50 (eps = 0.02) or, for "exact", up to that of the arm's Jacobians.
+        # The inverses of the Jacobians amplify rounding.
         expected = other.terms(t, q0, np.zeros(n))
         got = law(t, q0, np.zeros(n))
         np.testing.assert_allclose(got, expected["tau"], rtol=0, atol=1e-11 * (1 + np.abs(expected["tau"]).max()))
         np.testing.assert_allclose(np.concatenate(law.terms(t, q0, np.zeros(n))["e"]), expected["e"], rtol=0, atol=1e-13)
     run = al.simulate(al.VelocityArm(arms[0]), law, q0, t_end=0.2, dt=0.01)
     reference_run = reference.simulate(reference.VelocityArm(arms[1]), other, q0, t_end=0.2, dt=0.01)
-    # Rounding grows with the rates of the loop, at most 1e2 here.
+    # Rounding errors grow over the steps.
     np.testing.assert_allclose(run.q, reference_run["q"], rtol=0, atol=1e-9)
     np.testing.assert_allclose(run.v, run.tau, rtol=0, atol=0)
 

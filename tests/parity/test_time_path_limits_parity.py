@@ -103,7 +103,7 @@ def test_no_limit_is_exceeded_between_grid_points(n: int) -> None:
         t = np.concatenate([rng.uniform(0.0, p.duration, 250), rng.choice(grid, 750)])
         used = shares(theirs, p, t, timing.positions(q), limits)
         for name, share in used.items():
-            # Two errors are below 1e-10: the rate of a varying limit times the error of s, 1e-13, and the rounding of Jacobians.
+            # 1e-10 covers the rate of a varying limit times the error of s, and the rounding of Jacobians.
             assert share.max() <= 1.0 + PROMISE + 1e-10, (n, seed, name, share.max() - 1.0)
             active[name] = max(active[name], float(share.max()))
         at = p(t)[0]

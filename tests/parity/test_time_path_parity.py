@@ -42,13 +42,13 @@ def durations(path: Any, points: int = 121, **options: Any) -> tuple[float, floa
         ({"tau_max": None, "a_max": 5.0}, 5e-4),
         ({"stops": [1, 3]}, 5e-4),
         ({"knots": [0.0, 0.2, 0.5, 0.8, 1.0]}, 5e-4),
-        # The limits have a corner where the direction of the path changes fast. The error decreases with the step: 1e-3 at 241 points.
+        # The limits have a corner where the direction of the path changes fast. The error decreases with the step.
         ({"spline": "not-a-knot"}, 2e-3),
-        # At rest with q' = 0 the path speed is unbounded, so the error of the duration is one step of the grid.
+        # At rest with q' = 0 the path speed is unbounded, so the error of the duration is about a step of the grid.
         ({"spline": "clamped"}, 2e-2),
         ({"start_speed": 0.3, "end_speed": 0.5}, 5e-4),
         ({"grid": 401, "refine": False}, 2e-3),
-        # The reference bounds the speed only at its nodes: an error of 1.3e-2 at 121 points, 5e-3 at 241, 9e-4 at 481.
+        # The reference bounds the speed only at its nodes, so its error decreases with the step.
         ({"tip_speed": 0.8, "frame": "link2"}, 6e-3),
         ({"tip_acceleration": 6.0, "frame": "link2"}, 5e-4),
         ({"tau_max": None, "tip_acceleration": 6.0, "tip_speed": 0.7, "frame": "link2"}, 1e-3),
@@ -64,7 +64,7 @@ def durations(path: Any, points: int = 121, **options: Any) -> tuple[float, floa
 def test_time_path(options: dict[str, Any], tolerance: float) -> None:
     """Durations agree within the tolerance of each option.
 
-    With 121 points the reference errs by 3e-4 of the time. armlet refines its grid until the time changes by less than 1e-4.
+    The reference has a grid of 121 or 241 points. armlet refines its grid until the time changes by less than 1e-4.
     """
     ours, theirs = durations(WAYPOINTS, 241 if FINER & options.keys() else 121, **LIMITS | options)
     assert ours == pytest.approx(theirs, rel=tolerance)
@@ -77,7 +77,7 @@ def test_time_path(options: dict[str, Any], tolerance: float) -> None:
 def test_friction(friction: Any) -> None:
     """With viscous friction the limits are curves, which armlet replaces by tangents.
 
-    Its duration is at most 3e-3 longer than the reference's, and not shorter.
+    This makes its duration longer than that of the reference, by at most 3e-3.
     """
     ours, theirs = durations(WAYPOINTS, **LIMITS, friction=friction)
     plain, _ = durations(WAYPOINTS, **LIMITS)
@@ -92,7 +92,7 @@ def swing(s: float) -> Any:
 def test_paths_that_are_functions() -> None:
     """Both libraries replace a function by a spline through samples. A function that also returns derivatives is the path itself.
 
-    The path starts where it is fastest, and there 121 points of the reference lose 1e-3 of the time.
+    The path starts where it is fastest. The 121 points of the reference are less accurate there.
     """
 
     def whole(s: float) -> Any:

@@ -12,7 +12,7 @@ from armlet import reference as ref
 
 Array = NDArray[np.float64]
 
-# The reference adds n^2 traces of products of 4 x 4 matrices, which gives some hundred roundings of the largest entry.
+# The reference adds n^2 traces of products of 4 x 4 matrices, which adds rounding errors of the largest entry.
 TOLERANCE = 1e-12
 
 
