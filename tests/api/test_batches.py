@@ -28,8 +28,8 @@ def test_metrics_alone_are_those_of_the_records(monkeypatch: pytest.MonkeyPatch)
     assert summed.q.shape == (150, 1, 2)
     np.testing.assert_array_equal(summed.q[:, 0], whole.q[:, -1])
     for name, values in whole.metrics().items():
-        # The 100 terms are added in another order, which changes a sum by about 1e-14. A balance is a difference of energies, so its error
-        # is about 1e-16 times the energies.
+        # The terms are added in another order, which changes rounding. A balance is a difference of energies, so it has the rounding error
+        # of the energies.
         np.testing.assert_allclose(summed.metrics()[name], values, rtol=1e-12, atol=1e-14, err_msg=name)
     again = pickle.loads(pickle.dumps(summed))
     np.testing.assert_array_equal(again.metrics()["error_rms"], summed.metrics()["error_rms"])

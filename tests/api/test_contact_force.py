@@ -30,7 +30,7 @@ def test_against_the_torques_of_the_reference(kind: int) -> None:
     n = np.array(WALLS[kind]["normal"]) / np.linalg.norm(WALLS[kind]["normal"])
     for q, v, force in zip(run.q[::7], run.v[::7], run.contact_force[::7], strict=True):
         wanted = contact.push(wall, q, v)[0]
-        # The tolerance covers rounding of a force of some hundred newtons.
+        # The contact forces are at most 31 N. Both sides agree up to rounding.
         np.testing.assert_allclose(ARM.jacobian(q, "link2")[:3].T @ n * force, wanted, rtol=1e-11, atol=1e-11)
     assert run.contact_force.max() > 1.0 and (run.contact_force == 0.0).any()
 
@@ -45,7 +45,7 @@ def test_rows_and_files(tmp_path: Path) -> None:
     for i, plant in enumerate(PLANTS):
         alone = al.simulate(plant, LAW, [0.8, 1.2], t_end=0.6, dt=1e-3)
         np.testing.assert_array_equal(batch[i].contact_force, batch.contact_force[i])
-        # Batches and single runs differ by rounding, which a stiff wall amplifies.
+        # Batches and single runs may differ by rounding, which a stiff wall amplifies.
         assert alone.contact_force is not None
         np.testing.assert_allclose(batch.contact_force[i], alone.contact_force, rtol=1e-6, atol=1e-6)
     batch.save(tmp_path / "batch.npz")

@@ -302,7 +302,7 @@ def test_priority_by_the_regular_route(arm: str, method: str, compiler: str, tmp
         if status == 0:
             regular += 1
             expected = law(0.1, q, np.zeros(n))
-            # Near singularities velocities reach some hundred rad/s, and the two algorithms round differently.
+            # Near singularities velocities are large, and the two algorithms round differently.
             np.testing.assert_allclose(u, expected, rtol=1e-7, atol=1e-9)
         else:
             assert status == 3

@@ -94,7 +94,7 @@ def test_rows_of_batches_are_runs(model: Any, options: dict[str, Any]) -> None:
             run = al.simulate(plant, law, starts[i], **options)
             for name in ("q", "v", "friction", "bristles"):
                 mine, theirs = getattr(run, name), getattr(batch[i], name)
-                # Batches and single runs differ by rounding, which damped loops do not amplify.
+                # Batches and single runs may differ by rounding, which damped loops do not amplify.
                 assert mine is theirs is None or np.allclose(mine, theirs, rtol=0.0, atol=1e-10), name
             assert np.allclose(run.monitors["energy_balance"], batch[i].monitors["energy_balance"], atol=1e-10)
 

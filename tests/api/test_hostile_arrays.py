@@ -47,7 +47,7 @@ SCENARIO = al.Scenario(
         "run": {"q0": [0.0, 0.0], "t_end": 0.002, "dt": 1e-3},
     }
 )
-# For each argument that can be an array: a call with this argument `x`.
+# Calls with a hostile argument `x`, by name. Most of these arguments are arrays or lists, and some are single numbers.
 ENTRIES: dict[str, Callable[[Any], Any]] = {
     "mass_matrix": lambda x: ARM.mass_matrix(x),
     "bias": lambda x: ARM.bias(Q, x),

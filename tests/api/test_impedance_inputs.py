@@ -168,7 +168,7 @@ def test_rows_of_a_batch_are_the_runs() -> None:
     for row, each in enumerate(laws):
         run = al.simulate(al.RigidArm(ARM), each, q0, **options)
         for name in ("q", "v", "tau", "estimate"):
-            # A batch and single runs differ by rounding.
+            # A batch and single runs may differ by rounding.
             np.testing.assert_allclose(getattr(batch, name)[row], getattr(run, name), rtol=1e-9, atol=1e-10)
 
 

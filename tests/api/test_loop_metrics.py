@@ -151,8 +151,8 @@ def agree(plant: Any, law: Any, q0: Any, options: dict[str, Any], measures: dict
     wanted, metrics = whole.metrics(**measures), found.metrics()
     assert list(metrics) == list(wanted)
     for name, values in wanted.items():
-        # The sums of 100 records have another order, and monitors fuse multiplications and additions. Differences are about 1e-13 of the
-        # values. For differences of energies they are 1e-13 of the largest energy.
+        # The sums of 100 records have another order, and monitors fuse multiplications and additions. So the values differ by rounding.
+        # Differences of energies have the rounding error of the energies.
         rtol, atol = (0.0, 1e-12) if name == "energy_error" else (1e-10, 1e-12)
         if name == "monitor_violations" and "tolerance" in measures:
             continue  # violations at the level of rounding are random

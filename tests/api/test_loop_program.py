@@ -18,7 +18,7 @@ PR = al.planar_pr(2.0, 0.5, 0.7)
 TWO = al.planar_arm([0.5, 0.4], masses=[3.0, 2.0])
 SIX = al.load_urdf(al.example_urdf("six_axis"))
 STAGES = ("recorded", "simplified", "lowered", "machine")
-# The tolerance covers rounding of some hundred operations and of sines, since numpy's sines differ from the program's.
+# The program and numpy round differently, also in their sines.
 CLOSE: dict[str, Any] = {"rtol": 1e-13, "atol": 1e-13}
 
 
@@ -171,7 +171,7 @@ def test_the_rates_are_those_of_the_equations(method: str) -> None:
     for stage in program.stages:
         found = evaluate(program.at(stage), inputs)
         np.testing.assert_allclose([found[f"dq{i + 1}"] for i in range(6)], v, **CLOSE)
-        # Accelerations of light wrists are a thousand times the velocities, and M^-1 amplifies rounding.
+        # M^-1 amplifies rounding.
         np.testing.assert_allclose([found[f"dv{i + 1}"] for i in range(6)], a, rtol=1e-11, atol=1e-11, err_msg=stage)
 
 
@@ -210,7 +210,7 @@ def test_derivatives_are_those_of_the_rates() -> None:
         step = 1e-6
         above, below = (evaluate(parts["rates"], known | {name: point[name] + side * step}) for side in (1, -1))
         for rate in (f"d{other}" for other in point):
-            # The tolerance covers the error of central differences, and rounding divided by the step.
+            # Central differences have a truncation error, and rounding errors divided by the step.
             np.testing.assert_allclose(found[f"{rate}_along"], (above[rate] - below[rate]) / (2 * step), rtol=1e-7, atol=1e-7)
 
 

@@ -65,7 +65,7 @@ class TestUnboundedTime:
         for _ in range(40):
             assert solver.step() is None
         assert solver.status == "running" and abs(solver.t - 1.0) > 1.0
-        # The tolerance covers scipy's default tolerances over some tens of steps.
+        # The solver has scipy's default tolerances.
         assert solver.y[0] == pytest.approx(np.exp(-abs(solver.t - 1.0)), abs=1e-3)
 
     def test_an_event_ends_an_infinite_run(self, method: str) -> None:
@@ -175,7 +175,7 @@ class TestTolerances:
         one, _ = both(method, f, (0.0, 1.0), [1.0, 0.0], **loose)
         all_of, _ = both(method, f, (0.0, 1.0), [1.0, 0.0], **tight)
         assert one.stats["steps"] < all_of.stats["steps"]
-        # The tolerance covers the global error of some steps with tolerance 1e-9.
+        # The global error is the sum of the errors of the steps, each with tolerance 1e-9.
         assert abs(one.y[-1, 0] - np.exp(-1.0)) < 1e-7
         same, _ = both(method, f, (0.0, 1.0), [1.0, 0.0], rtol=[1e-9, 1e-9], atol=[1e-12, 1e-12])
         assert np.array_equal(same.y, all_of.y)
@@ -273,7 +273,7 @@ class TestAsAClass:
         for _ in range(400):
             solver.step()
         dense, t = solver.dense_output(), solver.t + np.array([-0.5e-5, 0.0, 1e-2])
-        # Rounding errors of the curvature grow with the square of the number of steps: 1e6 times 1e-16 relative to 1e-7.
+        # The extrapolation multiplies rounding errors of the curvature by the square of the number of steps, 1e6.
         np.testing.assert_allclose(dense(t)[0], 0.01 * t - 9.81 / 2 * t**2, atol=1e-7)
         np.testing.assert_allclose(dense(t)[1], 0.01 - 9.81 * t, atol=1e-7)
         assert dense(t[2]).shape == (2,) and np.array_equal(dense(t[2]), dense(t)[:, 2])

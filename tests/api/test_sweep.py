@@ -54,7 +54,7 @@ def test_a_grid() -> None:
     np.testing.assert_array_equal(table["law.kd[0]"], [10.0, 20.0] * 3)
     alone = SCENARIO.replace({"law.gamma": 25.0, "law.kd": [10.0, 5.0]}).run().metrics().columns()
     for name, value in alone.items():
-        # A row of a batch and a single run differ by rounding, which contracting runs do not amplify.
+        # A row of a batch and a single run may differ by rounding, which contracting runs do not amplify.
         np.testing.assert_allclose(table[name][4], value, rtol=1e-9, atol=1e-12, err_msg=name)
     assert "error_rms1" in str(table) and "6 success" in str(table)
 
@@ -325,7 +325,8 @@ def test_every_cell_of_every_seed_draws_its_own_numbers() -> None:
     far = [(seed, i) for seed in range(300) for i in (0, 1, 10, 100, 2**8, 1000, 10**4, 2**16, 10**6, 2**20, 10**8 - 1)]
     made = [Cells.of(vary, 10**8, seed) for seed in range(300)]
     assert len({tuple(made[seed][i].values()) for seed, i in far}) == len({made[seed].sampling_seed(i) for seed, i in far}) == len(far)
-    # The tolerances are five standard deviations: 0.006 for means of 2,500 numbers, 0.02 for correlations of neighbours.
+    # The tolerances are five standard deviations: 0.006 for means of 2,500 numbers, and at most 0.02 for correlations of
+    # neighbours.
     assert np.abs(u.mean(axis=0) - 0.5).max() < 0.03 and np.abs(u.std(axis=0) - np.sqrt(1 / 12)).max() < 0.03
     grid = u.reshape(50, 50, 3) - 0.5
     for one, other in ((grid[1:], grid[:-1]), (grid[:, 1:], grid[:, :-1]), (grid[1:, :-1], grid[:-1, 1:]), (grid[..., 1:], grid[..., :-1])):

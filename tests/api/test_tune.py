@@ -104,7 +104,7 @@ def test_the_minimum_along_the_gradient() -> None:
         ((low, high),) = spec.values()
         moved = [loss_of(found.scenario.replace({path: value * (1.0 + by)})) - found.cost for by in (-0.01, 0.01)]
         inside += low < value < high
-        # A change of a gain by 1 % increases the cost. The increase is of second order: 0.01^2 of a cost of about 0.1.
+        # A change of a gain by 1 % does not reduce the cost. The increase is of second order in the change, so it is small.
         assert moved[0] > -1e-9 or value * 0.99 < low
         assert moved[1] > -1e-9 or value * 1.01 > high
     assert inside >= 1
