@@ -163,7 +163,7 @@ def test_the_torque_is_bounded_and_continuous_through_a_singularity(name: str, p
     assert losses[1] > 0.99 and losses[0] < losses[1]
     tau = torques(np.linspace(-0.6, 0.6, 4001))
     largest = np.abs(tau).max()
-    # The largest torque is at most 1.02 times the torque at the ends of the motion. Differences of torque decrease with those of the angles.
+    # The largest torque is at most 1.02 times that at the ends of the motion. Differences of torque decrease with those of the angles.
     assert largest < 10.0 * np.abs(tau[[0, -1]]).max()
     assert np.abs(np.diff(tau, axis=0)).max() < 0.02 * largest
     assert np.ptp(torques(np.array([-1e-7, -1e-12, 0.0, 1e-12, 1e-7])), axis=0).max() < 1e-4 * largest
@@ -187,9 +187,7 @@ def test_the_tip_follows_a_moving_pose_exactly() -> None:
     arm, frame = ARMS["offset"]
     pose = arm.pose_vector(Q0, frame)
     motion = al.Quintic(pose, pose + np.array([0.05, -0.08, 0.05, 0.3, -0.2, 0.4]), 1.0)
-    made = al.CartesianImpedance(
-        arm, motion, 400.0, 40.0, frame=frame, axes="xyz rx ry rz", nullspace=POSTURE, compensate_coupling=True
-    )
+    made = al.CartesianImpedance(arm, motion, 400.0, 40.0, frame=frame, axes="xyz rx ry rz", nullspace=POSTURE, compensate_coupling=True)
     found = run("offset", made, t_end=1.0, t_eval=np.linspace(0.0, 1.0, 21))
     errors = [made.terms(t, q, v)["e"] for t, q, v in zip(found.t, found.q, found.v, strict=True)]
     assert np.abs(errors).max() < 1e-8 < np.abs(found.v).max()  # m and rad

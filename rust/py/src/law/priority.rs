@@ -77,8 +77,8 @@ impl<'py> Arguments<'py> {
 ///         least the step or the sample time.
 ///
 /// Raises:
-///     InputError: a shape is wrong, a number is not finite or out of its range, a task has no target, or a name or the method is unknown.
-///         It is also raised for "sns" without velocity bounds, and for limits and `horizon` with another method.
+///     InputError: a shape is wrong, a number is out of its range, a task has no target, or a name or the method is unknown. It is also
+///         raised for "sns" without velocity bounds, and for limits and `horizon` with another method.
 ///
 /// Source: Siciliano and Slotine, A general framework for managing multiple tasks in highly redundant robotic systems, ICAR 1991.
 ///
@@ -140,8 +140,8 @@ impl PriorityVelocity {
 ///         time.
 ///
 /// Raises:
-///     InputError: a shape is wrong, a number is not finite or out of its range, a task has no target, or a name or the method is unknown.
-///         It is also raised for "sns" without velocity bounds, and for limits and `horizon` with another method.
+///     InputError: a shape is wrong, a number is out of its range, a task has no target, or a name or the method is unknown. It is also
+///         raised for "sns" without velocity bounds, and for limits and `horizon` with another method.
 ///
 /// Source: [siciliano1991priority, nakanishi2008operational]; bounds: [flacco2015saturation].
 ///

@@ -26,8 +26,8 @@ struct State {
 ///     method, eps, rounding, weight, v_min, v_max: as for `solve_priority` (keyword only).
 ///
 /// Raises:
-///     InputError: `n` is not positive, a number of rows is negative, a shape does not fit, the method is unknown, "sns" has no bounds, or
-///         an option is out of its range.
+///     InputError: `n` is not positive, a number of rows is negative, a shape does not fit, or the method is unknown. It is also raised
+///         for "sns" without bounds, and for an option out of its range.
 ///
 /// Source: [siciliano1991priority]; docs/priority.md.
 ///
