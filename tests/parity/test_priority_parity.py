@@ -46,8 +46,8 @@ def test_velocities(method: str, singular: bool) -> None:
             continue  # the two rank rules may disagree here
         mine, theirs = al.solve_priority(Js, vs, method=method), ref.solve_priority(Js, vs, method)
         size = 1.0 + np.linalg.norm(theirs.v)
-        # Rounding of the entries is divided by singular values. A clamped level with repeated rows divides rounding by eps^2. The factors of
-        # several levels multiply.
+        # Rounding of the entries is divided by singular values. A clamped level with repeated rows divides rounding by eps^2. The factors
+        # of several levels multiply.
         tolerance = 1e-13 / condition**2 if method == "exact" else 1e-9
         assert np.linalg.norm(mine.v - theirs.v) <= tolerance * size, (Js, vs)
         for J, v, r in zip(Js, vs, mine.residuals, strict=True):
