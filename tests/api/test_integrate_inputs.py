@@ -111,7 +111,7 @@ class TestRuns:
         assert run.t.tolist() == [3.0] and run.y.tolist() == [[1.0, 2.0]]
 
     def test_forward_and_backward_integration(self, method: str) -> None:
-        # Integration forward and backward has twice the error of the method, 1e-2 at first order.
+        # Integration forward and backward has the error of the method twice, which is largest at first order.
         forth = al.integrate(oscillator, (0.0, 2.0), [1.0, 0.5], **options(method, 1e-3))
         back = al.integrate(oscillator, (2.0, 0.0), forth.y[-1], **options(method, 1e-3))
         assert forth.t[-1] == 2.0 and back.t[-1] == 0.0 and (np.diff(back.t) < 0).all()

@@ -68,7 +68,7 @@ SIGNATURES = {
     "torque_optimal_time": "theta0 thetaf inertia gravity_moment tau_max",
     "time_path": "arm path * tau_max v_max a_max",
 }
-# All other public names; each has a page.
+# All other public names.
 EXTENSIONS = set(al.__all__) - set(CONTRACT)
 
 

@@ -82,7 +82,7 @@ def test_urdfs_read_by_both(name: str) -> None:
     text = re.sub(r"(<robot\b[^>]*>)", r"\1" + options, text, count=1)
     model = mujoco.MjModel.from_xml_string(text)
     arm = al.load_urdf(str(path(name)))
-    # MuJoCo stores principal axes as quaternions and rounds the numbers that it reads. The error is about 1e-8 of the largest number.
+    # MuJoCo stores principal axes as quaternions and rounds the numbers that it reads. So the tolerance is large.
     report = al.verify(arm, against=model, samples=3, rtol=1e-7)
     numbers = [row for row in report.rows if row.quantity not in ("gravity vector", "armature")]
     assert all(row.agrees for row in numbers), str(report)

@@ -22,8 +22,7 @@ def test_rates_are_differences(name: str, t: float) -> None:
     motion: Any = MOTIONS[name]
     h = 1e-5
     before, now, after = (motion(t + d) for d in (-h, 0.0, h))
-    # Central differences with h = 1e-5 have a truncation error h^2 |q'''|/6. With |q'''| below about 40 and rounding of 1e-16/h, the error
-    # is below 1e-8.
+    # Central differences with h = 1e-5 have a truncation error proportional to h^2, and a rounding error of about 1e-16/h.
     np.testing.assert_allclose((after[0] - before[0]) / (2 * h), now[1], atol=1e-8)
     np.testing.assert_allclose((after[1] - before[1]) / (2 * h), now[2], atol=1e-8)
 

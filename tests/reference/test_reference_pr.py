@@ -79,7 +79,7 @@ def test_fixed_steps_converge_at_their_order() -> None:
         for h in (dt, dt / 2):
             run = ref.simulate(ref.RigidArm(arm), law, q0, v0=v0, t_end=0.5, dt=h, method=method)
             errors.append(np.abs(run["q"][-1] - exact).max())
-        # The tolerance of 0.15 covers the next term of the error expansion: 4 % at the larger step.
+        # The tolerance of 0.15 covers the next term of the error expansion.
         assert abs(np.log2(errors[0] / errors[1]) - order) < 0.15, (method, errors)
 
 

@@ -56,15 +56,14 @@ fn differ(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).fold(0.0f64, |most, (x, y)| most.max((x - y).abs() / size))
 }
 
-/// Return the rounding error of a monitor: 1e-5 N m for torques, and 1e-8 J for energies. A position error of 1e-10 rad and a stiffness of
-/// 1e5 N m/rad cause the torque error. The energies are about 20 J.
+/// Return the allowed rounding error of a monitor: 1e-5 N m for torques, and 1e-8 J for energies. The stiffness of 1e5 N m/rad multiplies
+/// position errors, which causes the torque error.
 fn rounding(monitor: &str) -> f64 {
     if monitor == "torque_error" { 1e-5 } else { 1e-8 }
 }
 
 /// A wrong derivative would change a run of a Rosenbrock method by its tolerance of 1e-6. With correct derivatives, only rounding errors
-/// remain. In 500 steps with 1e5 N m/rad, they grow to 1e-10, and to 1e-8 for rates. The law multiplies the rounding error of spring
-/// torques by B/B0 = 5000. The resulting error is 1e-5 of the torque.
+/// remain. They grow over the steps, more for rates. The law multiplies the rounding error of spring torques by B/B0 = 5000.
 #[test]
 fn forces_in_steps_and_as_functions_give_the_same_steps() {
     for relative in [false, true] {
@@ -100,13 +99,13 @@ fn monitors_do_not_disturb_a_run() {
     assert!(differ(&plain.q, &watched.q) < 1e-13);
     let general = run(false, Method::Dop853, true, false);
     // The steps of an explicit method remain at the limit of stability, where rounding changes their sizes. So the energies of the two
-    // loops agree only up to 1e-6 J. Errors of torques are errors of springs, multiplied with B/B0 = 5000.
+    // loops agree less accurately. Errors of torques are errors of springs, multiplied with B/B0 = 5000.
     for ((name, a), (_, b)) in watched.monitors.iter().zip(&general.monitors) {
         let tolerance = if *name == "torque_error" { 2e-2 } else { 1e-6 };
         assert!(a.iter().zip(b).all(|(x, y)| (x - y).abs() < tolerance), "{name}: {a:?} {b:?}");
     }
     let (_, balance) = watched.monitors.iter().find(|(name, _)| *name == "energy_balance").unwrap();
-    // At rtol 1e-6, the error of the balance of 20 J is below 1e-5 J.
+    // The error of the balance is that of the integration method at rtol 1e-6.
     assert!(balance.iter().all(|b| b.abs() < 1e-5), "{balance:?}");
 }
 
@@ -147,7 +146,6 @@ fn batches_are_monitored_in_lanes() {
             assert!(series.iter().zip(row).all(|(a, b)| (a - b).abs() < rounding(name)), "{name}: {series:?} {row:?}");
         }
     }
-    // The natural frequency of the motors is 3e4 rad/s, and a step is 2 us. The energies are about 20 J. The tolerance covers the error of
-    // a method of order 4.
+    // The natural frequency of the motors is 3e4 rad/s, and a step is 2 us. The balance has the error of a method of order 4.
     assert!(one.monitors[2].1.iter().all(|b| b.abs() < 1e-6), "{:?}", one.monitors[2]);
 }

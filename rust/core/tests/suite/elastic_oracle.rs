@@ -172,8 +172,7 @@ fn limits() {
     for entry in entries("zoh_limit") {
         let get = |key: &str| entry[key].as_f64().unwrap();
         let got = smallest_reduced_inertia(get("B"), get("K_J"), get("dt"), f64::INFINITY, 1.0).unwrap();
-        // Near the limit, the spectral radius hardly depends on B0. So the error of the root is the rounding error of the eigenvalues,
-        // divided by the slope.
+        // The error of the root is the rounding error of the eigenvalues, divided by the slope of the spectral radius.
         assert!((got / get("B0_min") - 1.0).abs() < 1e-7, "{entry}: {got}");
     }
     for entry in entries("routh_1dof") {
@@ -183,8 +182,7 @@ fn limits() {
     }
     let input = &cases(&file, "trajectory")[0]["input"];
     for entry in entries("km_scaling_limit") {
-        // A law requires positive definite damping. So zero damping is replaced by the fraction 1e-9, which changes kappa by the same
-        // fraction.
+        // A law requires positive definite damping. So zero damping is replaced by the fraction 1e-9.
         for (name, share) in [("Dm_x1", 1.0), ("Dm_x02", 0.2), ("Dm_0", 1e-9)] {
             let (plant, law) = scaled(input, [entry["B0_over_B"].as_f64().unwrap(), share]);
             let frame = law.coordinates().map(|c| c.frame);

@@ -295,7 +295,7 @@ fn ros2_takes_elastic_joints_at_a_millisecond() {
         distance(&x[..2], &exact.x()[..2])
     };
     let errors = [1e-3, 5e-4, 2.5e-4].map(error);
-    // The motion has 1 rad and 5 rad/s. At 1 ms the error is (10 h)^2 of the motion. It decreases almost with order 2, although the poles
+    // The motion has 1 rad and 5 rad/s. At 1 ms the error is about (10 h)^2 of the motion. It decreases almost with order 2, although the poles
     // are faster.
     assert!(errors[0] < 5e-4, "{errors:?}");
     assert!((errors[0] / errors[2]).log2() > 3.0, "{errors:?}");

@@ -50,7 +50,7 @@ fn reachable_poses_are_reached_within_the_limits() {
                 reached += 1;
             }
         }
-        // There are 50 random starts. If one start in eight reaches a pose, all starts fail once in 900 poses.
+        // There are 50 random starts. If one start in eight reaches a pose, all starts fail about once in 800 poses.
         assert!(reached == 60, "{name}: {reached} of 60");
     }
 }

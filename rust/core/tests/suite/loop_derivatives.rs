@@ -156,7 +156,7 @@ fn cases(at: &[f64]) -> Vec<Case> {
     all.push(case("Adaptive, natural", rigid(), LawSpec::Adaptive(adaptive(natural, Some(estimate.clone())))));
     let least: Vec<f64> = truth.iter().map(|x| 0.2 * x).collect();
     let kinds = [JointColumn::Armature, JointColumn::Viscous, JointColumn::Coulomb, JointColumn::Stribeck];
-    // The Stribeck speed is 1.5 rad/s. With 0.4 rad/s, the seventh derivative and the truncation error would be 1e4 times larger.
+    // The Stribeck speed is 1.5 rad/s. With a smaller one, the seventh derivative and the truncation error would be much larger.
     let columns = JointColumns::new(N, &kinds, vec![1.5; N]).unwrap();
     let (beside, wide) = ([estimate.clone(), vec![0.3; 4 * N]].concat(), Adaptation::Euclidean(gain(p + 4 * N, 0.5)));
     let gains = [gain(N, 60.0), full(N, 20.0)];

@@ -180,8 +180,7 @@ fn friction_that_settles_leaves_the_slow_motion() {
         let slow = d * (x1 - x0) / 6000.0 * (0..=2000).map(|k| weight(k) / net(k)).sum::<f64>();
         let most = p.inertia / (d * d) * (push.max(brake) + p.gravity.abs());
         assert!(o.feasible && o.certified_global && o.best.kind == Family::Monotone, "{p:?} {d} {c} {o:?}");
-        // Simpson's rule has an error of 1e-8 where the net torque N is a thousandth of the accelerating torque. The formula omits a few
-        // time constants at the ends.
+        // Simpson's rule is least accurate where the net torque N is small. The formula omits a few time constants at the ends.
         assert!(near(o.t, slow, 1e-7 + 30.0 * most / (least / push * (x1 - x0).min(1.0))), "{p:?} {d} {c} {} {slow}", o.t);
     }
     assert!(settled > 50, "{settled}");

@@ -91,8 +91,8 @@ fn equal_ends_take_no_time_where_the_torque_holds_the_pose() {
 
 #[test]
 fn narrow_minima_are_found() {
-    // The best turning points are close to a limit of the feasible set. The distance is 8e-6 rad in the last problem. The times come from
-    // golden section searches of the sum of the two monotone optima.
+    // The best turning points are close to a limit of the feasible set. The times come from golden section searches of the sum of the two
+    // monotone optima.
     for (problem, kind, t) in [
         (
             [-0.24539383661196013, 1.2645826390094088, 0.1651331798136474, 1.4220160377317037, 0.610841926842161, -0.5009252063825774],

@@ -135,7 +135,7 @@ fn weighted_metric_minimises_its_norm() {
                     &[&gradient],
                     &options(PriorityMethod::Exact, 2),
                 );
-                // The condition number of the weight is below 1e3.
+                // The inverse of the weight amplifies rounding.
                 assert!(norm(&rest.unwrap().residuals[0]) < 1e-11 * norm(&gradient), "{method:?} n = {n}");
             }
         }
