@@ -36,7 +36,7 @@ def guarded(gain: Any = 50.0, threshold: float = 1.0, **keywords: Any) -> al.Gua
 def test_the_residual_is_the_filtered_torque_from_outside(arm: al.Arm, inner: str) -> None:
     """In continuous runs under a wrench, r + K int r = K int tau_ext. The run integrates r, and Simpson's rule integrates tau_ext.
 
-    The error of Simpson's rule is (0.2 ms)^4/180 times a fourth derivative of about 1e6 N m/s^4, which is below 1e-11.
+    The error of Simpson's rule is (0.2 ms)^4/180 times the fourth derivative of the torque.
     """
     n, frame = arm.n, arm.frame_names[-1]
     rng = np.random.default_rng(n)

@@ -45,7 +45,7 @@ def origin(p: al.TimedPath, t: np.ndarray, frame: str) -> tuple[np.ndarray, np.n
 
 
 def test_random_paths_keep_to_the_limits_of_a_frame() -> None:
-    """The limits are respected at random times and near grid points. The rounding error of the check is about 1e-13."""
+    """The limits are respected at random times and near grid points."""
     rng = np.random.default_rng(24)
     active = []
     for case in range(CASES):
@@ -84,7 +84,7 @@ def test_differences_of_positions() -> None:
 
 
 def test_a_link_on_its_circle() -> None:
-    """The minimum time equals its closed form. The error of the grid is about 1e-4."""
+    """The minimum time equals its closed form, up to the error of the grid."""
     length, most = 0.7, 3.0
     arm = al.planar_arm([length], gravity=(0.0, 0.0))
     beta = math.gamma(0.25) * math.gamma(0.5) / math.gamma(0.75)
@@ -182,7 +182,7 @@ def test_torque_rate_with_all_limits() -> None:
 def test_position_limits_between_waypoints() -> None:
     """The waypoints are within the limits, the spline is not.
 
-    The reported position is the extremum. Dense samples miss it by about 1e-7.
+    The reported position is the extremum. Dense samples miss it slightly.
     """
     rng = np.random.default_rng(27)
     refused = 0

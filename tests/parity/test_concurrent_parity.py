@@ -104,7 +104,7 @@ def test_rows_of_samples_and_windows(option: str, n: int) -> None:
     close(got.tau, torques, tolerance=1e-11)
     assert got.indices.tolist() == list(range(25))
     for held in (False, True):
-        # There are 11 windows of 4 steps, each half a window after the previous one. Differences of fourth order err by about 1e-11.
+        # There are 11 windows of 4 steps, each half a window after the previous one. The reference uses differences of fourth order.
         W, torques = ref.window_rows(other, t, q, v, tau, 4.2 * (t[1] - t[0]), held)
         got = al.select_samples(ours, q, v, tau, 11, t=t, window=4.2 * (t[1] - t[0]), held=held)
         close(got.W, W, tolerance=1e-8)

@@ -76,7 +76,7 @@ def test_shapes(shape: str) -> None:
 
     armlet has closed forms and bounds the factor k at each point. The reference bisects the largest torque excess, to 1e-14 of the limits.
 
-    Where the torque hardly depends on k, this leaves an error of 1e-9 in k. For minimum jerk the reference finds `missing` with parabolas
+    Where the torque hardly depends on k, this leaves a larger error in k. For minimum jerk the reference finds `missing` with parabolas
     through a grid, to 2e-5.
     """
     rng = np.random.default_rng(6)
@@ -137,7 +137,7 @@ def agree(got: al.TorqueOptimum, expected: Any, row: Any, tolerance: float = 1e-
     assert (got.feasible, got.certified_global) == (expected.feasible, expected.certified_global), row
     assert got.sturm_bound == pytest.approx(expected.sturm_bound, rel=1e-14), row
     if got.feasible:
-        # The reference halves its steps down to 1e-14. A motion that nearly stops amplifies rounding.
+        # The reference halves the intervals of its quadrature until they agree to 1e-14. A motion that nearly stops amplifies rounding.
         assert got.t == pytest.approx(expected.t, rel=tolerance), row
         assert got.theta_switch == pytest.approx(expected.theta_switch, abs=0.1 * tolerance), row
         assert got.t_switch == pytest.approx(expected.t_switch, rel=10 * tolerance), row

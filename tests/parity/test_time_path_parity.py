@@ -138,7 +138,7 @@ def test_paths_that_the_arm_cannot_hold_are_infeasible() -> None:
 def test_point_to_point() -> None:
     """Durations agree with Ruckig's phases to 1e-7, and no limit is exceeded.
 
-    Ruckig has an error of about 1e-8. armlet slows the motion down where it exceeds a limit.
+    armlet slows the motion down where it exceeds a limit.
     """
     rng = np.random.default_rng(3)
     for n in (1, 2, 5, 8):

@@ -20,7 +20,7 @@ import armlet as al
 
 Array = NDArray[np.float64]
 
-# The largest measured difference is 3e-15.
+# The largest difference, relative to the largest number.
 TOLERANCE = 1e-12
 GRIPPERS = {
     "panda": "panda_description/urdf/panda.urdf",
