@@ -2,7 +2,7 @@
 
 Each function checks its arguments. Another error, such as a ValueError of numpy, shows that a check is missing, which is a bug of armlet.
 `border` converts such an error into an `InternalError`, as the extension converts a panic. Exceptions from functions of the caller, such
-as a law in Python, pass unchanged.
+as a law in Python, and errors of gymnasium pass unchanged.
 """
 
 from __future__ import annotations

@@ -90,7 +90,7 @@ class CartesianPath:
         error: largest distance, m, and angle, rad, between frame and curve, `(2,)`; NaN if not feasible. It is the largest sample plus an
             estimate of the increase between samples.
         corners: indices of the knots at the poses. With `stops=path.corners[1:-1]`, `time_path` stops at all poses between the ends.
-        length: length of the curve, m. A rotation by one radian counts as 0.1 m.
+        length: length of the curve, m. The length of a line is sqrt(distance^2 + (0.1 m/rad angle)^2).
         feasible: whether the arm can follow the whole path.
         reason: the reason why the arm cannot follow it, as a text; None if it can.
         shortfall: the reason as a dict, or None. `kind` is "limit", "singularity", "unreachable", "jump" or "unresolved".
@@ -219,8 +219,8 @@ def cartesian_path(
         tolerance: largest error between knots: one number for m and rad, or `(2,)`.
         axes: letters such as "xyz" or "x y rz"; None: the whole pose. It contains none, one, or all of rx, ry, rz.
         kind: "lines": straight lines in position and geodesics in rotation; "spline": one smooth curve through all poses.
-        blend: distance from a corner between two straight lines at which its rounding begins, m. It is limited to half of each line. With
-            0 a corner is rounded only within the tolerance.
+        blend: length of the curve, m, over which a corner between two lines is rounded before and after the corner. It is limited to half
+            of each line. `CartesianPath.length` defines the length. With 0 a corner is rounded only within the tolerance.
         arcs: indices of poses in the middle of an arc, only for "lines". The arc is on the circle through the previous, this and the next
             position.
         limits: whether the path must respect the joint limits of the arm.

@@ -5,9 +5,9 @@
 
 Here `Y_b(t)` is the regressor of the base parameters at `q(t), v(t), a(t)`, `noise` the standard deviation of the torques, and `'` the
 transpose. Each joint's series is divided by a smooth maximum of position, speed and acceleration, each relative to its limit. So for all
-coefficients the samples respect these limits. Torque limits enter the cost as a penalty. The gradient is exact: `Y_b` is linear in `a`, and
-quadratic in `v` (except Coulomb friction) and in the position of a prismatic joint. In the angle of a revolute joint it is a trigonometric
-polynomial of degree two, whose derivative follows from four values (Riesz 1914).
+coefficients the samples respect these limits. Torque limits enter the cost as a penalty. For arms without mimic joints, the gradient is
+exact: `Y_b` is linear in `a`, and quadratic in `v` (except Coulomb friction) and in the position of a prismatic joint. In the angle of a
+revolute joint it is a trigonometric polynomial of degree two, whose derivative follows from four values (Riesz 1914).
 """
 
 from __future__ import annotations

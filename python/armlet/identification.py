@@ -107,7 +107,7 @@ class ParameterReport:
 
     #: Names of the joints that move the bodies.
     joints: tuple[str, ...]
-    #: Eigenvalues of the pseudo-inertia of each body, (n, 4), ascending.
+    #: Eigenvalues of the pseudo-inertia of each body, (bodies, 4), ascending.
     eigenvalues: _Array
     #: The problem of each body; empty for a physically possible body.
     problems: tuple[str, ...]

@@ -21,8 +21,8 @@ __all__ = ["NullSpace"]
 class NullSpace:
     """A spring and a damper of the joints in the null space of an impedance law: `N' (K_n (q_n - q) + D_n (q_n_dot - v))`.
 
-    `projection="consistent"`: `N' = I - J' L J M^-1`, `L = (J M^-1 J')^-1`. The torque does not accelerate the frame (Khatib 1987).
-    `projection="static"`: `N' = I - J' (J')#`. In general the torque accelerates the frame.
+    `projection="consistent"`: `N' = I - J' L J M^-1`, `L = (J M^-1 J')^-1`. The torque does not accelerate the frame along the axes of the
+    law's task (Khatib 1987). `projection="static"`: `N' = I - J' (J')#`. In general the torque accelerates the frame also along these axes.
 
     Here `J` is the Jacobian of the law's task, `M` the mass matrix, `'` the transpose and `#` the pseudo-inverse. With both projections,
     the motion in the null space moves the frame through the Coriolis torque and `J_dot v`, unless the law compensates the coupling. Near

@@ -72,7 +72,7 @@ def diagnose_priority(
     """Diagnose which directions of each level are feasible.
 
     The stack is algorithmic if and only if `rank J_E < min(sum rank J_i, n)`. It is kinematic if and only if some `rank J_i` is below its
-    number of rows. J_E is the matrix of all J_i.
+    number of rows. J_E is the matrix of the rows of all J_i.
 
     Args:
         jacobians: one (rows_i, n) per level, the highest priority first.

@@ -77,8 +77,8 @@ def select_samples(
 
     With accelerations a sample is `W_j = Y(q, v, v, a)`. Without accelerations a sample is a window of the record. Its equation is
     integrated over time by Simpson's rule: `W_j = [Y_M] + int Y_D dt`, `tau_j = int tau dt`. `[Y_M]` is the end value minus the start value
-    in the window. `M v = Y_M pi` and `g - C' v = Y_D pi` for the parameters `pi`, with the mass matrix `M`, the Coriolis matrix `C`, the
-    gravity torque `g`, and `'` the transpose.
+    in the window. The torque of rotors is subtracted from `tau_j` if their inertia is not estimated. `M v = Y_M pi` and `g - C' v = Y_D pi`
+    for the parameters `pi`, with the mass matrix `M`, the Coriolis matrix `C`, the gravity torque `g`, and `'` the transpose.
 
     Args:
         law: the `Adaptive` law that will learn from the samples. It determines the parameters: its base set, friction and rotors.

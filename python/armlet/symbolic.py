@@ -2,7 +2,8 @@
 
     M(q) a + C(q, v) v + g(q) = tau,   Y(q, v, v_r, a_r) pi = M a_r + C v_r + g
 
-Energies are linear in the inertial parameters pi: `M = sum_k pi_k M_k`, and likewise C and g. Y is the regressor. So the factor of each
+Energies are linear in the inertial parameters pi: `M = sum_k pi_k M_k`, and likewise C and g. Y is the regressor. In the second
+equation, M is without the rotor inertia. So the factor of each
 parameter pi_k is a polynomial in sines and cosines of angles, and in positions of prismatic joints. `armlet.trigonometric` writes each
 polynomial in the shortest of several forms.
 """
@@ -227,7 +228,7 @@ def _of_bodies(joints: Sequence[Joint], gravity: Sequence[float], lengths: bool)
         return trig.collected(list(zip(v, christoffel[part][j][k], strict=True)))
 
     def column(part: tuple[int, int], j: int) -> Any:
-        """One entry `M_k a_r + C_k v_r + g_k` of the regressor, for a parameter of value 1."""
+        """Entry `j` of `M a_r + C v_r + g` if the parameter `part` is 1 and all others are 0: an entry of the regressor."""
         terms = list(zip(a_r, mass[part][j], strict=True))
         terms += [(v[l] * v_r[k], christoffel[part][j][k][l]) for k in range(n) for l in range(n)]
         return trig.collected([*terms, (sympy.S.One, slope[part][j])])
@@ -265,7 +266,7 @@ def _dot(a: Sequence[Any], b: Sequence[Any]) -> Any:
 def _unit_energies(
     trig: Polynomials, joints: Sequence[Joint], offsets: Sequence[Sequence[Any]], gravity: Sequence[Any]
 ) -> tuple[dict[tuple[int, int], Any], dict[tuple[int, int], Any]]:
-    """The mass matrix `M_k` (n, n) and gravity torque `g_k` (n,) for each parameter `(body, kind)` with the value 1.
+    """The mass matrix `M` (n, n) and the gravity torque `g` (n,) for each parameter `(body, kind)`, if it is 1 and all others are 0.
 
     All vectors are in the axes of the body. `u_j` and `w_j` are the velocity of its origin and its angular velocity for a unit rate of
     joint `j`. Then `M_jk = m u_j.u_k + u_j.(w_k x h) + u_k.(w_j x h) + w_j.I w_k`, and `g_j = -(m gamma.u_j + gamma.(w_j x h))`. Here `m`

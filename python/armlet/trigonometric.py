@@ -2,13 +2,13 @@
 
     plain      polynomials in sin q_i and cos q_i, factored:           l sin(q2) (v1 + v2)
     angles     sums of sines and cosines of sums of angles:            cos(q2 + q3) - cos(q2 - q3)
-    absolute   as plain, in the angles phi_i = q_i + phi_parent of      (l2 cos(q2) + l3 cos(q2 + q3))^2
-               joints with parallel axes
+    absolute   as plain, in the angles phi_i = q_i +- phi_parent of     (l2 cos(q2) + l3 cos(q2 + q3))^2
+               joints with parallel axes (- if the axes are opposite)
 
 A sum of products of velocities, each with a polynomial as factor, is grouped by equal polynomials or by equal sines and cosines.
 
 Sines and cosines are generators of a polynomial ring over the rational numbers. After every product `sin^2` is replaced by `1 - cos^2`. A
-number of the arm is converted to the decimal that Python prints for it.
+number of the arm is converted to the decimal that Python prints for it, or to an integer that is closer than WHOLE.
 """
 
 from __future__ import annotations
@@ -38,7 +38,8 @@ FRACTIONS = (1, 2, 4, 8)
 class Polynomials:
     """The polynomial ring of one arm.
 
-    Its generators are sines and cosines of revolute joints, coordinates of prismatic joints, and lengths.
+    Its generators are the sine and the cosine of each joint, the coordinates, and the symbols `lengths` of offsets and gravity. Polynomials
+    use the sine and cosine of a revolute joint, and the coordinate of a prismatic joint.
     """
 
     def __init__(
@@ -162,7 +163,7 @@ class Polynomials:
         return self._products[key]
 
     def _short(self, p: Any) -> bool:
-        """Whether all coefficients have few digits. Other polynomials rarely have factors, and the search takes minutes."""
+        """Whether all coefficients have at most MOST_BITS bits."""
         return all(coefficient.numerator.bit_length() + coefficient.denominator.bit_length() <= MOST_BITS for coefficient in p.values())
 
     def _product(self, p: Any, symbols: list[Any]) -> Any:

@@ -65,7 +65,7 @@ def _can_plot(command: str) -> None:
 
 
 def _prepare(args: argparse.Namespace) -> None:
-    """Check that the output can be written, before the run starts."""
+    """Make the folder of the output and check that it is writable, before the run starts."""
     if args.plot:
         _can_plot("run")
     if args.out is not None or args.plot:
