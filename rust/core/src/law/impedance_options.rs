@@ -42,8 +42,8 @@ pub struct ImpedanceOptions {
     pub null_space: Option<NullSpaceSpec>,
     /// Whether to add the torque `C v` and the wrench `L (x_d_ddot - J_dot v)`, with the Cartesian inertia `L` of the rows.
     pub compensate_coupling: bool,
-    /// The clamp `eps` of singular values in the inverse `L`, from 1e-7 to below 1. It is relative to the root mean square of the rows with
-    /// the same unit, m or rad.
+    /// The clamp `eps` of singular values in the inverse `L`, from 1e-7 to below 1. It is relative to the root mean square of the norms of
+    /// the rows with the same unit, m or rad.
     pub eps: f64,
     /// Feed-forward wrench `F_ff`, `(m,)`, N and N m.
     pub feedforward: Option<Vec<f64>>,

@@ -3,17 +3,18 @@
 //! The torque `tau_0 = K_n (q_n - q) + D_n (q_n_dot - v)` acts as `N' tau_0`, with `N' = I - J' L J W^-1` and `L = (J W^-1 J')^-1`. `J` is
 //! the Jacobian of the controlled rows, `W` a metric, and `'` the transpose:
 //!
-//! - dynamically consistent, `W = M`: `J M^-1 N' = 0`, so `tau_0` does not accelerate the frame;
+//! - dynamically consistent, `W = M`: `J M^-1 N' = 0`, so `tau_0` does not accelerate the controlled rows;
 //! - static, `W = I`: `N' = I - J' (J')#`.
 //!
 //! Compensation of the coupling adds the torque `C v` and the wrench `L (x_d_ddot - J_dot v)` with `W = M`. Then
 //! `L (x_ddot - x_d_ddot) = F` for every motion in the consistent null space, where `F` is the sum of the other wrenches of the law. This
 //! requires an exact model, and a pose that is not near a singularity.
 //!
-//! Near singularities, `L = max(J W^-1 J', eps^2)^-1`, where `max` acts on the eigenvalues. Before the inversion, rows of position and rows
-//! of orientation are divided by the root mean square of their rows of `J W^-1/2`. So `W^-1/2 J' L` is the pseudo-inverse of `J W^-1/2`
-//! with `sigma / max(sigma, eps)^2` in place of `1 / sigma`, for each singular value `sigma`. In the direction of `sigma`, the fraction
-//! `1 - min(1, (sigma/eps)^2)` of `tau_0` remains. The largest of these fractions is the loss.
+//! Near singularities, `L = max(J W^-1 J', eps^2)^-1`, where `max` acts on the eigenvalues. Before the inversion, the rows of position are
+//! divided by one factor, and the rows of orientation by another one. A factor is the root mean square of the norms of these rows of
+//! `J W^-1/2`. So `W^-1/2 J' L` is the pseudo-inverse of `J W^-1/2` with `sigma / max(sigma, eps)^2` in place of `1 / sigma`, for each
+//! singular value `sigma`. In the direction of `sigma`, the fraction `1 - min(1, (sigma/eps)^2)` of `tau_0` remains. The largest of these
+//! fractions is the loss.
 
 use super::sizes::{require_rows, require_size};
 use super::terms::Term;
@@ -40,7 +41,7 @@ pub const NULL_SPACE_EPS: f64 = 0.02;
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum NullProjection {
-    /// The metric of the mass matrix. The projected torque does not accelerate the frame.
+    /// The metric of the mass matrix. The projected torque does not accelerate the controlled rows.
     Consistent,
     /// The metric of the joint coordinates.
     Static,

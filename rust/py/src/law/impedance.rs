@@ -122,7 +122,7 @@ pub(super) fn target<'py>(given: &mut Arguments<'py>, value: &Bound<'py, PyAny>,
 /// `N' tau_0` is the torque of a `NullSpace`. With `compensate_coupling` the law adds `C v` to the torque and `L (x_d_ddot - J_dot v)` to
 /// the wrench, with `L = (J M^-1 J')^-1`. At full rank, without an external force and within the limits, every motion then satisfies
 /// `L (x_ddot - x_d_ddot) = F`. This requires the projection "consistent" of a `NullSpace`. Near singularities, singular values of
-/// `J M^-1/2` below `eps` count as `eps`, after the rows of each unit are divided by their root mean square.
+/// `J M^-1/2` below `eps` count as `eps`. Before, the rows of each unit are divided by the root mean square of their norms.
 ///
 /// The integral wrench `w` `(m,)` is the law's state. It starts at zero, and `run.estimate` records it. While `F` or a torque exceeds a
 /// limit, the entries of `w` do not change in directions that increase the excess.
