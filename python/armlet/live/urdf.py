@@ -3,7 +3,7 @@
     X_LS = (R(rpy), xyz) of <origin>, R = Rz(yaw) Ry(pitch) Rx(roll), in the frame of the link
 
 A link is drawn with its geometry, if it has any: boxes, cylinders, spheres, and meshes whose files are found. Another link is a set of
-capsules from its frame to its child joints. Without child joints it is a sphere, drawn only if no link has geometry.
+capsules from its frame to its child joints. Without such capsules it is a sphere, drawn only if no link has geometry.
 
 A shape with invalid numbers is not drawn. The file names its meshes, and may come from an untrusted source. So a mesh must be inside the
 folder of the URDF or of a package of the user, after symbolic links are resolved.

@@ -5,7 +5,8 @@ Pull its tip, and reduce the stiffness of its joints and the inertia of its moto
     M a + C v + g = tau_J + J'F,   B theta_ddot + tau_J = tau,   tau_J = K_J (theta - q)
     tau = (1 - B B0^-1) tau_J + B B0^-1 (u - D0 theta_dot),   u = J'[K_m (x_d - x) - D_m J v] + g(q)
 
-B0 and D0 are the reduced inertia of the motors and its damping. x is the tip position with the target x_d and the Jacobian J, and ' is the
+B and B0 are the inertia and the reduced inertia of the motors, and D0 is the damping of B0. K_J is the joint stiffness. x is the tip
+position with the target x_d, the Jacobian J, the stiffness K_m and the damping D_m. F is the external force at the tip, and ' the
 transpose. One slider sets each gain for both joints, or for both directions of the tip.
 """
 

@@ -2,8 +2,8 @@
 
     I theta_ddot + G sin theta = tau,   |tau| <= tau_max,   theta from the downward vertical
 
-A plan starts only when the link is at rest. So a new target during a motion is planned after this motion. If no torque within the limit
-reaches the target, a message reports it, and the link stays. Computed torque tracks the plan within the same limit.
+A plan starts only when the link is at rest. So a new target during a motion is planned after this motion. If no motion within the limit
+is found, a message reports it, and the link stays. Computed torque tracks the plan within the same limit.
 """
 
 from __future__ import annotations

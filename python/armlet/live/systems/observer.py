@@ -4,9 +4,9 @@
     reaction from contact on:   tau = g + K_c (q_c - q) + D_c (dq_c/dt - v)
 
 The reaction "stop" holds `q_c`, the position at contact. "retract" moves `q_c` away from the contact. "float" has K_c = 0 and a constant
-`q_c`. The force of the slider acts along y at the tip, the force of the mouse at its grip point. The curves show the residual `r` and the
-external torque J'F, which the observer does not know. F is the wrench of the force, J the Jacobian of its frame and ' the transpose. After
-contact a reaction replaces the law, until a reset or another choice of reaction or observer gain.
+`q_c`. The force of the slider acts along y at the tip, unless the mouse pulls. The force of the mouse acts at its grip point. The curves
+show the residual `r` and the external torque J'F, which the observer does not know. F is the wrench of the force, J the Jacobian of its
+frame and ' the transpose. After contact a reaction replaces the law, until a reset or another choice of reaction or observer gain.
 """
 
 from __future__ import annotations

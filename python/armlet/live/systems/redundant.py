@@ -4,9 +4,10 @@ posture. Pull the elbow, or the tip.
     tau = J' F + N' tau_0 + g,   F = K (x_d - x) - D J v,   tau_0 = K_n (q_n - q) - D_n v
     compensated:   tau += C v,   F -= L J_dot v,   L = (J M^-1 J')^-1
 
-x is the tip position with the target x_d and the Jacobian J, N' the projector of `al.NullSpace`, q_n the posture, and ' the transpose. The
-posture is the initial configuration, except for one joint, which a slider sets. Compare the projectors, with and without compensation of
-the coupling.
+x is the tip position with the target x_d and the Jacobian J, N' the projector of `al.NullSpace`, q_n the posture, and ' the transpose. K
+and D are stiffness and damping at the tip, K_n and D_n those of the posture. M is the mass matrix, and C v the Coriolis torque. The posture
+is the initial configuration, except for one joint, which a slider sets. Compare the projectors, with and without compensation of the
+coupling.
 """
 
 from __future__ import annotations

@@ -2,6 +2,7 @@
 
     tau = M (Kp e - Kd v) + C v + g   or   tau = D (Kp e - Kd v) + g,   Kp = w^2, Kd = 2 zeta w, D the diagonal of M(q0)
 
+e is the joint error, w the bandwidth and zeta the damping ratio. M is the mass matrix, C v the Coriolis torque and g the gravity torque.
 Inverse kinematics, started at the last solution, gives the joint positions for the target.
 """
 
@@ -47,7 +48,7 @@ class Robot(System):
         if frame is not None and frame not in names:
             raise al.InputError(f"lab: frame is unknown: expected one of {', '.join(names)}, got {frame}")
         self.title, self.frame = title, frame or str(self.arm.tip_frame)
-        # A stretched arm is singular. A configuration 0.3 rad or m away from it follows a dragged target without delay.
+        # A stretched arm is singular. So the initial configuration is 0.3 rad or m away from `middle`, within the limits.
         low, high = self.arm.limits["q_min"], self.arm.limits["q_max"]
         self.q0 = np.clip(middle(self.arm) + 0.3, low, high)
         self.inertia = np.diag(self.arm.mass_matrix(self.q0)).copy()
@@ -69,7 +70,7 @@ class Robot(System):
     def reach(self, target: Array) -> None:
         """Search for joint positions that reach the target, starting from the last solution.
 
-        If the target is out of reach, the nearest position is used.
+        If the search does not reach the target, the positions with the error that `note` reports are used.
         """
         if np.array_equal(target, self.answered):
             return

@@ -2,8 +2,9 @@
 
     I theta_ddot = tau - tau_f,   tau = K_p e + K_i int e - K_d theta_dot,   F_s the breakaway torque, F_c the friction in motion
 
-Under PD the link stops before its target. Under PID the integral grows until the link slips, passes the target, and sticks again. This is
-a limit cycle. Compare stick-slip with LuGre friction, whose bristles deflect before the link slips.
+I is the inertia about the joint, e the error of the angle theta, and tau_f the friction torque. Under PD the link can stop before its
+target. Under PID with F_s > F_c, the integral grows until the link slips, and the link can pass the target and stick again. If this
+repeats, it is a limit cycle. Compare stick-slip with LuGre friction, whose bristles deflect before the link slips.
 """
 
 from __future__ import annotations

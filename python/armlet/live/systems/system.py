@@ -73,7 +73,7 @@ Control: TypeAlias = Slider | Choice
 class Plot:
     """Curves over time in one panel.
 
-    The title ends with the unit of the curves. The last `dashed` curves are true or desired values of the first curves.
+    The title ends with the unit of the curves. The last `dashed` curves are true or desired values, or limits.
     """
 
     title: str
