@@ -9,9 +9,9 @@ transpose.
                            f^2 = sum_k of the squared Frobenius norm of N_k,   g_j = sum_k tr(R_k N_k R_k E_j),
                            c = [min(1, 2 f) max(0, g'Gamma y) + 10 f^2] / g'Gamma g               (Pomet and Praly 1992)
 
-P is the pseudo-inertia of a body with the estimated parameters a_hat; for the planar PR arm it is [[A, B], [B, C]]. E_j is the P of a body
-whose parameter j is 1 and whose others are 0. P_k^min is the pseudo-inertia of the smallest body k. An estimate that starts above it may
-fall below it, but stays above half of it.
+Gamma and gamma are adaptation gains. P is the pseudo-inertia of a body with the estimated parameters a_hat; for the planar PR arm it is
+[[A, B], [B, C]]. E_j is the P of a body whose parameter j is 1 and whose others are 0. P_k^min is the pseudo-inertia of the smallest body
+k. An estimate that starts above it may fall below it, but stays above half of it.
 """
 
 from collections.abc import Callable

@@ -4,7 +4,7 @@
     tau = -f dd/dq,   stored energy k d^2 / 2,   lost power (f - k d) d_dot
     wall: d = n . (p_wall - p(q)) of the origin p of a frame;   stop: d = q_i - upper_i or lower_i - q_i
 
-A complex step computes the gradient of the depth, so no Jacobian is needed.
+k is the stiffness and c the damping of the contact. A complex step computes the gradient of the depth, so no Jacobian is needed.
 """
 
 from collections.abc import Callable

@@ -5,9 +5,10 @@
     lost at level i     1 - U U',  U the leading left vectors of J_i N,  N a null basis of the rows above
     loss of a command   (1 - U U')(v_i - J_i v_above),  v_above the exact solution of the levels above
 
-A *block* is the Jacobian J_i of a level i, and J_E the matrix of the rows of all blocks. A rank counts the singular values of stacked rows
-above rounding * sigma_max, with the largest singular value sigma_max. First, each block is divided by its norm, because tasks have
-different units. The rank of a projected Jacobian does not come from its own singular values. ' is the transpose.
+A *block* is the Jacobian J_i of a level i, v_i its task velocity, and J_E the matrix of the rows of all blocks. n is the number of joints.
+A rank counts the singular values of stacked rows above rounding * sigma_max, with the largest singular value sigma_max. First, each block
+is divided by its norm, because tasks have different units. The rank of a projected Jacobian does not come from its own singular values. '
+is the transpose.
 """
 
 from collections.abc import Sequence

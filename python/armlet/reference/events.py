@@ -3,8 +3,10 @@
     g(t, x) changes its sign in (t_a, t_b):   integrate from the last checked time to the zero of the secant,
         keep the interval with the change, and halve the value of g at an end that is kept twice (Dowell and Jarratt 1971)
 
-joint: q_i - value;  speed: v_i - value;  plane: n . (p - p_0) of a frame's origin;  contact: depth in the wall;
+joint: q_i - value;  speed: v_i - value;  plane: n . (p - p_0), p a frame's origin;  contact: depth in the wall;
 joint_stop: depth beyond a limit;  function: any g(t, q, v), g(t, q) or g(t, q, v, theta, theta_dot)
+
+n is the normal of the plane, and p_0 a point in it.
 """
 
 from collections.abc import Callable, Sequence

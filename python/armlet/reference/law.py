@@ -3,7 +3,8 @@
     ComputedTorque      tau = M (a_d + Kd e_dot + Kp e) + C v + g
     PDGravity           tau = Kp (q_target - q) - Kd v + g(q)
 
-`terms` evaluates the law once and returns a dict of its quantities, which include `tau` and `state_rate`.
+M, C v and g are mass matrix, Coriolis torque and gravity torque, and Kp and Kd gains. `terms` evaluates the law once and returns a dict of
+its quantities, which include `tau` and `state_rate`.
 """
 
 from typing import Any

@@ -5,8 +5,9 @@
     tau_0 = K_n (q_n - q) + D_n (q_n_dot - v),   coupling: C v to the torque, and L (x_d_ddot - J_dot v) to the wrench, with the L of W = M
 
 S is diagonal, with one factor for the rows of position and one for the rows of orientation. It scales each block of rows of J W^-1/2 so
-that the root mean square of the norms of its rows is one. J is the Jacobian of the task with the target x_d, s are singular values and eps
-their threshold. q_n is the posture, K_n and D_n are its stiffness and damping. ' is the transpose, _dot and _ddot are time derivatives.
+that the root mean square of the norms of its rows is one. J is the Jacobian of the task with the target x_d, N' the projector and M the
+mass matrix. s are singular values and eps their threshold. q_n is the posture, K_n and D_n are its stiffness and damping. ' is the
+transpose, _dot and _ddot are time derivatives.
 
 A moving rotation vector r has the angular velocity w = A r_dot and the angular acceleration w_dot = A r_ddot + A_dot r_dot. Here
 A = int_0^1 exp(u r) du comes from Gauss-Legendre quadrature, and d exp(u r)/dt = [u A(u r) r_dot]x exp(u r). [..]x is the matrix of the

@@ -6,9 +6,10 @@ dy/dt = v_f = N (q - y), or v_f = v without a filter;   f = damping v_d + fricti
 ds/dt = tau - g - f + d;   d = h (m v_f - s)
 ahead = M a_d, or m a_d with a disturbance observer
 
-e = q_d - q is the error, w the integral torque, v_f the filtered velocity, and f the friction torque, zero unless `friction`. d is the
-estimated disturbance, zero without an observer. ahead is the feedforward torque. y and s are the states of the filter and the observer. N
-is the rate of the filter, h the bandwidth of the disturbance observer, m the nominal inertia, and v_s the friction speed.
+Kp, Ki and Kd are gains, M is the mass matrix and g the gravity torque. e = q_d - q is the error, w the integral torque, v_f the filtered
+velocity, and f the friction torque, zero unless `friction`. d is the estimated disturbance, zero without an observer. ahead is the
+feedforward torque. y and s are the states of the filter and the observer. N is the rate of the filter, h the bandwidth of the disturbance
+observer, m the nominal inertia, and v_s the friction speed.
 """
 
 import numpy as np

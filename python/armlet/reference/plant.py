@@ -7,8 +7,9 @@
     contact     tau_c of the wall and the stops (see `contact`)
     LuGre       friction of the joints of a RigidArm or of the motors of an ElasticArm; its state is last (see `bristles`)
 
-`rates` returns the time derivative of the state, `energy` the stored energy, and `power` the power of the inputs minus the lost power. F is
-an external force at a frame with the Jacobian J, and ' the transpose.
+M, C and g are mass matrix, Coriolis matrix and gravity torque, B is the motor inertia and K the joint stiffness. tau is the input of the
+law. `rates` returns the time derivative of the state, `energy` the stored energy, and `power` the power of the inputs minus the lost power.
+F is an external force at a frame with the Jacobian J, and ' the transpose.
 """
 
 from typing import Any, Protocol

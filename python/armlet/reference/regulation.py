@@ -6,7 +6,8 @@ MotorPD         tau = Kp (theta_d - theta) - Kd theta_dot + g(q_d)              
 StateFeedback   tau = Kp (theta_d - theta) - Kd theta_dot + g(q_d) + Kt (g(q_d) - tau_J) - Ks dtau_J/dt
                 tau_J = K_J (theta - q)                                           (Albu-Schaeffer and Hirzinger 2001)
 
-K_J is the joint stiffness, and g the gravity torque.
+Kp, Kd, Kt and Ks are gains. q_d is the target of the links, theta are the motor positions, K_J is the joint stiffness, and g the gravity
+torque.
 """
 
 import numpy as np

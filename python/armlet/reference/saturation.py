@@ -5,9 +5,10 @@
     while s = 1 violates a bound   the joint with the smallest limit of s is added to F; of equal ones the fastest  (Flacco et al. 2015)
     at distance d from a limit     the largest u with  u dt <= d  and  u^2 <= 2 a d  (u > 0),  by bisection
 
-E_F are the rows of the unit matrix for the joints F, and b_F their bounds. null(A) is an orthonormal null basis, A# the pseudo-inverse of
-A. dt is the sample time and a the braking deceleration. With a metric W the Jacobians are J W^-1/2,
-and `back` = W^-1/2 converts to joint velocities.
+J_i and v_i are the Jacobian and the task velocity of the level, and x is the solution of the levels above. s is the scale of the level. E_F
+are the rows of the unit matrix for the joints F, and b_F their bounds. null(A) is an orthonormal null basis, A# the pseudo-inverse of A. dt
+is the sample time and a the braking deceleration. With a metric W the Jacobians are J W^-1/2, and `back` = W^-1/2 converts to joint
+velocities.
 """
 
 from typing import Any

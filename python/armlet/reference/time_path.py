@@ -8,9 +8,10 @@
     A = M q',  B = M q'' + C(q, q') q'
     by Newton's method on  T/mu - sum log(distance to each limit),  with a decreasing mu       (Verscheure et al. 2009)
 
-' is the derivative with respect to s, p the position of the frame's origin, d and c are viscous and Coulomb friction. The core passes over
-the grid forwards and backwards. Stops divide the path into parts with separate timings. The search starts with the arm nearly at rest. So
-it finds no timing for a path on which the arm cannot rest, even if a faster motion is feasible.
+' is the derivative with respect to s, p the position of the frame's origin, d and c are viscous and Coulomb friction. M, C and g are mass
+matrix, Coriolis matrix and gravity torque. The core passes over the grid forwards and backwards. Stops divide the path into parts with
+separate timings. The search starts with the arm nearly at rest. So it finds no timing for a path on which the arm cannot rest, even if a
+faster motion is feasible.
 """
 
 import itertools
