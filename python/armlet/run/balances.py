@@ -3,10 +3,10 @@
     E(t) - E(0) - int P dt = 0,   V1(0) - V1(t) - int s'Kd s dt = 0
 
 `E` is the energy in J, and `P` the supplied power in W. `V1` is the Lyapunov function, `s` the sliding variable and `Kd` the damping gain
-of an adaptive law. The exact solution of the loop fulfils the first equation, so its residual is the error of the integration method. It
-also fulfils the second one for a continuous law without projection, input bounds and external forces, whose model has the structure of the
-plant. For options of the law that change the rate of `V1`, the integral includes their terms. With coarse steps the residual of
-the first equation can be as large as the energy.
+of an adaptive law, and `'` the transpose. The exact solution of the loop fulfils the first equation, so its residual is the error of the
+integration method. It also fulfils the second one for a continuous law without projection, input bounds and external forces, whose model
+has the structure of the plant. For options of the law that change the rate of `V1`, the integral includes their terms. With coarse steps
+the residual of the first equation can be as large as the energy.
 """
 
 from __future__ import annotations

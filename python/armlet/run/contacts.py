@@ -2,7 +2,8 @@
 
     f = max(0, k d + c d_dot) where d > 0, else 0,   d = n . (p_wall - p(q)),   d_dot = -n . J(q) v
 
-`d` is the depth of the frame in the wall, m. `k` and `c` are the stiffness, N/m, and the damping, N s/m, of the wall. `n` is its normal.
+`d` is the depth of the frame in the wall, m. `k` and `c` are the stiffness, N/m, and the damping, N s/m, of the wall. `n` is its normal and
+`p_wall` a point of its plane. `p` is the origin of the frame, `J` its Jacobian and `v` the joint velocity.
 """
 
 from __future__ import annotations

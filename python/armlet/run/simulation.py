@@ -104,7 +104,8 @@ def simulate(
     Warns:
         UserWarning: a position is outside of the joint limits, such as an angle in degrees. Or the steps are too coarse for the loop.
             They are too coarse if the residual of the energy balance exceeds a tenth of the energy stored or exchanged. They also are if
-            the Lyapunov function rises tenfold, for a law that acts at every instant without `tau_max` and `force`.
+            the Lyapunov function rises tenfold and the residual of its balance exceeds a tenth of it. This holds only for a law that acts
+            at every instant without `tau_max` and `force`.
             `metrics(run)["energy_error"]` is the residual of the energy balance as a fraction of the energy.
 
     Source: [HairerNorsettWanner1993, HairerWanner1996] for the methods; docs/plants_and_laws.md.
