@@ -2,10 +2,9 @@
 
     M(q) a + C(q, v) v + g(q) = tau,   Y(q, v, v_r, a_r) pi = M a_r + C v_r + g
 
-Energies are linear in the inertial parameters pi: `M = sum_k pi_k M_k`, and likewise C and g. Y is the regressor. In the second
-equation, M is without the rotor inertia. So the factor of each
-parameter pi_k is a polynomial in sines and cosines of angles, and in positions of prismatic joints. `armlet.trigonometric` writes each
-polynomial in the shortest of several forms.
+Y is the regressor. In the second equation, M is without the rotor inertia. Without it, M is linear in the inertial parameters pi:
+`M = sum_k pi_k M_k`, and likewise C and g. The factor of each pi_k is a polynomial in sines and cosines of angles, and in positions of
+prismatic joints. `armlet.trigonometric` writes each polynomial in the shortest of several forms.
 """
 
 from __future__ import annotations

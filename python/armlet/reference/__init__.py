@@ -1,8 +1,8 @@
 """A reference implementation of armlet in numpy, with other derivations than the core. Tests compare the core with it.
 
 The dynamics are derivatives of energies by complex steps, where the core has recursions. The adaptive integration is an extrapolation
-method, where the core has Runge-Kutta pairs. The reference is slow, and armlet never uses it in place of the core. Besides the standard
-library, it imports only numpy.
+method, where the core has Runge-Kutta and Rosenbrock methods. The reference is slow, and armlet never uses it in place of the core. Besides
+the standard library, it imports only numpy.
 """
 
 from . import integrate

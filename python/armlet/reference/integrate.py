@@ -106,7 +106,7 @@ def _advance(
 ) -> tuple[float, Array, float, int]:
     """Integrate from t to stop, and return the time, the state, the next proposed step and the remaining number of steps.
 
-    f may jump at `stop`, so all evaluations use its limit from the left.
+    f may jump at `stop`, so evaluations at `stop` use its limit from the left.
     """
     order = 2 * columns - 1
     limit = float(np.nextafter(stop, -np.inf))

@@ -149,7 +149,10 @@ class CentreOfMassTask(Task):
 
 
 class AxisTask(Task):
-    """A task that turns the direction `axis` (3,) of a frame to a direction (3,) of the world. Its two rows are perpendicular to `axis`."""
+    """A task that turns the direction `axis` (3,) of a frame to a direction (3,) of the world.
+
+    Its two rows are rotations about two directions that are perpendicular to `axis`.
+    """
 
     def __init__(
         self,

@@ -216,7 +216,7 @@ def sweep(
 
 
 def cells_of(scenario: Scenario, vary: Mapping[str, Any] | None = None, draws: int | None = None, seed: int | None = None) -> Cells:
-    """Return the cells of the arguments. If `vary` is None, values and draws are those of `[sweep]`. None means its seed."""
+    """Return the cells of the arguments. Without `vary`, the values and draws of `[sweep]` are used; without `seed`, its seed or 0."""
     stated = scenario.data.get("sweep", {})
     if vary is None and "vary" not in stated:
         raise InputError("sweep: vary is missing: expected values by path, as an argument or in the scenario's [sweep]")

@@ -3,10 +3,11 @@
     dr/dt = K_O (tau_ext - r),   contact where |r_i| is above the threshold of joint i
     reaction from contact on:   tau = g + K_c (q_c - q) + D_c (dq_c/dt - v)
 
-The reaction "stop" holds `q_c`, the position at contact. "retract" moves `q_c` away from the contact. "float" has K_c = 0 and a constant
-`q_c`. The force of the slider acts along y at the tip, unless the mouse pulls. The force of the mouse acts at its grip point. The curves
-show the residual `r` and the external torque J'F, which the observer does not know. F is the wrench of the force, J the Jacobian of its
-frame and ' the transpose. After contact a reaction replaces the law, until a reset or another choice of reaction or observer gain.
+g is the gravity torque, and K_c and D_c are stiffness and damping of the reaction. The reaction "stop" holds `q_c`, the position at
+contact. "retract" moves `q_c` away from the contact. "float" has K_c = 0 and a constant `q_c`. The force of the slider acts along y at the
+tip, unless the mouse pulls. The force of the mouse acts at its grip point. The curves show the residual `r` and the external torque J'F,
+which the observer does not know. F is the wrench of the force, J the Jacobian of its frame and ' the transpose. After contact a reaction
+replaces the law, until a reset or another choice of reaction or observer gain.
 """
 
 from __future__ import annotations
