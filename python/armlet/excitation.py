@@ -1,7 +1,7 @@
 """Periodic motions that determine the parameters of an arm well: finite Fourier series within limits (Swevers et al. 1997).
 
     q(t) = o + sum_l (A_l sin(l w t) + B_l cos(l w t)),   w = 2 pi / duration,   l = 1 .. harmonics
-    F = sum_k Y_b(t_k)' N^-2 Y_b(t_k),   N = diag(noise);   the motion maximises log det F (D-optimality)
+    F = sum_k Y_b(t_k)' diag(noise)^-2 Y_b(t_k);   the search maximises log det F (D-optimality)
 
 Here `Y_b(t)` is the regressor of the base parameters at `q(t), v(t), a(t)`, `noise` the standard deviation of the torques, and `'` the
 transpose. Each joint's series is divided by a smooth maximum of position, speed and acceleration, each relative to its limit. So for all

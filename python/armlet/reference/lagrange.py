@@ -147,7 +147,7 @@ class Mechanism:
         return torque
 
     def bias(self, q: ArrayLike, v: ArrayLike, *, friction: bool = False) -> Array:
-        """The torque C(q, v) v + g(q) at zero acceleration, (..., n)."""
+        """The torque C(q, v) v + g(q) at zero acceleration, (..., n), plus the friction torque if `friction`."""
         q, v = vectors(q, v, n=self.n)
         bias: Array = np.einsum("...ij,...j->...i", self.coriolis_matrix(q, v), v) + self.gravity(q)
         return bias + self.friction_torque(v) if friction else bias
@@ -162,7 +162,7 @@ class Mechanism:
         wrench_frame: str | None = None,
         friction: bool = False,
     ) -> Array:
-        """The torque tau = M a + C v + g - J'F, (..., n)."""
+        """The torque tau = M a + C v + g - J'F, (..., n), plus the friction torque if `friction`."""
         q, v, a = vectors(q, v, a, n=self.n)
         tau: Array = np.einsum("...ij,...j->...i", self.mass_matrix(q), a) + self.bias(q, v, friction=friction)
         return tau if wrench is None else tau - self._load(q, np.asarray(wrench, dtype=np.float64), str(wrench_frame))

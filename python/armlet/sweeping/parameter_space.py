@@ -1,8 +1,8 @@
-"""The cells of a sweep: the varied quantities, and their values in cell i, which depend only on the sweep's seed and i.
+"""The cells of a sweep: the varied quantities, and their values in cell i.
 
 A grid has every combination of the listed values, and the last quantity varies fastest. Draws are random: `u = U(seed, i, entry)` is
-uniform in [0, 1), and the value is the inverse distribution function at `u`. So a cell's values do not depend on the order or
-number of workers.
+uniform in [0, 1), and the value is the inverse distribution function at `u`. So a cell's values do not depend on the order
+or number of workers.
 """
 
 from __future__ import annotations
