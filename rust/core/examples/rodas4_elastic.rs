@@ -93,8 +93,8 @@ fn drive<S: Real, F: System<S>, M: Adaptive<S, F, [S; 8]>>(mut method: M, system
     (method.x().map(|x| x.lane(0)), method.work())
 }
 
-/// Run the fastest variant on this processor. It uses two AVX2 registers for the eight rates, even if AVX-512 exists. A variant with one
-/// AVX-512 register is slower: a step of RODAS with 8 states takes 1.08 us instead of 0.73 us.
+/// Run the fastest variant on this processor. On x86-64 with AVX2, two AVX2 registers contain the eight rates, even if AVX-512 exists. A
+/// variant with one AVX-512 register is slower: a step of RODAS with 8 states takes 1.08 us instead of 0.73 us.
 fn run(plant: Loop, t_end: f64, rtol: f64) -> ([f64; 8], Work) {
     #[cfg(target_arch = "x86_64")]
     if armlet_core::scalar::isa() > armlet_core::scalar::Isa::Baseline {

@@ -82,7 +82,7 @@ fn options() -> Options {
     }
 }
 
-/// Return a number of order one that is neither zero nor one.
+/// Return a number between -1 and 1, which is neither zero nor one in magnitude.
 fn number(k: usize) -> f64 {
     (0.7 * k as f64 + 0.3).sin()
 }

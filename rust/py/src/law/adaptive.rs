@@ -36,8 +36,8 @@ use pyo3::types::{PyBool, PyString, PyTuple};
 ///         `(i, j)` is the unit of `a_i` times the unit of `a_j`, per N m.
 ///     estimate: initial estimate, `(p,)`, kg, kg m, kg m^2 and units of friction; zero if None (keyword only).
 ///     base: the result of `arm.base_parameters()`: the law estimates only this base set (keyword only).
-///     natural: adapt in the metric of the bodies' pseudo-inertias (keyword only). A physically possible initial estimate then stays
-///         physically possible. `gamma` is a scalar, or one number per body, 1/(N m), and then one per joint parameter.
+///     natural: adapt in the metric of the bodies' pseudo-inertias (keyword only). It requires a physically possible initial estimate,
+///         which then stays physically possible. `gamma` is a scalar, or one number per body, 1/(N m), and then one per joint parameter.
 ///     projection: keep the estimated bodies physically possible (keyword only). An estimate whose bodies exceed given smallest bodies
 ///         stays above half of them: `P_k >= P_k^min / 2` for the pseudo-inertias `P_k`. The argument is the mass of each smallest body,
 ///         kg, with a radius of gyration of 0.1 m. It may also be the parameters of all smallest bodies, in the shape of `arm.parameters`.

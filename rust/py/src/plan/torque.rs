@@ -193,12 +193,14 @@ impl TorqueOptimum {
 
     /// Compute `q, v, a, tau` (rad, rad/s, rad/s^2, N m) of the best motion at the time `t` in s, a number or an array.
     ///
-    /// The motion is at rest before the time 0 and after its end.
+    /// The motion is at rest before the time 0 and after its end. Without a motion the call raises `InputError`.
     fn profile<'py>(&self, py: Python<'py>, t: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyTuple>> {
         entry(py, "TorqueOptimum.profile", || Ok(PyTuple::new(py, self.sample(py, "TorqueOptimum.profile", 0, t)?)?))
     }
 
     /// Compute `q, v, a, tau` (rad, rad/s, rad/s^2, N m) of the fastest monotone motion at the time `t` in s, a number or an array.
+    ///
+    /// Without a monotone motion the call raises `InputError`.
     fn monotone_profile<'py>(&self, py: Python<'py>, t: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyTuple>> {
         entry(py, "TorqueOptimum.monotone_profile", || Ok(PyTuple::new(py, self.sample(py, "TorqueOptimum.monotone_profile", 1, t)?)?))
     }

@@ -214,8 +214,8 @@ impl PrioritySolver {
         })
     }
 
-    /// Set the velocity bounds of the next solves with "sns", a number or `(n,)` each, rad/s or m/s. A solver without bounds raises
-    /// `InputError`.
+    /// Set the velocity bounds of the next solves with "sns", a number or `(n,)` each, rad/s or m/s. A solver that was made
+    /// without bounds raises `InputError`.
     fn set_bounds(&self, py: Python<'_>, v_min: &Bound<'_, PyAny>, v_max: &Bound<'_, PyAny>) -> PyResult<()> {
         const NAME: &str = "PrioritySolver.set_bounds";
         entry(py, NAME, || {
