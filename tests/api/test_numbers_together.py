@@ -1,4 +1,7 @@
-"""Several entries of a named parameter share loops. Their derivatives equal those with one loop per entry, to the last bit."""
+"""Several entries of a named parameter share loops. Their derivatives equal those with one loop per entry, to the last bit.
+
+A shared loop is a *probe*: it changes several entries. Bit `b` of an entry's code is set if probe `b` changes this entry.
+"""
 
 from __future__ import annotations
 
@@ -71,7 +74,7 @@ def test_many_entries_need_few_loops() -> None:
     loop = (al.RigidArm(ARM), law, {"q0": Q0})
     group = together(loop, NamedNumber("law.gamma", np.linspace(0.1, 0.3, P)), [(i,) for i in range(P)])
     assert isinstance(group, Together)
-    # Eight probe loops give 70 codes of four bits, enough for 50 entries. Separate loops would be 200.
+    # Eight probes give 70 codes with four bits set, enough for 50 entries. Separate loops would be 200.
     assert len(group.loops) == 8 + 4 and len(set(group.codes)) == P
     assert {code.bit_count() for code in group.codes} == {4}
 
@@ -83,7 +86,7 @@ def test_a_code_that_is_wrong_is_refused(monkeypatch: pytest.MonkeyPatch) -> Non
     named = NamedNumber("law.kp", KP)
     group = together(loop, named, [(i,) for i in range(N)])
     assert group is not None
-    # Five of the six codes with two of four bits.
+    # Five of the six codes that have two of four bits set.
     assert group.codes == [0b0011, 0b0101, 0b1001, 0b0110, 0b1010]
     wrong = Together(group.loops, group.weights, [0b1100, *group.codes[1:]])
     loops = stacked(loop, [named], [wrong], lambda _: [])

@@ -161,7 +161,7 @@ def test_callables() -> None:
         return q(s), np.array([np.cos(s), 2 * s]), np.array([-np.sin(s), 2.0])
 
     a, b = al.time_path(ARM, q, tau_max=30.0), al.time_path(ARM, all_three, tau_max=30.0)
-    # Both durations are accurate to 1e-4.
+    # Both durations have the error of their grid.
     assert a.feasible and b.feasible and a.duration == pytest.approx(b.duration, rel=2e-4)
     t = np.linspace(0.0, b.duration, 200)
     x = b(t)[0]

@@ -56,7 +56,7 @@ def test_closed_loops_pass_through_singularities(case: dict[str, Any]) -> None:
         assert run.monitors["residual_1"].max() <= 1e-12 * (1 + np.abs(run.v).max())
         assert run.monitors["error_1"].max() <= 1e-5 * L
         speed = np.linalg.norm(run.v, axis=1)
-        # The bound is 1/eps1 times the primary command, then 1/eps2 times the remaining secondary command.
+        # Each level contributes at most 1/eps times its remaining command.
         assert np.isfinite(speed).all() and speed.max() <= 10.0 / eps[1]
         steps.append(np.linalg.norm(np.diff(run.v, axis=0), axis=1).max())
     # If the velocity jumped, half the step would not halve the differences.

@@ -100,7 +100,7 @@ fn symplectic_euler_keeps_its_invariant() {
     for k in 0..10_000 {
         method.step(&mut system, k as f64 * h, h, (k + 1) as f64 * h, &mut x);
     }
-    // The tolerance is the rounding error of 1e4 steps.
+    // Only the rounding errors of 1e4 steps remain.
     assert!((invariant(&x) - before).abs() < 1e-11);
     assert!(SemiImplicit::new::<f64, _>(&twin::<Circle>(), Circle::start(), 0.0).is_err());
 }
