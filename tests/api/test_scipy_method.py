@@ -175,7 +175,7 @@ class TestTolerances:
         one, _ = both(method, f, (0.0, 1.0), [1.0, 0.0], **loose)
         all_of, _ = both(method, f, (0.0, 1.0), [1.0, 0.0], **tight)
         assert one.stats["steps"] < all_of.stats["steps"]
-        # The global error is the sum of the errors of the steps, each with tolerance 1e-9.
+        # The global error is at most the sum of the errors of the steps, each with tolerance 1e-9.
         assert abs(one.y[-1, 0] - np.exp(-1.0)) < 1e-7
         same, _ = both(method, f, (0.0, 1.0), [1.0, 0.0], rtol=[1e-9, 1e-9], atol=[1e-12, 1e-12])
         assert np.array_equal(same.y, all_of.y)

@@ -13,9 +13,9 @@ use std::ptr::null_mut;
 
 /// A slice of the elements of a C-contiguous, aligned array, without a copy; `None` for other arrays.
 pub fn in_place<'a, T: Element>(array: &'a Bound<'_, PyArrayDyn<T>>) -> Option<&'a [T]> {
-    // SAFETY: contiguity and alignment are checked, and `Bound` keeps the array alive. The calling thread holds the GIL while the slice is
-    // used, and callers copy it before they release the GIL. So no other thread can write to the array meanwhile. As in numpy, Python code
-    // that converts another argument must not free the memory (`resize` with `refcheck=False`).
+    // SAFETY: contiguity and alignment are checked, and `Bound` keeps the array alive. The slice is read only while the calling thread holds
+    // the GIL, because callers copy it before they release the GIL. Before it is read, the conversion of another argument may run Python
+    // code. This code may change the numbers. As in numpy, it must not free the memory (`resize` with `refcheck=False`).
     unsafe {
         let flags = (*array.as_array_ptr()).fields.flags;
         let wanted = npyffi::flags::NPY_ARRAY_C_CONTIGUOUS | npyffi::flags::NPY_ARRAY_ALIGNED;
@@ -86,8 +86,8 @@ fn of_class<'a>(value: &'a Bound<'_, PyAny>, shape: &[usize], class: *mut pyo3::
 #[allow(clippy::mut_from_ref)]
 pub fn out_of_shape<'a>(value: &'a Bound<'_, PyAny>, shape: &[usize]) -> Option<&'a mut [f64]> {
     let length = of_shape(value, shape)?.len();
-    // SAFETY: `of_shape` has checked the type and the memory of the array. Only this thread can write it: the thread holds the GIL, or no
-    // other code has a reference to the array.
+    // SAFETY: `of_shape` has checked the type and the memory of the array. Python code cannot access the elements while they are written:
+    // this thread holds the GIL, or no other code has a reference to the array.
     unsafe {
         let array = &(*value.as_ptr().cast::<npyffi::PyArrayObject>()).fields;
         if length == 0 || array.flags & npyffi::flags::NPY_ARRAY_WRITEABLE == 0 {
