@@ -85,7 +85,7 @@ def test_ctrl_c_in_a_decomposition(method: str, interrupted: Callable[[str], tup
         except KeyboardInterrupt:
             print("interrupted", flush=True)
     """)
-    # armlet promises 0.1 s. The limit is larger because other processes run on a test machine.
+    # The aim of armlet is 0.1 s. The limit is larger because other processes run on a test machine.
     assert words == ["interrupted"] and seconds < 0.5
 
 
