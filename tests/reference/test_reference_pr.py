@@ -63,7 +63,7 @@ def test_trajectory(case: dict[str, Any]) -> None:
     for row, sample in enumerate(samples):
         for theirs, ours in names.items():
             np.testing.assert_allclose(run[ours][row], floats(sample[theirs]), rtol=0.0, atol=atol, err_msg=f"{theirs} at t = {times[row]}")
-    # With small tolerances the balance errs by at most 1e-9, and V1 increases by at most 1e-9.
+    # The error of the balance is at most 1e-12. V1 does not increase, up to rounding.
     assert np.abs(run["lyapunov_balance"]).max() <= 1e-9
     assert np.diff(run["lyapunov"]).max() <= 1e-9
     start = law.terms(0.0, floats(given["q0"]), floats(given["qd0"]))
@@ -88,7 +88,7 @@ def test_skewness_and_christoffel_choice() -> None:
     arm = ref.planar_pr(2.0, 0.5, 0.5)
     q, v = rng.uniform(-3, 3, (2, 50, 2))
     skew = arm.mass_matrix_rate(q, v) - 2 * arm.coriolis_matrix(q, v)
-    # M_dot - 2 C is skew-symmetric, up to 1e-13.
+    # M_dot - 2 C is skew-symmetric, up to rounding.
     assert np.abs(skew + np.swapaxes(skew, -1, -2)).max() <= 1e-13
     assert np.abs(skew).max() > 0.1
 
@@ -106,7 +106,7 @@ def test_broadcasting_equals_rows() -> None:
     ):
         together = getattr(arm, name)(*args)
         alone = np.array([[getattr(arm, name)(*(x[i, j] for x in args)) for j in range(5)] for i in range(3)])
-        # einsum adds the same terms in a different order, which changes rounding.
+        # einsum adds the same terms in a different order, which may change rounding.
         np.testing.assert_allclose(together, alone, rtol=1e-13, atol=1e-14)
 
 
