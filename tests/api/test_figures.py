@@ -120,6 +120,16 @@ def test_estimates_of_many_links() -> None:
     assert all(len({line.get_color() for line in panel.get_lines()}) == 2 for panel in panels)
 
 
+def test_estimates_of_an_arm_with_a_mimic_joint() -> None:
+    """Six bodies and five coordinates: the 60 estimates are all inertial parameters, not those of five bodies and ten friction terms."""
+    body = {"type": "R", "axis": [0, 0, 1], "xyz": [0.3, 0, 0], "phi": [1, 0.1, 0, 0, 0.02, 0, 0.02, 0, 0, 0.04]}
+    arm = al.Arm.from_chain([dict(body) for _ in range(5)] + [{**body, "mimic": {"joint": 0}}])
+    law = al.Adaptive(arm, al.Hold([0.1] * 5), 20.0, 5.0, 0.1)
+    axes = al.simulate(al.RigidArm(arm), law, [0.0] * 5, t_end=0.01, dt=1e-3).plot(Figure())
+    panels = [ax for ax in axes.flat if "Estimates" in ax.get_title(loc="left")]
+    assert [len(panel.get_lines()) for panel in panels] == [6, 18, 18, 18]
+
+
 def test_joints_are_named_once() -> None:
     """Joints and dashes are explained above the panels. No panel has a legend over its data."""
     law = al.ComputedTorque(ARM, al.Quintic([0.0, 0.0], [0.5, 0.5], 1.0), 50.0, 10.0)

@@ -217,7 +217,7 @@ def _estimates(run: Recorded) -> list[Panel]:
         return [_integral]
     # The state of a composite law is the estimate and then the filters. Only the estimate is drawn.
     count = run.estimate[..., : run._estimated].shape[-1]
-    links = _links(count, run.q.shape[-1])
+    links = _links(run)
     if count <= 12 or count < 10 * links:
         return [_estimate]
     beside: list[Panel] = [_rotors_and_friction] if count > 10 * links else []
@@ -235,11 +235,16 @@ def _integral(ax: Axes, run: Recorded) -> None:
     _legend(ax)
 
 
-def _links(count: int, n: int) -> int:
-    """The number of bodies of an arm with `n` coordinates and `count` estimated parameters.
+def _links(run: Recorded) -> int:
+    """The number of bodies of the arm: a tenth of the true parameters, if the run has them.
 
-    There are ten parameters per body, and then one per coordinate for each kind of joint parameter, such as damping.
+    Otherwise it follows from the number of estimated parameters. There are ten per body, and then one per coordinate for each kind of joint
+    parameter, such as damping.
     """
+    assert run.estimate is not None
+    count, n = run.estimate[..., : run._estimated].shape[-1], run.q.shape[-1]
+    if run.parameters is not None and 10 <= run.parameters.shape[-1] <= count:
+        return int(run.parameters.shape[-1]) // 10
     return next((links for links in range(n, count // 10 + 1) if (count - 10 * links) in (0, n, 2 * n, 3 * n, 4 * n)), n)
 
 
@@ -250,7 +255,7 @@ def _bodies(ax: Axes, run: Recorded, kind: tuple[tuple[int, ...], str, str, str]
     """
     assert run.estimate is not None
     places, what, unit, components = kind
-    for link in range(_links(run.estimate[..., : run._estimated].shape[-1], run.q.shape[-1])):
+    for link in range(_links(run)):
         own = run.estimate[:, 10 * link : 10 * link + 10]
         for place, stroke in zip(places, STROKES, strict=False):
             ax.plot(run.t, own[:, place], color=COLOURS[link % len(COLOURS)], linestyle=stroke, linewidth=1.0, alpha=0.9)
@@ -261,7 +266,7 @@ def _bodies(ax: Axes, run: Recorded, kind: tuple[tuple[int, ...], str, str, str]
 def _rotors_and_friction(ax: Axes, run: Recorded) -> None:
     assert run.estimate is not None
     n = run.q.shape[-1]
-    beside = run.estimate[:, 10 * _links(run.estimate[..., : run._estimated].shape[-1], n) : run._estimated]
+    beside = run.estimate[:, 10 * _links(run) : run._estimated]
     for i in range(beside.shape[-1]):
         ax.plot(run.t, beside[:, i], color=COLOURS[i % n % len(COLOURS)], linestyle=STROKES[i // n], linewidth=1.0)
     ax.set_ylabel("parameters (SI)")
