@@ -79,10 +79,10 @@ pub enum Error {
     /// Stored data does not have the expected format.
     #[error("{0}")]
     Format(String),
-    /// The result is too large for the memory.
+    /// Memory is insufficient for a model, for results, or for the work memory of a call.
     #[error("the result needs {bytes} bytes, more than can be allocated")]
     Memory {
-        /// Size of the result, in bytes.
+        /// The required memory, in bytes.
         bytes: u128,
     },
 }

@@ -60,8 +60,8 @@ impl<S: Real> BufferedTree<S> {
     }
 }
 
-/// An evaluator of one configuration after another. After its creation, it allocates memory only for the first Christoffel symbols, and for
-/// arms of more than 284 joints.
+/// An evaluator of one configuration after another. After its creation, it allocates memory only at the first query of Christoffel symbols,
+/// and for arms of more than 284 joints.
 #[derive(Clone, Debug)]
 pub struct Evaluator {
     engine: Box<BufferedTree<Float>>,

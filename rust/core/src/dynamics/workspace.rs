@@ -36,7 +36,7 @@ pub struct Link<S: Real> {
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Composite<S: Real> {
     pub inertia: Inertia<S>,
-    /// Linear momentum, for velocities relative to that of the joint origin; in `derivatives` for velocities in the world.
+    /// Linear momentum, for velocities relative to that of the joint origin; in `body_derivatives` for velocities in the world.
     pub momentum: Vector3<S>,
     /// The matrix `K = integral of u r' dm`, with the velocity `u` of the momentum.
     pub k: Matrix3<S>,
@@ -103,8 +103,9 @@ pub struct Factors<S> {
     pub inverse: Vec<S>,
 }
 
-/// The data of one joint for `derivatives`. `(linear, angular)` is its unit motion at the world origin. `v`, `w`, `a` and `wd` are the
-/// motion of its body, and `(f, n)` is the wrench on its subtree.
+/// The data of one joint for `body_derivatives`, in world axes. `(linear, angular)` is its unit motion at the world origin. `v` is the
+/// velocity of the body's origin, and `a` its acceleration minus gravity. `w` and `wd` are the angular velocity and acceleration of the
+/// body. `(f, n)` is the wrench on its subtree, with the moment about the body's origin.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Slope<S: Real> {
     pub linear: Vector3<S>,
@@ -113,8 +114,8 @@ pub struct Slope<S: Real> {
     pub v: Vector3<S>,
     pub a: Vector3<S>,
     pub wd: Vector3<S>,
-    /// Linear and angular part of the acceleration `phi = A_p x S + V_p x psi` (see `derivatives`), about the joint origin `o`. About the
-    /// world origin, the linear part is `phi_v + o x phi_w`.
+    /// Linear and angular part of the acceleration `phi = A_p x S + V_p x psi` (see `body_derivatives`), about the joint origin `o`. About
+    /// the world origin, the linear part is `phi_v + o x phi_w`.
     pub phi_v: Vector3<S>,
     pub phi_w: Vector3<S>,
     pub psi_w: Vector3<S>,

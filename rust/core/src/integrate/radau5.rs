@@ -186,7 +186,9 @@ impl<S: Real, B: Buffer<S>, U: Clone, A: Accuracy> Radau5<S, B, U, A> {
         transform(&T_INVERSE, &self.z, &mut self.w);
     }
 
-    /// Check whether rounding errors caused the rejection of a step of size `h`.
+    /// Count the rejection of a step of size `h`. After several rejections, measure the rounding error of the error estimate. If it is
+    /// relevant, compensate the states from now on; if they are compensated already, raise the tolerance of Newton's iterations. Error:
+    /// `ExcessAccuracy` if the remaining error is too large for the tolerance.
     fn rejected<F: Differentiable<S, Input = U>>(&mut self, system: &mut F, h: f64) -> Result<(), Status> {
         // The check requires the matrix decomposition for this step size.
         if !self.rounding.rejected() || self.h_factored != h {

@@ -211,7 +211,8 @@ impl<B: Clone, M: Clone, P, U: Clone, T: Accuracy> Rodas4<B, M, P, U, T> {
         self.controller.norm(self.x.as_ref(), self.y.as_ref(), |c| error[c])
     }
 
-    /// Check whether rounding errors caused the rejection of a step of size `h`.
+    /// Measure the rounding error of the error estimate of a step of size `h`. If it is relevant, compensate the states from now on. Error:
+    /// `ExcessAccuracy` if the states are compensated already, and the remaining error is too large for the tolerance.
     #[cold]
     fn look<S, F>(&mut self, system: &mut F, h: f64) -> Result<(), Status>
     where

@@ -55,7 +55,7 @@ impl<S: Real> TaskStack<S> {
         &self.functions
     }
 
-    /// Relative error of the entries of the Jacobians at the last `q`: `8 eps (1 + sum|q|)`, at most 0.5.
+    /// Assumed relative error of the entries of the Jacobians at the last `q`: `8 eps (1 + sum|q|)`, at most 0.5.
     pub fn rounding(&self) -> S {
         let turned = self.bodies.q.iter().fold(S::splat(1.0), |sum, q| sum + q.abs());
         // With a relative error above 1 the entries would be unknown, and no rank could be decided. So 0.5 is the largest value.

@@ -101,7 +101,8 @@ impl ArmSolver {
         solver.inputs().1
     }
 
-    /// Write the Jacobians at `q`, `(n,)`, to `out`, `(sum rows, n)`, as the solver uses them. Return the relative error of their entries.
+    /// Write the Jacobians at `q`, `(n,)`, to `out`, `(sum rows, n)`, as the solver uses them. Return the assumed relative error of their
+    /// entries.
     pub fn jacobians(&mut self, q: &[f64], out: &mut [f64]) -> f64 {
         jacobians(&mut self.running, q, out)
     }
@@ -139,7 +140,7 @@ impl ArmSolver {
     }
 }
 
-/// Write the Jacobians at `q`, `(n,)`, to `out`, `(sum rows, n)`. Return the relative error of their entries.
+/// Write the Jacobians at `q`, `(n,)`, to `out`, `(sum rows, n)`. Return the assumed relative error of their entries.
 fn jacobians(stack: &mut TaskStack<Float>, q: &[f64], out: &mut [f64]) -> f64 {
     stack.place(Float::of(q));
     stack.jacobians(Float::of_mut(out));

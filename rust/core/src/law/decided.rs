@@ -1,5 +1,6 @@
-//! Laws whose solver decides the ranks of tasks in priority. On plain numbers, the solver may use every algorithm of `priority`. A recorded
-//! law only uses the regular algorithm, which has no branch, and reports whether its result is valid.
+//! Laws with task priorities whose solver decides the numerical ranks of the projected Jacobians of the tasks. On plain numbers, the solver
+//! may use every algorithm of `priority`. A recorded law only uses the regular algorithm, which has no branch, and reports whether its
+//! result is valid.
 
 use super::definition::Law;
 use crate::error::Result;

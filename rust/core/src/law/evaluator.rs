@@ -127,8 +127,8 @@ impl LawEvaluator {
     }
 }
 
-/// Record the law as a program. The result is `None` for a function of the caller, for a large arm, and for a law that decides the ranks of
-/// tasks. The program of a law that decides ranks is not always valid.
+/// Record the law as a program. The result is `None` for a function of the caller, for a large arm, and for a law that decides ranks of
+/// projected Jacobians. The program of a law that decides ranks is not always valid.
 fn recorded(spec: &LawSpec, widths: [usize; 3]) -> Option<Evaluation> {
     if spec.route() == Route::Outside || spec.model().n() > MOST_JOINTS {
         return None;

@@ -218,7 +218,8 @@ impl Definition for GuardedSpec {
         true
     }
 
-    /// The terms of the inner law, then the momentum, the residual of a continuous loop, whether the reaction acts, and the torque.
+    /// The terms of the inner law without its torque `tau`, then the momentum, the residual, whether the reaction acts, and the torque. The
+    /// residual and whether the reaction acts are computed with the observer gain `K` of a continuous loop, even if the loop is sampled.
     fn terms(&self, at: &Instant) -> Vec<Term> {
         let n = self.model.n();
         let own = self.inner.initial_state().len();

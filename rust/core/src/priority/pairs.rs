@@ -221,7 +221,8 @@ fn rotate<S: Real>(a: &mut [S], b: &mut [S], rest: &mut [S; 2]) {
     (rest[0], rest[1]) = turn(r0, r1);
 }
 
-/// Return the square of `lambda = eps (1 - prod min(1, s / eps))`.
+/// Return the square of `lambda = eps (1 - prod min(1, s / eps))`. The product is over the free directions of the level. `threshold2` is
+/// `eps^2`.
 fn lambda2<S: Real>(directions: &[Direction<S>], threshold2: S) -> S {
     let one = S::splat(1.0);
     let manipulability = directions.iter().fold(one, |all, direction| {

@@ -21,7 +21,7 @@ pub struct Tracing {
     pub notes: Option<Noting>,
 }
 
-/// The results that form a record together with the state: the input and the monitors.
+/// The results of the program that computes records. A record is the state, the input and the monitors.
 pub struct Noting {
     /// The results for an input that is stored in the program's frame.
     pub alone: Vec<u32>,

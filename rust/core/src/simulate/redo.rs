@@ -1,8 +1,8 @@
 //! A program declines a step if its results are not valid. Such a step is computed again without the program.
 //!
-//! Some laws determine the ranks of their tasks. Their programs contain only the algorithm for tasks that are not near a singularity. This
-//! algorithm reports whether its result is valid. A declined step is repeated with all algorithms of the solver, from the state before the
-//! step. So the bits of a run depend only on this run.
+//! Some laws determine the numerical ranks of the projected Jacobians of their tasks. Their programs contain only the algorithm for tasks
+//! that are not near a singularity. This algorithm reports whether its result is valid. A declined step is repeated with all algorithms of
+//! the solver, from the state before the step. So the bits of a run depend only on this run.
 
 use super::assembly::assemble;
 use super::closed_loop::ClosedLoop;

@@ -40,7 +40,7 @@ pub fn adjoint(ops: Vec<Op>, inputs: usize, outputs: &[u32], moving: &[u32]) -> 
     (work.tape.ops, bars)
 }
 
-/// For each entry, whether it depends on one of the inputs `moving`.
+/// For each entry, whether it depends differentiably on one of the inputs `moving`.
 fn moves(ops: &[Op], moving: &[u32]) -> Vec<bool> {
     let inputs: std::collections::HashSet<u32> = moving.iter().copied().collect();
     let mut moves = vec![false; ops.len()];

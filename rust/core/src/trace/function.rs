@@ -19,7 +19,7 @@ use std::sync::Arc;
 /// The number of calls with a single configuration, not a batch, after which the program of a function is made.
 pub const CALLS: usize = 16;
 
-/// The maximum sum of the recorded entries of all stored functions.
+/// The maximum number of recorded operations of all stored functions together.
 pub const KEPT_OPERATIONS: usize = 1 << 20;
 
 /// A function, shared by all recordings with equal operations and results.
@@ -60,7 +60,7 @@ impl std::fmt::Debug for Evaluation {
 }
 
 /// A recorded function. `values` are the set-up parameters, which are the first inputs. `inputs` is the number of other inputs. `answer`
-/// has the entries of the results.
+/// has the indices in `ops` of the results.
 pub struct Recorded {
     pub ops: Vec<Op>,
     pub values: Vec<f64>,

@@ -7,7 +7,7 @@ use super::tape::Op;
 
 /// The end of a segment.
 pub struct Cut {
-    /// The number of entries before the end of the segment.
+    /// The number of recorded operations before the end of the segment.
     pub end: u32,
     /// The outputs of the segment, as pairs `(slot, entry)`: the slot that stores the value, and the index of its recorded operation.
     /// `join` adds the values that later segments read.

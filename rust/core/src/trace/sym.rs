@@ -21,7 +21,7 @@ fn on_tape<T>(f: impl FnOnce(&mut Tape) -> T) -> T {
     TAPE.with(|tape| f(&mut tape.borrow_mut()))
 }
 
-/// A recorded value: the index of its entry on the tape of this thread. The default is the constant zero.
+/// A recorded value: the index of its operation on the tape of this thread. The default is the constant zero.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub struct Sym(u32);
 
@@ -32,8 +32,8 @@ pub struct Recording {
     pub values: Vec<f64>,
     /// The labels of the set-up parameters that became inputs.
     pub labels: Vec<Label>,
-    /// The entries of the set-up parameters, in the order of recording. Parameters of [`Real::fixed`] are included only if parameters vary.
-    /// Two loops can share a program if these entries are equal, and if the loops differ only in the values of parameters.
+    /// The indices in `ops` of the set-up parameters, in the order of recording. Parameters of [`Real::fixed`] are included only if
+    /// parameters vary. Two loops can share a program if these indices are equal, and if the loops differ only in the values of parameters.
     pub structure: Vec<u32>,
     /// Whether the code read a value that is not a constant, or gave two lanes different values. Then the recording is not valid.
     pub failed: bool,
@@ -69,7 +69,7 @@ pub fn input() -> Sym {
     on_tape(|tape| Sym(tape.new_input()))
 }
 
-/// Return the number of entries and the number of inputs recorded so far.
+/// Return the number of operations and the number of inputs recorded so far.
 pub fn recorded() -> (u32, u32) {
     on_tape(|tape| (tape.ops.len() as u32, tape.inputs))
 }
@@ -98,7 +98,7 @@ fn rounded<T>(unfused: bool, f: impl FnOnce() -> T) -> T {
 }
 
 impl Sym {
-    /// The index of the value's entry in the recording.
+    /// The index of the value's operation in the recording.
     pub fn index(self) -> u32 {
         self.0
     }

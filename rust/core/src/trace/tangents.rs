@@ -9,9 +9,9 @@ use super::tape::{Op, Tape};
 /// A recording with its derivatives.
 pub struct Tangents {
     pub ops: Vec<Op>,
-    /// The entries of the outputs.
+    /// The indices in `ops` of the outputs.
     pub values: Vec<u32>,
-    /// The entries of the derivatives of the first `moved` outputs: all of them along the first direction, then all along the next
+    /// The indices in `ops` of the derivatives of the first `moved` outputs: all of them along the first direction, then all along the next
     /// direction.
     pub rates: Vec<u32>,
 }
@@ -22,7 +22,7 @@ pub fn tangents(ops: &[Op], inputs: usize, outputs: &[u32], moved: usize, moving
     let mut tape = Tape::resume(Tape::new().ops, inputs as u32);
     let given: Vec<Vec<u32>> = (0..directions).map(|_| moving.iter().map(|_| tape.new_input()).collect()).collect();
     let needed = needed(ops, outputs);
-    // The new entry of each value, and for each direction the entry of the value's rate.
+    // The new index of each value, and for each direction the index of the value's rate.
     let (mut values, mut rates) = (vec![0; ops.len()], vec![Vec::new(); directions]);
     for i in (0..ops.len()).filter(|&i| needed[i]) {
         let op = ops[i].on(|a| values[a as usize]);
