@@ -1,4 +1,5 @@
-//! Tests of the chains in `oracle_g_regressor_public.json`, computed with mpmath, for every number type of this machine.
+//! Tests of the chains in `oracle_g_regressor_public.json`, computed with mpmath, for every number type: `f64`, `Float`, portable lanes,
+//! and the SIMD lanes of this machine.
 
 use crate::arm_common::{chain, lift, numbers, on_every_number, sin_cos, vectors};
 use armlet_core::arm::Tree;

@@ -90,7 +90,8 @@ fn trajectories() {
         let t_end = *times.last().unwrap();
         let samples = case["expected"]["samples"].as_array().unwrap();
         let names = ["q", "qd", "theta", "thetad"];
-        // RK4 has steps of 0.1 ms, for modes up to 300/s. The other methods have the tolerance 1e-11.
+        // RK4 has steps of 0.1 ms, for modes up to 300/s. The other methods have the relative tolerance 1e-11 and the absolute tolerance
+        // 1e-12.
         for (method, monitors) in [
             (Method::Rk4, true),
             (Method::Rk4, false),

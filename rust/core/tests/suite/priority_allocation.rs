@@ -1,4 +1,5 @@
-//! Tests that a solve does not allocate after construction, for any method and any evaluation.
+//! Tests that solves do not allocate after the construction of the solver: for every method, with and without weights, at regular and
+//! singular configurations.
 
 use crate::counting::counted;
 use crate::priority_support::{Random, planar_jacobian};

@@ -74,7 +74,7 @@ fn exact_is_equation_5() {
                 compared += 1;
             }
         }
-        // Near a singularity, replace each small angle by the nearest multiple of pi. The ranks must then be the ranks of this singular
+        // Replace each angle with |sin q| <= angle_tol by the nearest multiple of pi. The ranks must then be the ranks of this singular
         // configuration.
         let tolerance = number(&input["angle_tol"]);
         let pi = std::f64::consts::PI;
