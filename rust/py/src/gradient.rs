@@ -1,8 +1,8 @@
 //! Derivatives of simulated runs with respect to named parameters, by forward sensitivities and by the adjoint method.
 //!
-//! The caller passes the run itself and *runs of variations*. In these, a parameter has other values. The derivative of a number of
-//! the loop with respect to the parameter is the sum of its values in these runs, multiplied by `weights`. A *record* is the state and the
-//! input at one time of `t_eval`.
+//! The caller passes the run itself and *runs of variations*. In these, a parameter has other values. A *loop parameter* `F` is a number
+//! that plant or law computes from the parameters. Its derivative is `sum weight (F(run) - F(0))` over these runs, where run 0 is the run
+//! itself. A *record* is the state and the input at one time of `t_eval`.
 
 use crate::arrays::{Axis, Form, adopted, count, numbers};
 use crate::errors::{Failure, entry, input_error};

@@ -234,7 +234,8 @@ impl Reading {
     }
 }
 
-/// Restore an object from the payload of its pickle. A payload that is damaged or of another version raises `FormatError`.
+/// Restore an object from the payload of its pickle. A payload that is damaged, or from which this version cannot make the object, raises
+/// `FormatError`.
 #[entered]
 #[pyfunction]
 #[pyo3(signature = (*payload))]

@@ -246,7 +246,7 @@ pub fn pendulum(py: Python<'_>, inertia: &Bound<'_, PyAny>, gravity_moment: &Bou
     entry(py, NAME, || Ok(core::Arm::pendulum(scalar(NAME, "inertia", inertia)?, scalar(NAME, "gravity_moment", gravity_moment)?)?.into()))
 }
 
-/// A joint, a frame and an arm as plain tuples, the argument of [`_restore_tree`].
+/// A joint, a frame and an arm as plain tuples. The tuple of an arm is the argument of [`_restore_tree`].
 type JointState = (String, String, Option<usize>, [[f64; 3]; 4], [f64; 3], [f64; 7], [f64; 10], Option<Follows>);
 type FrameState = (String, Option<usize>, [[f64; 3]; 4], Option<String>);
 type TreeState<'py> = (String, Bound<'py, PyList>, Bound<'py, PyList>, [f64; 3], Vec<String>);

@@ -37,11 +37,13 @@ use pyo3::types::{PyBool, PyString, PyTuple};
 ///     estimate: initial estimate, `(p,)`, kg, kg m, kg m^2 and units of friction; zero if None (keyword only).
 ///     base: the result of `arm.base_parameters()`: the law estimates only this base set (keyword only).
 ///     natural: adapt in the metric of the bodies' pseudo-inertias (keyword only). It requires a physically possible initial estimate,
-///         which then stays physically possible. `gamma` is a scalar, or one number per body, 1/(N m), and then one per joint parameter.
-///     projection: keep the estimated bodies physically possible (keyword only). An estimate whose bodies exceed given smallest bodies
-///         stays above half of them: `P_k >= P_k^min / 2` for the pseudo-inertias `P_k`. The argument is the mass of each smallest body,
-///         kg, with a radius of gyration of 0.1 m. It may also be the parameters of all smallest bodies, in the shape of `arm.parameters`.
-///         The true bodies must exceed the smallest bodies. An initial estimate that does not is moved to the nearest one that does.
+///         which then stays physically possible. `gamma` is a scalar, or one number per body, 1/(N m), and then one per joint parameter,
+///         in its squared unit per N m. Not with `base` or `projection`.
+///     projection: keep the estimated bodies physically possible (keyword only). In continuous time, an estimate whose bodies exceed given
+///         smallest bodies stays above half of them: `P_k >= P_k^min / 2` for the pseudo-inertias `P_k`. The argument is the mass of each
+///         smallest body, kg, with a radius of gyration of 0.1 m. It may also be the parameters of all smallest bodies, in the shape of
+///         `arm.parameters`. The true bodies must exceed the smallest bodies. An initial estimate that does not is moved to the nearest
+///         one that does. Not with `natural` or `base`.
 ///     friction: estimate friction: True for "viscous" and "coulomb", or some of "viscous", "coulomb", "stribeck" (keyword only).
 ///     armature: estimate the rotors' inertia (keyword only).
 ///     friction_speed: `v_s`, rad/s or m/s, > 0: scalar or `(n,)`; 0.1 if None (keyword only).

@@ -97,7 +97,7 @@ fn sampled(
 /// The attribute of `CartesianPath` that has its waypoints and their path positions.
 const JOINED: &str = "_waypoints_and_knots";
 
-/// The path of waypoints, of a `CartesianPath` or of a callable, and for each waypoint the index of its knot.
+/// The path of waypoints, of a `CartesianPath` or of a callable, and for each waypoint the index of its knot (no indices for a callable).
 ///
 /// `within` checks the waypoints `(K, n)` or the samples.
 fn path_of(
