@@ -305,7 +305,7 @@ def exciting_motion(
         noise: standard deviation of the measured torque, N m or N: a number or `(n,)`.
         armature, friction: whether the parameters include rotor inertias, and damping and Coulomb friction, as for `Arm.regressor`.
         starts: number of random starts of the search, at most 1,000; the best result is returned.
-        iterations: largest number of iterations of each search.
+        iterations: largest number of iterations of each of the three successive minimisations from one start.
         seed: seed of the random starts.
 
     Returns:

@@ -30,7 +30,8 @@ LINKS = (1.0, 1.0, 0.25, 0.25)
 CASE_A = np.array([0.0, np.pi / 2, np.pi / 2, 0.0])
 CASE_B = np.array([0.0, 0.0, np.pi / 2, 0.0])
 ONES = (np.ones(2), np.ones(2))
-# |v| is about 2 and the singular values are about 0.5, so the tolerance is a few dozen rounding errors.
+# |v| is about 2, and the smallest non-zero singular value about 0.5. So the tolerance is about twenty times the rounding error 1e-16
+# |v|/sigma.
 TOLERANCE = 1e-14
 
 # Name; whether the sines s2, s3, s4 of q2, q3, q4 are different from zero (None: either); kind; ranks of J1, J2, J_E, J2 P1.

@@ -280,7 +280,8 @@ def _estimate(ax: Axes, run: Recorded) -> None:
     _lines(ax, run.t, estimate, [rf"$\hat{{a}}_{{{i + 1}}}$" for i in range(count)])
     if run.parameters is not None and run.parameters.shape == (count,):
         for i, value in enumerate(run.parameters):
-            # The dashes of different parameters are shifted, so that lines of equal parameters are both visible.
+            # The dashes of odd and even parameters are shifted by half a period, so that the lines of two equal neighbours are both
+            # visible.
             ax.axhline(value, color=COLOURS[i % len(COLOURS)], linestyle=(4 * i, (4, 4)), linewidth=1.0, alpha=0.8)
         ax.plot([], [], color="0.4", linestyle="--", linewidth=1.0, label="true")
     ax.set_ylabel("parameter (SI)")

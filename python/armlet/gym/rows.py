@@ -163,7 +163,11 @@ def _rows_with(flags: NDArray[np.bool_]) -> NDArray[np.bool_]:
 
 
 def _either(name: str, given: ArrayLike | None, stated: Any, default: float | None, n: int) -> Array:
-    """Return the argument as (n,). If it is None, return the values of the model, and the default for joints without a finite value."""
+    """Return the argument as (n,). If it is None, return the values of the model, and the default for joints without a finite value.
+
+    Raises:
+        InputError: the default is None, and a joint has no finite value.
+    """
     if given is not None:
         return np.broadcast_to(_core.numbers("ArmEnv", name, given, (), (n,)), (n,))
     known: Array = np.full(n, np.inf) if stated is None else stated

@@ -37,7 +37,7 @@ class ArmVectorEnv(VectorEnv[Array, Array, Array]):
         autoreset_mode: a mode of Gymnasium. `AutoresetMode.NEXT_STEP` restarts an ended run in the next step. `SAME_STEP` restarts it in
             the same step and returns its last observation in `info["final_obs"]`. With `DISABLED`, you restart it by
             `reset(options={"reset_mask": mask})`.
-        render_mode: "rgb_array": `render` returns a picture of each row; None: nothing is drawn.
+        render_mode: "rgb_array": `render` returns a picture of each arm; None: nothing is drawn.
 
     Raises:
         InputError: an argument or an action has a wrong type, shape or value.
@@ -89,9 +89,9 @@ class ArmVectorEnv(VectorEnv[Array, Array, Array]):
         self._ready = False
 
     def reset(self, *, seed: int | list[int | None] | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
-        """Start new runs: row i from the seed `seed + i` or `seed[i]`.
+        """Start new runs: arm i from the seed `seed + i` or `seed[i]`.
 
-        With `options={"reset_mask": mask}`, only the rows of the mask restart.
+        With `options={"reset_mask": mask}`, only the arms whose entry in the mask is True restart.
         """
         if seed is None or isinstance(seed, int):
             seeds = [None if seed is None else seed + i for i in range(self.num_envs)]
@@ -137,7 +137,7 @@ class ArmVectorEnv(VectorEnv[Array, Array, Array]):
         return observations, rewards, terminated, truncated, infos
 
     def render(self) -> tuple[NDArray[np.uint8], ...] | None:
-        """Return a picture of each row, (480, 480, 3), as in `ArmEnv.render`; None without a `render_mode`.
+        """Return a picture of each arm, (480, 480, 3), as in `ArmEnv.render`; None without a `render_mode`.
 
         Raises:
             gymnasium.error.ResetNeeded: `render` was called before `reset`.

@@ -177,6 +177,7 @@ class Lab:
     def advance(self, seconds: float = FRAME) -> int:
         """Simulate `speed` times `seconds`, but at most MOST_STEPS steps. Return the number of steps.
 
+        A fraction of a step is kept for the next call. If the loop diverges in this call, the number includes steps that were not done.
         The number is zero while the laboratory is paused, and after the loop has diverged.
         """
         with self._lock:

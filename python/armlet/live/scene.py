@@ -57,7 +57,7 @@ class ArmScene:
         self.bodies: list[tuple[str, Any]] = []
         scene = server.scene
         scene.set_up_direction("+z")
-        # Shadows are off for machines without a graphics card.
+        # Shadows are always off, because a machine may have no graphics card.
         scene.configure_default_lights(cast_shadow=False)
         scene.add_grid("/grid", 6.0 * reach, 6.0 * reach, cell_size=0.25 * reach, section_size=reach)
         self.root = f"/arm{next(ROOTS)}"

@@ -1,5 +1,5 @@
-"""A law with a momentum observer and a reaction to contact, written from its equations. M and g come from Lagrange's equations
-(De Luca et al. 2006).
+"""A law with a momentum observer and a reaction to contact (De Luca et al. 2006), written from its equations. M and g come from
+Lagrange's equations.
 
 r           (1 + K T) r = K (p - w),  K the gain of the observer, T the period of a sampled loop, 0 in a continuous loop
 w           p = M v,  dw/dt = tau + dM/dt v - C v - g - tau_f + r, with K_J (theta - q) for tau if joints are elastic

@@ -4,8 +4,9 @@
         W z = 0,  W = rows M_ij(q; e_k) and g_i(q; e_k) at random q,  z = null space of W by SVD             (Gautier 1991)
     column j depends on earlier columns if the last nonzero entry of some null vector is j:   reduced echelon form R from the back,
         W_j = -sum_k R_jk W_k over the remaining columns k,   so  Y = Y_b P,  P_kj = -R_jk,  P_kk = 1
-    record:  Y_b beta = tau over all samples at once.  With rows divided by the noise, and columns by their norms:   Y_b = U S V',
-        beta = V S^-1 U' tau,  sigma^2 = |tau - Y_b beta|^2 / (rows - rank),  cov = sigma^2 V S^-2 V'       (Gautier and Khalil 1992)
+    record:  Y_b beta = tau over all samples at once.  With rows and tau divided by the noise, and N = diag(norms of the columns of Y_b):
+        Y_b N^-1 = U S V',   beta = N^-1 V S^-1 U' tau,   sigma^2 = |tau - Y_b beta|^2 / (rows - rank),
+        cov = sigma^2 N^-1 V S^-2 V' N^-1                                                                   (Gautier and Khalil 1992)
     all parameters:  the smallest change of the arm's pi with P pi = beta, by least squares
 
 pi are the parameters, and in e_k parameter k is 1 and all others are 0. Y is the regressor, Y_b has its remaining columns, and beta are the

@@ -88,7 +88,7 @@ def solve_saturated(
 ) -> tuple[Array, list[int], Array]:
     """The joint velocities within the bounds `lower` and `upper`, (n,), and the ranks and the scales of all levels.
 
-    `blocks` and `targets` are the Jacobians in the coordinates of the metric and the task velocities. The matrix `back`, (n, n), converts
+    `blocks` are the Jacobians in the coordinates of the metric, and `targets` the task velocities. The matrix `back`, (n, n), converts
     these coordinates to joint velocities.
     """
     ranks = projected_ranks(blocks, rounding)

@@ -96,7 +96,7 @@ def stick_slip_run(
     v0: ArrayLike | None = None,
     record_every: int = 1,
 ) -> dict[str, Array]:
-    """A run of a plant with this friction as its only friction: t, q and v at every record_every-th step."""
+    """A run of a plant with this friction as its only friction: t, q and v at every record_every-th step and at the last step."""
     n = plant.arm.n
     start = np.array(q0, dtype=np.float64)
     y = plant.initial(start, np.zeros(n) if v0 is None else np.array(v0, dtype=np.float64), None, None)

@@ -1,6 +1,7 @@
 """Losses of a run and their slopes. *Slopes* are the derivatives of a loss with respect to each recorded number.
 
-A loss is a table of named terms with weights, or a function. A function returns a value and its slopes, or only a value.
+A loss is the name of a term, a table of named terms with weights, or a function. A function returns a value and its slopes, or only a
+value.
 """
 
 from __future__ import annotations
@@ -36,7 +37,7 @@ def evaluated(loss: Loss, run: Run) -> tuple[float, dict[str, Array] | None]:
     """Return the value of a loss, and its slopes by series. The slopes are None if the function returns only a number.
 
     Raises:
-        InputError: the loss is neither a table of names nor a function, or the function returns another type.
+        InputError: the loss is neither a name, a table of names nor a function, or the function returns another type.
     """
     if isinstance(loss, str):
         loss = {loss: 1.0}

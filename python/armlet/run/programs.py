@@ -70,7 +70,10 @@ class LoopProgram:
 
     @property
     def outputs(self) -> dict[str, str]:
-        """The line, input or number that is the value of each output, by name. The outputs of a step replace the inputs of its state."""
+        """The line, input or number that is the value of each output, by name.
+
+        After a step, its outputs are the new values of the inputs that contain the state.
+        """
         return dict(self._listings[self.stage].outputs)
 
     @property

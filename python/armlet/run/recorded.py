@@ -27,7 +27,7 @@ Array: TypeAlias = NDArray[np.float64]
 
 # Quantities recorded over time, in the order of the columns in tables and files.
 SERIES = ("q", "v", "tau", "estimate", "theta", "theta_dot", "friction", "bristles")
-# Laws whose motion is a motion of a frame or a task, not of the joints.
+# Laws that always track frames or tasks. A run takes no desired motion of the joints from them.
 TASK_MOTIONS = ("ElasticTracking", "PriorityVelocity", "PriorityAcceleration")
 # Optional fields. A run computes a field from its plant and law if the field was not passed to the constructor.
 OTHERS = ("parameters", "target", "limits", "position_error", "orientation_error", "contact_force", "residual", "touched", "contact_state")

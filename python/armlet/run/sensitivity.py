@@ -98,7 +98,7 @@ def require_names(function: str, argument: str, names: Any) -> list[str]:
     """Return `names` as a list of strings.
 
     Raises:
-        InputError: `names` is neither a string nor a list of strings.
+        InputError: `names` is neither a string nor a sequence of at least one string.
     """
     if isinstance(names, str):
         return [names]

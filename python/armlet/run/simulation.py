@@ -79,7 +79,8 @@ def simulate(
         t_eval: times of the records, (K,), increasing, in [0, t_end], s. They replace `record_every`.
         force: external force, N or N m: None, a constant, a piecewise constant list `[(t_start, F), ...]`, or a function `F(t)`. The force
             acts at the law's frame, in the law's axes. A function is Python inside the loop, and slow.
-        force_frame: name of another frame at which the force acts. The force is then (3,), or (6,) as [f; m], in world axes.
+        force_frame: name of another frame at which the force acts, required for a law without a frame. The force is then (3,), or (6,) as
+            [f; m], in world axes.
         tau_max: largest magnitude of the input, at which it saturates, scalar or (n,), N m or N; rad/s or m/s under velocity control.
         monitors: compute and record the monitors: see `Run.monitors`. A monitor that is not finite ends the run.
         state_limit: largest magnitude of a position or velocity of links or motors, rad or m, rad/s or m/s. A larger value ends the run
@@ -92,20 +93,23 @@ def simulate(
         sensitivity: names of numbers of the loop, such as `["law.kp", "arm.parameters", "q0"]`. `Run.sensitivity` has the derivatives of
             all series with respect to these numbers, for explicit methods. The error for an unknown name lists the valid names. See
             docs/gradients.md.
-        throw: True raises an error if the run ends early. False returns the partial run with its status.
+        throw: True raises an error if the run ends early, unless an event with `stop` ended it. False returns the partial run with its
+            status.
 
     Returns:
         The recorded run. Time is the first axis of its arrays: `run.q` is (K, n).
 
     Raises:
         InputError: an argument is not valid, or a position is outside of the joint limits; the message names it.
-        SolveError: the run ended early. Its attributes `status`, `t` and `partial` are the reason, the time and the partial run.
+        SolveError: the run ended early, but not by an event. Its attributes `status`, `t` and `partial` are the reason, the time and the
+            partial run.
 
     Warns:
         UserWarning: a position is outside of the joint limits, such as an angle in degrees. Or the steps are too coarse for the loop.
-            They are too coarse if the residual of the energy balance exceeds a tenth of the energy stored or exchanged. They also are if
-            the Lyapunov function rises tenfold and the residual of its balance exceeds a tenth of it. This holds only for a law that acts
-            at every instant without `tau_max` and `force`.
+            They are too coarse if the residual of the energy balance exceeds 1e-6 J and a tenth of the energy stored or exchanged. There
+            is a second criterion for a law that acts at every instant without `tau_max` and `force`. The steps are too coarse if the
+            Lyapunov function rises tenfold and the residual of its balance exceeds a tenth of it. Without `monitors` the steps are not
+            checked.
             `metrics(run)["energy_error"]` is the residual of the energy balance as a fraction of the energy.
 
     Source: [HairerNorsettWanner1993, HairerWanner1996] for the methods; docs/plants_and_laws.md.

@@ -1,4 +1,4 @@
-"""Checks that one table alone cannot express: motions that laws need, values that they take from the plant, the source of a robot."""
+"""Checks that a `Table` field cannot express: motions that laws need, values that they take from the plant, the source of a robot."""
 
 from __future__ import annotations
 

@@ -1,7 +1,8 @@
 """The valid values of the keys of a scenario. A `Field` checks a value, and returns its rule as JSON schema.
 
 `check(value, path)` yields problems, which begin with their path, such as `path: expected .., got ..`. It does not convert values.
-Constructors check the shapes that depend on the arm; `pathed` of `scenario.py` adds the path of the key to their messages.
+The constructors of laws, plants and motions check the shapes that depend on the arm. `pathed` of `scenario.py` adds the path of the key
+to their messages.
 """
 
 from __future__ import annotations
@@ -304,7 +305,11 @@ class Values(Field):
 
 @dataclass(frozen=True)
 class Entries(Field):
-    """A value in one of several forms. Its type selects the form: `forms` has the keys "table", "tables" (a list of tables) and "plain"."""
+    """A value in one of several forms. Its type selects the field of `forms` that checks it.
+
+    The keys of `forms` are "table", "tables" (a list of tables), and "plain" for all other values. "plain" also checks tables and lists
+    of tables if `forms` lacks their key.
+    """
 
     forms: Mapping[str, Field] = field(default_factory=dict)
 

@@ -34,9 +34,10 @@ class Cells:
     """The cells of a sweep: values by path for each cell.
 
     Args:
-        vary: for each path a list of values, `{"linspace": [a, b, n]}` or `{"geomspace": [a, b, n]}`. With `draws` also
-            `{"uniform": [a, b]}`, `{"log_uniform": [a, b]}` and `{"normal": [mean, deviation]}`.
-        draws: number of random cells, which take a random value of each list. None makes a cell for every combination of the values.
+        vary: for each path a list of values. With `draws` also `{"uniform": [a, b]}`, `{"log_uniform": [a, b]}` and
+            `{"normal": [mean, deviation]}`. `of` also accepts `{"linspace": [a, b, n]}` and `{"geomspace": [a, b, n]}`, and expands them.
+        draws: number of random cells. Each takes a random value of every list and distribution. None makes a cell for every combination
+            of the values.
         seed: seed of the draws, an integer >= 0.
     """
 
