@@ -92,7 +92,7 @@ def test_a_position_outside_is_named(name: str) -> None:
 @pytest.mark.parametrize("name", ROWS)
 def test_one_warning_counts_the_rows(name: str) -> None:
     argument, call = ROWS[name]
-    # The batch consists of several pieces.
+    # 130 rows; three of them are outside of a limit.
     rows = np.linspace(HOME, [0.0, 1.0, 0.3], 130)
     rows[[3, 70, 129], 1] = [4.0, -57.0, 90.0]
     with pytest.warns(

@@ -21,8 +21,8 @@ Array = NDArray[np.float64]
 STRATA = ("nominal", "tiny", "limits", "on the edge", "turns")
 SIZE = 1000
 RULES = [np.polynomial.legendre.leggauss(k) for k in (32, 64)]
-#: Number of random swings per problem, none of which may be faster. The first turns at an angle where a swing is possible, if there is
-#: one.
+#: Number of random swings per problem and kind (back-swing, overshoot), none of which may be faster. In problems that are not certified,
+#: the first one turns at an angle at which `turning_points` finds a possible swing, if there is one.
 SWINGS = 2
 #: Number of angles, from 2 pi behind the start to the end, at which the test checks whether a swing can turn.
 SAMPLES = 1000

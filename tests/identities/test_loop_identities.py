@@ -255,7 +255,7 @@ def test_walls_push_and_never_pull() -> None:
     x = arm.position(result.q[-1], "link2")
     # At rest the springs balance: 500 (0.65 - x) = 2e4 (x - 0.6).
     np.testing.assert_allclose(x[:2], [(500 * 0.65 + 2e4 * 0.6) / 20500, 0.3], atol=1e-6)
-    # Only the damper dissipates. During contact the balance is zero up to the error of locating the contact.
+    # The balance counts the energy that the wall's damper dissipates. So it is zero, up to the error of locating the contacts.
     assert np.max(np.abs(result.monitors["energy_balance"])) < 1e-5
 
 

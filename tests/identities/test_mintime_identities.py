@@ -118,8 +118,8 @@ def test_the_optimum_is_never_slower_than_the_profile() -> None:
         if r.feasible:
             o = al.torque_optimal_time(*p[:5], tau_min=p[5])
             checked += 1
-            # `best.t` is the least time, `o.t` that of the fastest monotone motion, and `t_min` that of a motion that switches at half its
-            # time.
+            # `best.t` is the least time, `o.t` that of the fastest monotone motion, and `t_min` that of a motion with constant acceleration
+            # and equal braking.
             assert o.feasible and o.best.t <= o.t <= r.t_min * (1.0 + 1e-12), p
     assert checked > 100
 

@@ -157,8 +157,7 @@ def test_drake_velocity_and_acceleration_of_a_frame() -> None:
         assert np.all(values >= [-1.4, -1.5, -1.6]) and np.all(values <= [2.4, 2.5, 2.6])
 
 
-#: Each row: waypoints (rad), limits of speed (rad/s) and acceleration (rad/s^2), and durations (s) that toppra's file records for grids of
-#: 51 and 101 points.
+#: Waypoints of toppra's test of small joint moves, rad.
 SMALL = np.outer(
     [-0.00038593, 0.00013093, 0.00064752, 0.00116383, 0.00167987, 0.00219563, 0.00271112, 0.00322633, 0.00374127, 0.00425594], [1.0] * 3
 )
@@ -173,6 +172,8 @@ ISSUE_26 = np.outer(
 
 @pytest.mark.parametrize(
     ("q", "v_max", "a_max", "theirs"),
+    # Each row: waypoints (rad), limits of speed (rad/s) and acceleration (rad/s^2), and durations (s) that toppra's file records for grids
+    # of 51 and 101 points.
     [
         (SMALL, 100.0, 100.0, (0.016612985457, 0.015290573525)),
         (ISSUE_26, 1000.0, [1000.0, 2000.0, 10000.0], (0.0030355222659, 0.0027938926521)),

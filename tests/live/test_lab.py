@@ -255,7 +255,7 @@ def test_priority_gives_up_the_second() -> None:
     run(lab, 10.0)
     first, second = (float(curve[-1]) for curve in lab.panels()[0][1:])
     assert first < 1e-6 and second > 0.5
-    # With a gain of zero the law drops the second task, and the elbow moves freely.
+    # With a gain of zero the laboratory makes a law without the second task, and the elbow moves freely.
     lab.set("gain2", 0.0)
     lab.drag("tip", [1.5, 0.5, 0.0])
     q0, arm = lab.q, lab.system.arm

@@ -27,7 +27,7 @@ def record(m: al.ExcitingMotion, count: int) -> tuple[Array, Array, Array]:
 
 def same(m: al.ExcitingMotion, theirs: Any, count: int, **options: Any) -> None:
     want = ref.excitation(theirs, *record(m, count), **options)
-    # The condition number amplifies rounding of the samples and of the triangular factor.
+    # The condition number amplifies the rounding of the samples and of armlet's QR decomposition.
     assert m.condition == pytest.approx(want.condition, rel=1e-8)
     np.testing.assert_allclose(m.deviations, want.deviations, rtol=1e-8)
 
