@@ -7,8 +7,8 @@ use crate::memory::copies;
 use crate::scalar::Real;
 use crate::spatial::{Inertia, Matrix, Matrix3, PARAMETERS, Spatial, Sym3, Vector, Vector3};
 
-/// The motion of a body, with the names of `newton_euler`: angular velocity `w`, reference angular velocity `wr`, angular acceleration
-/// `wd`, and the acceleration field `a + U r`.
+/// The motion of a body, in its axes. The names are those of `newton_euler`: angular velocity `w`, reference angular velocity `wr`, and
+/// angular acceleration `wd`. The acceleration field minus gravity is `a + U r`.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct BodyMotion<S: Real> {
     pub w: Vector3<S>,
@@ -67,8 +67,9 @@ impl<S: Real> Handle<S> {
     }
 }
 
-/// The memory of one body in the articulated-body recursion, with the names of `aba`: `c = (ca, cw)`, `U = (uf, un)`, `u = tau - S.b`.
-/// `inverse` is `1/D`. `w` is the angular velocity, and `(a, wd)` the acceleration.
+/// The memory of one body in the articulated-body recursion, in world axes. The names are those of `aba`: `c = (ca, cw)`, `U = (uf, un)`,
+/// `u = tau - S.b`. `inverse` is `1/D`. `w` is the angular velocity, and `wd` the angular acceleration. `a` is the acceleration of the
+/// body's origin minus gravity.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Articulated<S: Real> {
     pub handle: Handle<S>,
@@ -85,7 +86,7 @@ pub struct Articulated<S: Real> {
 }
 
 /// The motion `(linear, angular)` at the world origin per unit rate of a joint, and the product `V_j x S_j = (gamma, alpha)` of `coriolis`.
-/// `w` and `velocity` are the angular velocity of the body and the velocity of its origin.
+/// `w` and `velocity` are the angular velocity of the body and the velocity of its origin. The axes are the world's.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Column<S: Real> {
     pub linear: Vector3<S>,
