@@ -116,12 +116,13 @@ lock: tools ## rewrite requirements/test.txt from what resolves today
 clean: ## remove what make built (the downloaded packages too)
 	rm -rf $(BUILD) $(VENV) target
 
-# The suite on the core that the wheel was made of; units unoptimised, with their assertions and checks of overflow.
+# The suite and the examples of the documentation on the core that the wheel was made of; units unoptimised, with their assertions and checks
+# of overflow. With the package armlet-py, cargo selects the features of the wheel's build, and does not compile the core again.
 .PHONY: rust-tests lint
 rust-tests:
-	cd $(BUILD)/sdist/armlet-* && cargo test --release --locked --package armlet-core --test suite
+	cd $(BUILD)/sdist/armlet-* && cargo test --release --locked --package armlet-core --package armlet-py --test suite
 	cd $(BUILD)/sdist/armlet-* && cargo test --locked --package armlet-core --lib
-	cd $(BUILD)/sdist/armlet-* && cargo test --release --locked --package armlet-core --doc
+	cd $(BUILD)/sdist/armlet-* && cargo test --release --locked --package armlet-core --package armlet-py --doc
 
 lint:
 	@sh tools/lint.sh "$(LINT)" $(PY)

@@ -215,7 +215,8 @@ class Recorded:
     @cached_property
     def input_units(self) -> tuple[str, ...]:
         """Unit of each joint's input: "N m" for a torque, "N" for a force, "rad/s" or "m/s" for a commanded velocity."""
-        if isinstance(self._plants[0], _core.VelocityArm) or self.law_name == "PriorityVelocity":
+        commanded = "v" not in getattr(self._plants[0], "_parts", ("v",))
+        if commanded or self.law_name == "PriorityVelocity":
             return tuple(f"{unit}/s" for unit in self.units)
         return tuple("N" if unit == "m" else "N m" for unit in self.units)
 
