@@ -125,7 +125,9 @@ def _phases(ruckig: Any, displacement: _Array, limits: _Array) -> tuple[_Array, 
         # Ruckig guarantees an accuracy of about 1e-8. A phase that `_pieces` drops although it changes the motion has a larger error.
         if (np.abs(reached - displacement) < 1e-6).all():
             # Scaling makes the end exact to rounding.
-            return t, coefficients * np.where(displacement == 0.0, 1.0, displacement / np.where(displacement == 0.0, 1.0, reached))
+            moving = displacement != 0.0
+            coefficients[:, :, moving] *= displacement[moving] / reached[moving]
+            return t, coefficients
         reason = "a phase is shorter than rounding errors"
     raise SolveError(f"{_NAME}: ruckig finds no motion: {reason}", Status.INFEASIBLE, 0.0)
 

@@ -12,7 +12,7 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from test_layering import BINDING, CORE, sources, without_comments
+from test_layering import BINDING, CORE, items_of, sources, without_comments
 
 # Circles that exist in the core. Each entry is the folder and its modules. An entry that is no circle fails.
 ALLOWED = {
@@ -75,15 +75,7 @@ def leaves(tree: str) -> list[Module]:
         parts = tuple(path.split("::"))
         parts = parts[:-1] if parts[-1] == "self" and len(parts) > 1 else parts
         return [(*parts, alias or parts[-1])]
-    depth, item, items = 0, "", []
-    for character in rest[: rest.rindex("}")]:
-        depth += (character == "{") - (character == "}")
-        if character == "," and depth == 0:
-            items.append(item)
-            item = ""
-        else:
-            item += character
-    return [leaf for each in [*items, item] if each.strip() for leaf in leaves(head + each.strip())]
+    return [leaf for each in items_of(rest) if each.strip() for leaf in leaves(head + each.strip())]
 
 
 def outside_braces(text: str) -> str:
@@ -172,15 +164,15 @@ def uses(files: dict[Module, Source]) -> dict[Module, dict[str, set[str]]]:
     return found
 
 
-def shortest_way(needs: Mapping[str, Collection[str]], start: str, end: str) -> tuple[str, ...]:
-    """The modules of a shortest way from `start` to `end`, both included. Empty if there is no way."""
-    ways, seen = [(start,)], {start}
-    for way in ways:
-        if way[-1] == end:
-            return way
-        fresh = sorted(set(needs.get(way[-1], ())) - seen)
+def shortest_path(needs: Mapping[str, Collection[str]], start: str, end: str) -> tuple[str, ...]:
+    """A shortest list of modules from `start` to `end` in which each module uses the next one. Empty if there is none."""
+    paths, seen = [(start,)], {start}
+    for path in paths:
+        if path[-1] == end:
+            return path
+        fresh = sorted(set(needs.get(path[-1], ())) - seen)
         seen |= set(fresh)
-        ways += [(*way, name) for name in fresh]
+        paths += [(*path, name) for name in fresh]
     return ()
 
 
@@ -192,7 +184,7 @@ def circles(top: Path, with_top: bool = False) -> set[str]:
     found = set()
     for folder, needs in uses(modules(top)).items():
         for user, used in [(user, used) for user, all_used in needs.items() for used in all_used]:
-            if (folder or with_top) and (circle := shortest_way(needs, used, user)):
+            if (folder or with_top) and (circle := shortest_path(needs, used, user)):
                 first = circle.index(min(circle))
                 found.add(f"{'/'.join(folder) or 'src'}: {' -> '.join(circle[first:] + circle[:first])}")
     return found
@@ -215,7 +207,7 @@ def test_circle_rule_sees_planted_violations(tmp_path: Path) -> None:
         "a/mod.rs": "mod one;\npub use one::First;\nmod three;\npub fn own() {\n    three::third();\n    crate::b::top()\n}\n"
         "macro_rules! kinds { ($kind:ident) => { pub enum Kind { Each($kind) } } }\nuse ten::Ten;\nkinds! { Ten }\n"
         "pub use eleven::*;\npub fn text(_: &str) {}\n",
-        # A pair by way of an export, and a pair with the file of the folder.
+        # Two files, one of which uses an export of the other; and a file that uses an item of its folder's mod.rs.
         "a/one.rs": "use super::two::second;\npub struct First;\n",
         "a/two.rs": "pub fn second(_: super::First) {}\n",
         "a/three.rs": "use super::{own as whole};\npub fn third() { whole() }\n",

@@ -63,23 +63,27 @@ def without_comments(source: str) -> str:
     return re.sub(r'//[^\n]*|/\*.*?\*/|"(?:\\.|[^"\\])*"', blank, source, flags=re.DOTALL)
 
 
+def items_of(text: str) -> list[str]:
+    """The items of a list in braces. `text` starts after the opening brace."""
+    depth, item, items = 1, "", []
+    for character in text:
+        depth += (character == "{") - (character == "}")
+        if depth == 0:
+            break
+        if character == "," and depth == 1:
+            items.append(item)
+            item = ""
+        else:
+            item += character
+    return [*items, item]
+
+
 def uses(source: str) -> set[str]:
     """The top-level modules that a Rust source names, as `crate::x` or `use crate::{x, y::z}`."""
     text = without_comments(source)
     found = set(re.findall(r"\bcrate::([a-z_]\w*)", text))
     for start in re.finditer(r"\bcrate::\{", text):
-        depth, item, items = 1, "", []
-        for character in text[start.end() :]:
-            depth += (character == "{") - (character == "}")
-            if depth == 0:
-                break
-            if character == "," and depth == 1:
-                items.append(item)
-                item = ""
-            else:
-                item += character
-        items.append(item)
-        found |= {name.group(1) for item in items if (name := re.match(r"\s*([a-z_]\w*)", item))}
+        found |= {name.group(1) for item in items_of(text[start.end() :]) if (name := re.match(r"\s*([a-z_]\w*)", item))}
     return found
 
 

@@ -1,7 +1,6 @@
 """Natural, base and projected adaptation against the reference.
 
-The reference computes matrix roots in another way, and solves with the 10 x 10 matrix of
-the natural metric where armlet uses congruences.
+The reference computes matrix roots from eigenvalues. For the natural metric, it solves with a 10 x 10 matrix, and armlet uses congruences.
 """
 
 from __future__ import annotations

@@ -147,7 +147,7 @@ def from_pinocchio(model: Any) -> Arm:
         placement = model.jointPlacements[i] if within is None else model.jointPlacements[i] * within
         at, row = joint.idx_q, joint.idx_v
         if mimic is not None:
-            # A mimic joint has no drive and no limits of its own: those of its leader apply.
+            # A mimic joint has neither a drive nor limits. The drive and the limits of its leader apply.
             own = {"name": name, "type": "prismatic" if slide else "continuous", "parent": model.parents[i] - 1, "mimic": mimic}
             axis = _unit("from_pinocchio", subspace[:3] if slide else subspace[3:], name)
             pose, phi = (placement.rotation, placement.translation), model.inertias[i].toDynamicParameters()

@@ -5,7 +5,7 @@
 //! on. The other lanes repeat the same operations, and their bits do not change.
 
 use super::bound::Bound;
-use super::schedule::{Schedule, Within};
+use super::schedule::{Schedule, Within, after_jump};
 use super::stop::Stop;
 use crate::integrate::{Buffer, FixedStep, System};
 use crate::scalar::Real;
@@ -129,7 +129,7 @@ fn run_block<S, F, M, B>(
     loop {
         let mut k = step;
         while k < to {
-            let t = after_jump(schedule, schedule.time(k), *next_break);
+            let t = after_jump(&schedule.breaks[..*next_break], schedule.time(k));
             if hold != 0 && k.is_multiple_of(hold) {
                 system.sample(t, x.as_ref());
                 method.restart();
@@ -174,20 +174,13 @@ fn block(step: usize, hold: usize) -> usize {
     if inside > 0 { (hold - inside).min(BLOCK) } else { BLOCK / hold.min(BLOCK) * hold.min(BLOCK) }
 }
 
-/// Return the time at which the input of a step that starts at `t` is evaluated. It is `t`, or the last jump of the input before break
-/// number `next_break`, if this jump equals `t` up to rounding but is later.
-#[inline]
-fn after_jump(schedule: &Schedule, t: f64, next_break: usize) -> f64 {
-    next_break.checked_sub(1).map_or(t, |last| t.max(schedule.breaks[last]))
-}
-
 /// Return the number of equal steps from `step` on, up to `to` at most. In these steps the input does not jump, and no sample is taken
 /// between two of them.
 fn smooth_steps(schedule: &Schedule, step: usize, to: usize, hold: usize, next_break: usize) -> usize {
     // Metrics or records within steps require a separate first step. A step after a jump that equals its start up to rounding starts at
     // the jump.
     let start = schedule.time(step);
-    if schedule.within != Within::Nothing && step == 0 || after_jump(schedule, start, next_break) > start {
+    if schedule.within != Within::Nothing && step == 0 || after_jump(&schedule.breaks[..next_break], start) > start {
         return 0;
     }
     // The last step may be shorter, so that it is not one of the equal steps. A jump at the end of a step belongs to this step.
@@ -228,7 +221,7 @@ where
         if system.enter_step(t, x.as_ref()) {
             method.restart();
         }
-        method.step(system, after_jump(schedule, t, *next_break), piece, input_end, x);
+        method.step(system, after_jump(&schedule.breaks[..*next_break], t), piece, input_end, x);
         if system.leave_step(x.as_mut()) {
             method.restart();
         }

@@ -43,6 +43,13 @@ pub enum Times {
     At(Vec<f64>),
 }
 
+/// Return the time at which the input of a step that starts at `t` is evaluated. It is `t`, or the last of the jumps `passed` if this jump
+/// equals `t` up to rounding but is later.
+#[inline]
+pub fn after_jump(passed: &[f64], t: f64) -> f64 {
+    passed.last().map_or(t, |&jump| t.max(jump))
+}
+
 /// Refuse times, s, that do not increase, or that are outside of the run, which ends at `t_end`, s.
 pub fn require_times(t_eval: &[f64], t_end: f64) -> Result<()> {
     finite("t_eval", t_eval)?;

@@ -7,7 +7,7 @@ use crate::plant::Touch;
 use crate::simulate::problem::{Division, Problem};
 use crate::simulate::run_observer::{Guard, RunObserver, Switched};
 use crate::simulate::sampling::Sampling;
-use crate::simulate::schedule::{Schedule, Times};
+use crate::simulate::schedule::{Schedule, Times, after_jump};
 use crate::simulate::single::simulate_observed;
 use crate::simulate::stop::Stop;
 use crate::status::Status;
@@ -146,17 +146,17 @@ impl TimelineBuilder<'_> {
         Ok(())
     }
 
-    /// Return `t`, or the last jump of the input up to `t + close` if it is later.
-    fn after_jump(&self, t: f64, close: f64) -> f64 {
-        let passed = self.breaks.partition_point(|&jump| jump <= t + close);
-        self.breaks[..passed].last().map_or(t, |&jump| t.max(jump))
+    /// The jumps of the input up to `t + close`.
+    fn passed(&self, t: f64, close: f64) -> &[f64] {
+        &self.breaks[..self.breaks.partition_point(|&jump| jump <= t + close)]
     }
 
     /// Append the steps from `t` to `end` to the operations. A step of size `h` is divided where the input jumps.
     fn step(&mut self, mut t: f64, mut h: f64, end: f64) -> Result<()> {
         let close = ON_STEP * h;
-        t = self.after_jump(t, close);
-        let first = self.breaks.partition_point(|&jump| jump <= t + close);
+        let passed = self.passed(t, close);
+        let first = passed.len();
+        t = after_jump(passed, t);
         for i in first..self.breaks.len() {
             let jump = self.breaks[i];
             if jump >= end - close {
@@ -182,7 +182,7 @@ impl TimelineBuilder<'_> {
             look();
             let t = schedule.time(step);
             if hold != 0 && step.is_multiple_of(hold) {
-                self.sample(self.after_jump(t, ON_STEP * schedule.dt))?;
+                self.sample(after_jump(self.passed(t, ON_STEP * schedule.dt), t))?;
             }
             while let Some(record) = schedule.record(self.timeline.records).filter(|record| record.step == step) {
                 if record.offset == 0.0 { self.record(record.t)? } else { self.aside(t, t + record.offset)? }
