@@ -1,6 +1,6 @@
-//! The allowed error per step of an adaptive method, and its counts.
+//! Error tolerances of adaptive methods, and counts of their evaluations and steps.
 
-/// The number of accepted and rejected steps together after which a run ends.
+/// The maximum number of attempts of a run, accepted or rejected.
 pub const MAX_STEPS: u64 = 10_000_000;
 
 /// The numbers of evaluations, steps and decompositions of an adaptive method since the start of the run.
@@ -38,12 +38,12 @@ pub struct Work {
     pub jacobians: u64,
     /// The number of matrix decompositions.
     pub factorisations: u64,
-    /// The factor that makes both tolerances feasible, dimensionless, for a run that ended with
-    /// [`Status::ExcessAccuracy`](crate::status::Status::ExcessAccuracy). It is zero for other runs.
+    /// The factor by which both tolerances must be multiplied to become feasible, dimensionless. It is zero unless the run ended with
+    /// [`Status::ExcessAccuracy`](crate::status::Status::ExcessAccuracy).
     pub coarsen: f64,
 }
 
-/// The allowed error per step.
+/// The error tolerances of an adaptive method.
 ///
 /// ```
 /// use armlet_core::integrate::Accuracy;

@@ -1,10 +1,13 @@
-//! Adaptive methods: common definitions. A method chooses its steps from `t` towards `t_end`, each with an error estimate
+//! Adaptive methods: common definitions. A method chooses the size of each step on the way from `t` to `t_end`. A step from the state `x`
+//! to the state `x_new` has the error estimate
 //!
-//! `error = sqrt(1/m sum ((x_new - x_embedded)_i / (atol_i + rtol_i max(|x_i|, |x_new_i|)))^2)`
+//! `error = sqrt(1/m sum ((x_new - x_embedded)_i / (atol_i + rtol_i max(|x_i|, |x_new_i|)))^2)`,
 //!
-//! from the state `x` to `x_new`, with `m` components with error control. The method `dop853` combines two such estimates. A step with
-//! `error < 1` is accepted (`radau5` also accepts 1). The method has a polynomial over the last step (Hairer, Norsett and Wanner, Solving
-//! Ordinary Differential Equations I, sections II.4 to II.6).
+//! where `m` is the number of components with error control, and `x_embedded` is a second solution of lower order. The method `dop853`
+//! combines two such estimates. A step is accepted if `error < 1`. The method `radau5` also accepts `error = 1`. The dense output of a
+//! method is a polynomial over the last step.
+//!
+//! See Hairer, Norsett and Wanner, Solving Ordinary Differential Equations I, sections II.4 to II.6.
 
 use super::accuracy::Work;
 use super::{Buffer, System};
@@ -59,7 +62,7 @@ pub trait Adaptive<S: Real, F: System<S>, B: Buffer<S>> {
     fn work(&self) -> Work;
     /// Set the largest step size, s, before `begin`. It is infinite at first. A method of fixed step size ignores it.
     fn limit_step(&mut self, h_max: f64);
-    /// Set the first step size of all later segments, s. At zero, the initial value, the method estimates this size. A method of fixed step
-    /// size ignores it.
+    /// Set the first step size of all later segments, s. If `h` is zero, which is the default, the method estimates this size. A method of
+    /// fixed step size ignores it.
     fn first_step(&mut self, h: f64);
 }

@@ -1,6 +1,6 @@
 //! The memory of a state.
 
-/// The memory of a state: an array for small closed-form systems, the heap for others.
+/// The memory of a state: an array for small closed-form systems, a vector for others.
 ///
 /// ```
 /// use armlet_core::integrate::Buffer;

@@ -4,7 +4,8 @@
 //! classical sense, and the step size of an adaptive method decreases without limit. Every `WINDOW` attempts, a check compares `f(x)` with
 //! `f(x + d)`, where `d = f(x) max(h, 1/|f(x)|)` with the step size `h`. Norms are relative to the allowed error. If the two slopes differ,
 //! bisection of `[x, x + d]` keeps the half in which the slope changes more. A smooth change decreases with the interval, and a jump does
-//! not. A run ends after [`System::chatter_budget`] attempts spent at jumps.
+//! not. A check that finds a jump adds `WINDOW` to a count, and any other check subtracts `WINDOW`. The run ends when the count reaches
+//! [`System::chatter_budget`].
 
 use super::accuracy::{Accuracy, Work};
 use super::step_controller::{StepController, finite};
@@ -14,16 +15,16 @@ use crate::status::Status;
 
 /// The number of attempts between two checks.
 const WINDOW: u64 = 500;
-/// A step that moves the state by more than this number of allowed errors is not limited by a jump.
+/// If a step moves the state by at least this multiple of the allowed error, the check reports no jump.
 const MOVES: f64 = 1e3;
-/// A change of the slope is ignored if its effect on the state in the time `max(h, 1/|f(x)|)` is below this fraction of the allowed error.
+/// A change of the slope is ignored if it moves the state by less than this fraction of the allowed error in the time `max(h, 1/|f(x)|)`.
 const NOTICED: f64 = 0.1;
 /// The number of bisections. A change of the slope within `2^-30` of the interval counts as a jump.
 const BISECTIONS: usize = 30;
-/// A jump requires that each bisection keeps at least this fraction of the first change of the slope. A slope with two jumps in one
-/// interval also satisfies this condition.
+/// The check reports a jump only if each bisection keeps at least this fraction of the change of the slope over `[x, x + d]`. The limit is
+/// below 1/2, because two jumps in one interval can be in different halves.
 const REMAINS: f64 = 0.25;
-/// A jump of the slope is at least this many times larger than the effect of rounding errors on the slope.
+/// The check reports a jump only if it is larger than this multiple of the effect of rounding errors on the slope.
 const NOISE: f64 = 10.0;
 
 /// The state of the chattering detection.
@@ -31,7 +32,7 @@ const NOISE: f64 = 10.0;
 pub(super) struct Chatter<B> {
     /// The number of attempts at which the next check is due.
     look_at: u64,
-    /// The number of attempts spent at jumps. Attempts without a jump reduce it.
+    /// The count of attempts at jumps: each check adds or subtracts `WINDOW`.
     spent: u64,
     slope: B,
     low: B,
@@ -51,7 +52,8 @@ impl<B: Clone> Chatter<B> {
         work.steps + work.rejections >= self.look_at
     }
 
-    /// Check the slope before a step from the state `x`. `u` is memory for the input. The result is an error if the budget is spent.
+    /// Check the slope before a step from the state `x`. `u` is memory for the input. The result is an error if the count of attempts at
+    /// jumps reaches the budget.
     #[cold]
     #[inline(never)]
     pub fn look<S, F, T>(&mut self, system: &mut F, controller: &mut StepController<T>, u: &mut F::Input, x: &B) -> Result<(), Status>

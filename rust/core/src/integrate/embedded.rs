@@ -1,14 +1,15 @@
-//! Explicit Runge-Kutta methods with an embedded error estimate. They are first same as last: the last slope of a step is the first slope
-//! of the next step.
+//! Explicit Runge-Kutta methods with an embedded error estimate. The methods are first same as last: the last slope of a step is the first
+//! slope of the next step.
 //!
 //! | quantity | formula |
 //! |---|---|
 //! | stages | `k_i = f(t + c_i h, x + h sum_j a_ij k_j)` |
 //! | new state `x_new` | the argument of the last stage |
 //! | error estimates | `sum_j e_j k_j` |
-//! | dense output over the last step | rows `h sum_j d_j k_j`, for which a method may have more stages |
+//! | rows of the dense output over the last step | `h sum_j d_j k_j` |
 //!
-//! See Hairer, Norsett and Wanner, Solving Ordinary Differential Equations I, sections II.4 to II.6.
+//! Some methods compute additional stages for the dense output. See Hairer, Norsett and Wanner, Solving Ordinary Differential Equations I,
+//! sections II.4 to II.6.
 
 use super::accuracy::{Accuracy, Tolerance, Work};
 use super::adaptive::Adaptive;
@@ -173,7 +174,7 @@ where
             self.u_time = f64::NAN;
             self.chatter.look(system, &mut self.controller, &mut self.u, &self.x)?;
         }
-        // The dense output of the last step is no longer needed, so that its slopes can be replaced.
+        // From here on, the new step replaces the slopes of the last step, which its dense output uses.
         if self.controller.t > self.controller.t_old {
             self.k.swap(0, C::STAGES);
             self.controller.t_old = self.controller.t;

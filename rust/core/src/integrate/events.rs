@@ -1,11 +1,11 @@
 //! Zero crossings of functions `g_i(t, x)` along a run, located on the dense output of each step.
 //!
-//! An event is a change of the sign of `g` between both ends of an accepted step. At a rising crossing, `g` was negative before, and is now
-//! zero or positive. At a falling crossing, it was positive and is now zero or negative. If `g` is zero at the start of a step, this step
-//! has no event. Two changes within one step cancel and are missed. With a smaller limit of the step size, both may be detected. The root
-//! is bracketed until `g` is zero or no number lies between the two ends. The method is Chandrupatla's (1997): inverse quadratic
-//! interpolation where it is safe, otherwise bisection. The event is at the later end, so that a run that starts there begins after the
-//! change of sign.
+//! An event is a change of the sign of `g` between both ends of an accepted step. At a rising crossing, `g` changes from negative to zero
+//! or positive. At a falling crossing, it changes from positive to zero or negative. If `g` is zero at the start of a step, this step has
+//! no event. Two changes within one step cancel and are missed. With a smaller limit of the step size, both may be detected. The root is
+//! bracketed until `g` is zero or no number lies between the two ends of the bracket. The method is Chandrupatla's (1997): inverse
+//! quadratic interpolation where it is safe, otherwise bisection. The event time is the later end of the bracket. A run that starts at this
+//! time therefore begins after the change of sign.
 
 use super::{Adaptive, Buffer, System};
 use crate::scalar::sign;
@@ -201,7 +201,7 @@ impl<B: Buffer<f64>> Watch<B> {
         let mut end = None;
         for k in 0..self.crossings.len() {
             let crossing = &mut self.crossings[k];
-            // A crossing at exactly the end counts, independent of its position in the list.
+            // The event that ends the run does not remove other crossings at exactly the same time.
             if end.is_some_and(|end| crossing.t > end) {
                 self.crossings.truncate(k);
                 break;
@@ -217,8 +217,8 @@ impl<B: Buffer<f64>> Watch<B> {
     }
 }
 
-/// Return a root of `g` between `a` and `b`, which are pairs `(t, g(t))` with opposite signs. If no value of `g` is exactly zero, the
-/// result is the later end of a bracket, and no number lies between its two ends.
+/// Return a root of `g` between `a` and `b`, which are pairs `(t, g(t))` with opposite signs. If `g` has no value that is exactly zero,
+/// return the later of two adjacent numbers between which the sign changes.
 pub fn crossing(mut g: impl FnMut(f64) -> f64, a: (f64, f64), b: (f64, f64)) -> f64 {
     // In the loop, `a` is the newest point, `b` is on the other side of the root, and `c` is the end that left the bracket last.
     let (mut a, mut b) = (b, a);

@@ -8,7 +8,7 @@ use crate::scalar::Real;
 impl<T: Accuracy> StepController<T> {
     /// Set the first step size `h`: `h_first` if it is positive, otherwise an estimate. The estimate uses the state `x`, its slope `k` and
     /// its curvature (Hairer, Norsett and Wanner, Solving Ordinary Differential Equations I, section II.4). `order` is the order of the
-    /// error. `y`, `dy` and `u` are memory for states and for the input.
+    /// error estimate. `y`, `dy` and `u` are memory for states and for the input.
     pub fn guess<S, F, B>(&mut self, system: &mut F, (x, k): (&B, &B), (y, dy, u): (&mut B, &mut B, &mut F::Input), order: f64)
     where
         S: Real,

@@ -51,7 +51,7 @@ pub struct Steps<M, B, U> {
     input_end: f64,
     dense: bool,
     work: Work,
-    /// The numbers of evaluations, Jacobians and factorisations of one step.
+    /// The numbers of evaluations, Jacobians and decompositions of one step.
     each: Work,
 }
 

@@ -31,11 +31,11 @@ use crate::scalar::{Dual, Real};
 /// assert_eq!(dft, [3.0]);
 /// ```
 pub trait DualSystem<V: Real>: System<Dual<V>> {
-    /// Write the input at time `t`, s, to `u`. Its derivative along direction 0 is the time derivative.
+    /// Write the input at time `t`, s, to `u`. The dual part in direction 0 is the time derivative of the input.
     fn moving_input(&mut self, t: f64, u: &mut Self::Input);
-    /// Hold the input of the plant and the rate of the law's state, in a sampled loop.
+    /// In a sampled loop, set the plant's input and the rate of the law's state, which remain constant until the next sample.
     fn hold(&mut self, _input: &[V::One], _rate: &[V::One]) {}
-    /// Set the switches of this system to the states `sides` of the system on plain numbers.
+    /// Set the switches of this system to `sides`, which are the states of the switches of the same system on plain numbers.
     fn follow(&mut self, _sides: &[i8]) {}
     /// Whether the input is constant between its jumps.
     fn autonomous(&self) -> bool {

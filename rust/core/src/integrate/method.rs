@@ -1,4 +1,4 @@
-//! The table of integration methods by name. Callers need code for the four kinds of methods, not for each method.
+//! The table of integration methods by name. Callers distinguish only the four kinds of methods.
 
 use super::{
     Accuracy, Differentiable, Dop853, Dopri5, EqualSteps, Euler, Forward1, Kutta4, Order8, Pair54, Radau5, Rk4, Rodas4, Ros2, SemiImplicit,
@@ -149,7 +149,8 @@ impl Method {
         }
     }
 
-    /// Whether the order of the method requires exact derivatives. `radau5` iterates, and `ros2` has its order with any matrix.
+    /// Whether the method has its order only with exact derivatives. The order of `radau5` does not depend on them, because it iterates.
+    /// The method `ros2` has order 2 with any matrix.
     pub fn needs_exact_derivatives(self) -> bool {
         match self.kind() {
             MethodKind::ExplicitSteps(_) | MethodKind::ExplicitAdaptive(_) => false,

@@ -61,7 +61,7 @@ use crate::linalg::Pairs;
 use crate::scalar::Real;
 
 /// A system of differential equations `x' = f(u(t), x)`, with all hooks that the integration methods call. Times and step sizes are in s.
-/// States, slopes and other arrays have one entry per state, if nothing else is stated.
+/// Unless stated otherwise, states, slopes and other arrays have one entry per state.
 ///
 /// ```
 /// use armlet_core::integrate::{Euler, FixedStep, System};
@@ -100,25 +100,27 @@ pub trait System<S: Real> {
     }
     /// Evaluate the sampled law of a loop at time `t` and state `x`. Its output is then held until the next sample.
     fn sample(&mut self, _t: f64, _x: &[S]) {}
-    /// Update the switches of the system at time `t` and state `x`, where a fixed step begins. Return whether the slope jumps.
+    /// Update the switches of the system at time `t` and state `x`, before a fixed step. An example of a switch is stick or slip of a
+    /// joint. Return whether the slope jumps.
     fn enter_step(&mut self, _t: f64, _x: &[S]) -> bool {
         false
     }
-    /// Update the switches of the system at state `x`, where a fixed step ends. The function may change `x` to a state at the switch.
-    /// Return whether `x` changed.
+    /// Update the switches of the system at state `x`, after a fixed step. The function may change `x`, for example to stop a sliding
+    /// joint. Return whether `x` changed.
     fn leave_step(&mut self, _x: &mut [S]) -> bool {
         false
     }
-    /// Set components that the system holds at rest exactly to their rest values, in a state that an adaptive method has computed.
+    /// Remove the rounding errors of an adaptive method from components that the system holds at rest, such as the velocities of stuck
+    /// joints.
     fn still(&mut self, _x: &mut [S]) {}
-    /// The states of the system's switches. The same system on dual numbers uses them.
+    /// The states of the system's switches, for the same system on dual numbers.
     fn sides(&mut self) -> &[i8] {
         &[]
     }
-    /// Add the state at time `t` to the metrics, which follow the state in `x`. `h` is the time to the next step, s, and zero at the end of
-    /// the run.
+    /// Add the contribution of time `t` to the metrics. `x` contains the state, and then the metrics. `h` is the time to the next step, s,
+    /// and zero at the end of the run.
     fn sum_up(&mut self, _t: f64, _h: f64, _x: &mut [S]) {}
-    /// Store the state at time `t` as record `i`, for a run that stores its records within its steps.
+    /// Store the state at time `t` as record `i`. Only a system that stores the records of a run itself implements this function.
     fn note(&mut self, _i: usize, _t: f64, _x: &[S]) {}
     /// The input of the plant and the rate of the law's state that are held since the last sample. `None` means that nothing is held.
     fn held(&self) -> Option<(&[S], &[S])> {
@@ -243,7 +245,8 @@ pub trait FixedStep<S: Real, F: System<S>, B: Buffer<S>> {
     /// Advance `x` from `t` to `t + h`, s. `end` is the time at which the last input is evaluated. It is `t + h`, or just before `t + h` if
     /// the input jumps there.
     fn step(&mut self, system: &mut F, t: f64, h: f64, end: f64, x: &mut B);
-    /// Advance `x` by `count` steps of size `h`, s, from the time `first * h` on. Return false if the method has only single steps.
+    /// Advance `x` by `count` steps of size `h`, s, starting at time `first * h`. Return false, without a change of `x`, if the steps must
+    /// be computed one by one.
     fn stride(&mut self, _system: &mut F, _first: usize, _count: usize, _h: f64, _x: &mut B) -> bool {
         false
     }

@@ -29,9 +29,10 @@ const GROW: f64 = 10.0;
 /// After an accepted step with an unchanged Jacobian, the step size changes only if it would grow by at least this factor. Otherwise it
 /// remains the same, and the matrix decompositions are reused.
 const LEAST_GROWTH: f64 = 1.2;
-/// The rounding error of the error estimate, divided by the error of one slope: `|(1, e A)|` with the row `e = (e_1, e_2, e_3)`.
+/// The Euclidean norm of the weights of all slopes in the error estimate: `|(1, e A)|` with the row `e = (e_1, e_2, e_3)`.
 const GAIN: f64 = 2.0;
-/// If Newton's iteration contracts by a larger factor and takes more than two iterations, the next step has a new Jacobian.
+/// The next step has a new Jacobian if Newton's iteration converges slowly: more than two iterations, and a ratio of the last two
+/// increments above this number.
 const SLOW: f64 = 1e-3;
 
 /// The method Radau IIA of order 5. `B` is the type of the state.
@@ -89,7 +90,7 @@ pub struct Radau5<S, B, U, A = Tolerance> {
     current: bool,
     /// Whether the last step can be extrapolated as the first guess of the next stages.
     warm: bool,
-    /// For the last accepted step, its first proposed size and its error.
+    /// For the last accepted step: its step size before any rejection, and its error.
     last: Option<(f64, f64)>,
     chatter: Chatter<B>,
 }
@@ -143,7 +144,7 @@ impl<S: Real, B: Buffer<S>, U: Clone, A: Accuracy> Radau5<S, B, U, A> {
         self.h_factored = f64::NAN;
     }
 
-    /// Correct the slope from the rounded state to the compensated state.
+    /// If states are compensated, add the effect of the state's rounding error to the slope.
     fn compensate_slope(&mut self) {
         if self.rounding.compensated {
             add_product(&self.jacobian, self.rounding.rest.as_ref(), self.slope.as_mut());
@@ -170,7 +171,8 @@ impl<S: Real, B: Buffer<S>, U: Clone, A: Accuracy> Radau5<S, B, U, A> {
         sum
     }
 
-    /// Set the start of the Newton iteration for a step of size `h`. It is the extrapolated last polynomial, if one exists.
+    /// Set the start of the Newton iteration for a step of size `h`. It is the extrapolated polynomial of the last step if that is valid,
+    /// otherwise zero.
     fn start(&mut self, h: f64) {
         let h_old = self.controller.t - self.controller.t_old;
         for i in 0..3 {
@@ -186,8 +188,8 @@ impl<S: Real, B: Buffer<S>, U: Clone, A: Accuracy> Radau5<S, B, U, A> {
         transform(&T_INVERSE, &self.z, &mut self.w);
     }
 
-    /// Count the rejection of a step of size `h`. After several rejections, measure the rounding error of the error estimate. If it is
-    /// relevant, compensate the states from now on; if they are compensated already, raise the tolerance of Newton's iterations. Error:
+    /// Count the rejection of a step of size `h`. After several rejections, measure the rounding error of the error estimate. If this error
+    /// is large, compensate the states from now on. If they are compensated already, raise the tolerance of Newton's iterations. Error:
     /// `ExcessAccuracy` if the remaining error is too large for the tolerance.
     fn rejected<F: Differentiable<S, Input = U>>(&mut self, system: &mut F, h: f64) -> Result<(), Status> {
         // The check requires the matrix decomposition for this step size.
@@ -239,14 +241,14 @@ impl<S: Real, B: Buffer<S>, U: Clone, A: Accuracy> Radau5<S, B, U, A> {
         self.controller.work.evaluations += 1;
     }
 
-    /// Return `error^(-1/4)`, multiplied by the smaller of 1 and `h/h_old (error_old/error)^(1/4)`. `h_old` is the first proposed size of
-    /// the last accepted step, and `error_old` its error.
+    /// Return `error^(-1/4)`, multiplied by the smaller of 1 and `h/h_old (error_old/error)^(1/4)`. For the last accepted step, `h_old` is
+    /// its step size before any rejection, and `error_old` is its error.
     fn predict(&self, h: f64, error: f64) -> f64 {
         let trend = match self.last {
             Some((h_old, error_old)) if error > 0.0 => (h / h_old * (error_old / error).powf(0.25)).min(1.0),
             _ => 1.0,
         };
-        // The limit applies if the error is zero.
+        // The limit 1e10 replaces the infinite result for the error zero.
         (trend * error.powf(-0.25)).min(1e10)
     }
 }
@@ -333,7 +335,7 @@ where
             if !renew && factor < LEAST_GROWTH {
                 factor = 1.0;
             }
-            // Store the first proposed step size. After rejections, this size limits the growth for one more step.
+            // Store the step size before any rejection. After rejections, this size limits the growth for one more step.
             self.last = Some((h_begun, error));
             self.controller.accept(t_new, h * factor);
             std::mem::swap(&mut self.x_old, &mut self.x);

@@ -3,7 +3,8 @@
 //! Source: Hairer and Wanner, Solving Ordinary Differential Equations II, section IV.7. The coefficients are from its code `rodas.f`.
 //!
 //! For six stages, `(I/(g h) - df/dx) u_i = f(t + c_i h, x + sum_j a_ij u_j) + sum_j c_ij u_j / h + d_i h df/dt`. Then
-//! `x_5 = x + sum a_5j u_j + u_5`, `x_new = x_5 + u_6`, and the error estimate is `u_6`. The code names `g` `GAMMA`, and `c_ij` `K`.
+//! `x_5 = x + sum a_5j u_j + u_5`, `x_new = x_5 + u_6`, and the error estimate is `u_6`. In this file, `GAMMA` is `g`, and `K` has the
+//! entries `c_ij`.
 
 use super::accuracy::{Accuracy, Tolerance, Work};
 use super::adaptive::Adaptive;
@@ -42,13 +43,13 @@ const DENSE: [[f64; 5]; 2] = [
     [10.12623508344586, -7.487995877610167, -34.80091861555747, -7.992771707568823, 1.025137723295662],
     [-0.6762803392801253, 6.087714651680015, 16.43084320892478, 24.76722511418386, -6.594389125716872],
 ];
-/// The rounding error of `u_6`, divided by the error of one slope: `|row 6 of (I - g c)^-1|`. It is 1 if `J` is much larger than `1/h`, and
-/// 11 if `J` is negligible.
+/// The Euclidean norm of the weights of all slopes in the error estimate `u_6`. Its value depends on `J`: 1 if `J` is much larger than
+/// `1/h`, and 11 if `J` is negligible. The constant is a value between these limits.
 const GAIN: f64 = 5.0;
 const CONTROL: Control = Control { safety: 0.9, alpha: 0.25, beta: 0.0, shrink: 0.2, grow: 6.0 };
 
-/// The method RODAS. `B`: a state. `M`: an `(n, n)` matrix. `P`: `n` indices. These are arrays for small closed-form systems, otherwise
-/// vectors.
+/// The method RODAS. `B` is the type of a state, `M` the type of an `(n, n)` matrix, and `P` the type of `n` indices. They are arrays for
+/// small closed-form systems, otherwise vectors.
 ///
 /// ```
 /// use armlet_core::integrate::{Adaptive, Differentiable, Rodas4, System, Tolerance};
@@ -211,8 +212,8 @@ impl<B: Clone, M: Clone, P, U: Clone, T: Accuracy> Rodas4<B, M, P, U, T> {
         self.controller.norm(self.x.as_ref(), self.y.as_ref(), |c| error[c])
     }
 
-    /// Measure the rounding error of the error estimate of a step of size `h`. If it is relevant, compensate the states from now on. Error:
-    /// `ExcessAccuracy` if the states are compensated already, and the remaining error is too large for the tolerance.
+    /// Measure the rounding error of the error estimate of a step of size `h`. If this error is large, compensate the states from now on.
+    /// Error: `ExcessAccuracy` if the states are compensated already, and the remaining error is too large for the tolerance.
     #[cold]
     fn look<S, F>(&mut self, system: &mut F, h: f64) -> Result<(), Status>
     where

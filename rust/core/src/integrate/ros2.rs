@@ -12,8 +12,8 @@ use crate::scalar::Real;
 
 const GAMMA: f64 = 1.0 - std::f64::consts::FRAC_1_SQRT_2;
 
-/// The method ROS2. `B`: a state. `M`: an `(n, n)` matrix. `P`: `n` indices. These are arrays for small closed-form systems, otherwise
-/// vectors.
+/// The method ROS2. `B` is the type of a state, `M` the type of an `(n, n)` matrix, and `P` the type of `n` indices. They are arrays for
+/// small closed-form systems, otherwise vectors.
 ///
 /// ```
 /// use armlet_core::integrate::{Differentiable, FixedStep, Ros2, System};

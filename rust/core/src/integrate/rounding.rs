@@ -1,8 +1,9 @@
 //! Rounding errors of implicit methods at tight tolerances.
 //!
 //! A stored state `x` has an error of `eps |x|`, where `eps` is the machine precision. A stiff slope then has an error of `eps |J| |x|`.
-//! The error estimate of a step `h` has an error of `(s I - J)^-1 eps |J| |x|`, where `s ~ 1/h`. In velocities, this error can increase if
-//! the step size decreases. If it exceeds the tolerance, smaller steps are rejected too. The remedies, in order:
+//! The error estimate of a step of size `h` has an error of `(s I - J)^-1 eps |J| |x|`, where `s ~ 1/h`. For velocities, this error can
+//! increase when the step size decreases. If it exceeds the tolerance, smaller steps are rejected too. The method has two remedies, in this
+//! order:
 //!
 //! 1. Compensated states. The state is `x + rest`. If the argument `x + z` of a stage is rounded to `y`, then
 //!    `f(x + z) = f(y) + J (x + z - y)`.
@@ -20,14 +21,15 @@ use crate::status::Status;
 /// rejected.
 const REJECTED: u32 = 4;
 const MOST: u32 = 20;
-/// The smallest relevant rounding error, as a fraction of the method's resolution.
+/// A rounding error below this fraction of the method's smallest significant error is ignored (see `look`).
 const NOTED: f64 = 0.05;
-/// If the rounding error of the error estimate exceeds this fraction of the tolerance, no step-size control works.
+/// If the rounding error of the error estimate exceeds this fraction of the tolerance although states are compensated, the run ends.
+/// Smaller steps would not help.
 const EXCESS: f64 = 0.3;
 /// The safety factor of the feasible tolerance.
 const MARGIN: f64 = 100.0;
-/// The feasible tolerance is relative to the present state multiplied by this factor. The rates decrease towards rest, but the rounding
-/// error of positions does not.
+/// The feasible tolerance is computed for the present state multiplied by this factor. Close to rest, the rates are much smaller than now,
+/// but the rounding errors of the positions are not.
 const AT_REST: f64 = 1e-3;
 
 /// The compensation and the measurement of rounding errors.
@@ -50,8 +52,8 @@ pub(super) fn two_sum<S: Real>(a: S, b: S) -> (S, S) {
     (sum, (a - (sum - part)) + (b - part))
 }
 
-/// A random direction of rounding for component `c` in measurement `k` (splitmix64). In a regular pattern, two components could always move
-/// together, for example a link and its motor.
+/// A random direction of rounding for component `c` in measurement `k` (splitmix64). With a regular pattern, two components such as a link
+/// and its motor could always be rounded in the same direction.
 fn random_sign(k: u64, c: u64) -> bool {
     let mut z = (k << 32 | c).wrapping_mul(0x9e37_79b9_7f4a_7c15);
     z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
@@ -114,14 +116,15 @@ impl<B> Rounding<B> {
         true
     }
 
-    /// Measure the rounding error of the error estimate at the state `x` with slope `slope`. The state is rounded again in random
-    /// directions.
+    /// Measure the rounding error of the error estimate at the state `x` with slope `slope`. For this purpose, multiply each component of
+    /// the state by `1 + 2 eps` or `1 - 2 eps`, at random, and compare the slopes.
     ///
-    /// `solve` multiplies by the method's `(s I - J)^-1`, with `s ~ 1/h` and the Jacobian `J`. `gain` is the rounding error of the error
-    /// estimate divided by the error of one slope. `finest` is the resolution of the method, divided by the tolerance. `y`, `dy` and `u`
-    /// are memory for states and for the input. If the rounding error is relevant, states are compensated from now on. For compensated
-    /// states, return the relevant error that remains, divided by the tolerance. Error: [`Status::ExcessAccuracy`] if it is `EXCESS` or
-    /// more.
+    /// `solve` multiplies by the method's `(s I - J)^-1`, with `s ~ 1/h` and the Jacobian `J`. `gain` is the Euclidean norm of the weights
+    /// of all slopes in the error estimate. `finest` is the smallest significant error of the method, divided by the tolerance. `y`, `dy`
+    /// and `u` are memory for states and for the input.
+    ///
+    /// The measured error is ignored if it is below `NOTED finest`. Otherwise, states are compensated from now on. If they are compensated
+    /// already, return the error divided by the tolerance. Error: [`Status::ExcessAccuracy`] if this quotient is `EXCESS` or more.
     #[cold]
     pub fn look<S, F, A>(
         &mut self,
@@ -205,7 +208,7 @@ mod tests {
         };
         assert_eq!(attempts(0), Some(5));
         assert!(attempts(2).unwrap() <= 30);
-        // One rejection in five attempts is usual for a step-size controller, and is not counted as rounding.
+        // One rejection in five attempts is usual for a step-size controller, and does not cause a measurement.
         assert_eq!(attempts(4), None);
     }
 }

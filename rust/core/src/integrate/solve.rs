@@ -42,8 +42,8 @@ pub trait Recorder {
     fn state(&mut self, t: f64, x: &[f64]);
     /// Receives a crossing of event `index`, with its time, s, and state.
     fn event(&mut self, _index: usize, _t: f64, _x: &[f64]) {}
-    /// Receives the value `x` of the polynomial of the last step, for each Chebyshev point in order. `t`: end of the polynomial, s. It is
-    /// the end of the step, or the event that ends the run.
+    /// Receives the value `x` of the polynomial of the last step, for each Chebyshev point in order. `t` is the time at the end of the
+    /// polynomial, s: the end of the step, or the event that ends the run.
     fn node(&mut self, _t: f64, _x: &[f64]) {}
     /// Is called before every step. If the result is `true`, the run ends with [`Status::Interrupted`].
     fn interrupted(&mut self) -> bool {

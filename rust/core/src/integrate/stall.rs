@@ -1,9 +1,9 @@
 //! The end of a run that makes too little progress. The run ends at the limit of attempts, or earlier if it would reach this limit at its
 //! present rate.
 //!
-//! If the input switches (at a target out of reach, or at a bound), steps across the switch are rejected. The steps along the switch then
-//! become very small. A *window* is a fixed number of attempts. A window is slow if the remaining time of the segment would require more
-//! than `MAX_STEPS` attempts at its rate. The run ends after ten consecutive slow windows.
+//! If the control input switches at a surface in the state space, for example at a bound, steps across this surface are rejected. The steps
+//! along the surface then become very small. A *window* is a fixed number of attempts. A window is slow if the remaining time of the
+//! segment would require more than `MAX_STEPS` attempts at its rate. The run ends after ten consecutive slow windows.
 
 use super::accuracy::{MAX_STEPS, Work};
 use crate::status::Status;

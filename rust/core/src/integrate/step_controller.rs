@@ -109,7 +109,7 @@ impl<T: Accuracy> StepController<T> {
         (self.rejected, self.blown) = (false, false);
     }
 
-    /// Return the step size of the next attempt and its end. The error is the reason why no attempt is possible.
+    /// Return the size of the next attempt, and the time at its end. The error is the reason why no attempt is possible.
     pub fn propose(&mut self) -> Result<(f64, f64), Status> {
         let smallest = self.smallest();
         self.stall.check(&self.work, self.t, self.t_end)?;

@@ -1,4 +1,4 @@
-//! Tableaus of explicit methods, for the derivatives of a step:
+//! Tableaus of explicit methods, from which the derivatives of a whole step are computed:
 //!
 //! `k_i = f(t + c_i h, x + h sum_j a_ij k_j)`, and the next state is `x + h sum_i b_i k_i`.
 //!
