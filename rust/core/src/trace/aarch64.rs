@@ -126,8 +126,8 @@ impl Assemble for Assembler {
             Product::NegAdd => (FMLS, false),
             Product::NegSub => (FMLS, true),
         };
-        // The sum is computed in `dst` if `dst` has the addend, and if the negation of the addend does not overwrite a factor. Otherwise it
-        // is computed in a scratch register.
+        // Compute the sum in `dst` if `dst` holds the addend. Use a scratch register if it does not, or if the negated addend would
+        // overwrite a factor.
         let sum = match z {
             _ if dst == z && !(negative && (dst == x || dst == y)) => dst,
             FETCHED => FETCHED,

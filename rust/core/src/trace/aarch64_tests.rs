@@ -243,7 +243,7 @@ fn encoded() -> (Vec<String>, Vec<u8>) {
     (lines, bytes)
 }
 
-/// Each instruction in at least one form, with its word from the GNU assembler. `make test-aarch64` compares all operations.
+/// Check at least one form of each instruction against the word of the GNU assembler. `make test-aarch64` compares all operations.
 #[test]
 fn words_are_those_of_the_assembler() {
     let known: [(&str, u32); 53] = [

@@ -8,7 +8,7 @@
 
 use super::tape::{Op, Tape};
 
-/// An adjoint in progress.
+/// The state of an adjoint computation.
 struct Reversal {
     tape: Tape,
     /// For each entry, the entry that contains its weight.
@@ -55,8 +55,8 @@ fn moves(ops: &[Op], moving: &[u32]) -> Vec<bool> {
     moves
 }
 
-/// For each entry, whether a comparison reads it, or the outputs require it for every selection of branches. Such an entry counts as finite
-/// if the outputs are finite.
+/// For each entry, whether it counts as finite if the outputs are finite. These are the operands of comparisons, and the entries on which
+/// the outputs depend for every selection of branches.
 fn finite(ops: &[Op], outputs: &[u32]) -> Vec<bool> {
     let mut needed = vec![false; ops.len()];
     outputs.iter().for_each(|&output| needed[output as usize] = true);

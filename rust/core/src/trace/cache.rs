@@ -62,7 +62,7 @@ impl<T: Clone> Cache<T> {
     }
 }
 
-/// Return the matching entry, and move it to the end of the entries, which is the place of the last one used.
+/// Return the matching entry, and move it to the end, which is the place of the most recently used entry.
 fn recent<T: Clone>(entries: &mut VecDeque<T>, is: impl Fn(&T) -> bool) -> Option<T> {
     let entry = entries.iter().position(is).and_then(|at| entries.remove(at))?;
     entries.push_back(entry.clone());

@@ -1,5 +1,5 @@
-//! Recorded functions of numbers. A *program* is the compiled form of a recording. Recordings with equal operations share a program, while
-//! the cache stores it.
+//! Recorded functions of numbers. A *program* is the compiled form of a recording. Recordings with equal operations share a program if the
+//! cache still contains it.
 //!
 //! A *set-up parameter* is a number that remains the same from one evaluation to the next, such as a mass. A *frame* is the memory of a
 //! program. It has these slots in order: the set-up parameters, the inputs, the largest magnitude of an angle, and the results. The program
@@ -16,7 +16,7 @@ use crate::scalar::trig::REDUCTION_LIMIT;
 use std::collections::VecDeque;
 use std::sync::Arc;
 
-/// The number of calls with a single configuration, not a batch, after which the program of a function is made.
+/// A function gets a program after this number of calls for a single configuration. Calls for a batch do not count.
 pub const CALLS: usize = 16;
 
 /// The maximum number of recorded operations of all stored functions together.
@@ -46,7 +46,7 @@ impl FunctionLayout {
     }
 }
 
-/// A function with the memory for its numbers. It evaluates the function once, or once per lane.
+/// A function and its memory. One run evaluates the function once, or once per lane.
 #[derive(Clone)]
 pub struct Evaluation {
     function: Arc<StoredFunction>,
@@ -60,7 +60,7 @@ impl std::fmt::Debug for Evaluation {
 }
 
 /// A recorded function. `values` are the set-up parameters, which are the first inputs. `inputs` is the number of other inputs. `answer`
-/// has the indices in `ops` of the results.
+/// has the indices of the results in `ops`.
 pub struct Recorded {
     pub ops: Vec<Op>,
     pub values: Vec<f64>,

@@ -50,7 +50,7 @@ impl Form {
         self.set > Set::Sse2
     }
 
-    /// Whether [`Assemble::select`] uses every bit of its mask. Otherwise the sign bit of the mask selects the lane.
+    /// Whether [`Assemble::select`] uses every bit of its mask. Otherwise, only the sign bit of the mask selects the lane.
     pub fn selects_bits(self) -> bool {
         match self.set {
             Set::Sse2 | Set::Neon => true,
@@ -149,7 +149,8 @@ impl CallingConvention {
     pub const HERE: CallingConvention = if cfg!(windows) { CallingConvention::Win64 } else { CallingConvention::SystemV };
 }
 
-/// An encoder of machine code. Each method appends the instructions of one operation. The registers of one call may be equal.
+/// An encoder of machine code. Each method appends the instructions of one operation. The registers of one call may be equal, unless the
+/// method excludes it.
 pub trait Assemble {
     fn new(form: Form) -> Self;
 

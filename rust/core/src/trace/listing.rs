@@ -9,7 +9,7 @@ use super::program::Scratch;
 use super::straight::{Instruction, Part, Straight, Stream};
 use super::tape::Op;
 
-/// One line. The text of a number determines its bits.
+/// One line. Numbers are decimal text with enough digits to restore their bits.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Line {
     pub to: String,
@@ -91,7 +91,7 @@ fn line(lines: &mut Vec<Line>, kind: &'static str, operands: impl Iterator<Item 
     to
 }
 
-/// Return a number as text that determines its bits.
+/// Return a number as decimal text with enough digits to restore its bits.
 pub(super) fn number(x: f64) -> String {
     format!("{x:?}")
 }

@@ -167,8 +167,8 @@ impl Lowering<'_> {
         self.push(Instruction::Sub(c, product))
     }
 
-    /// Compute sine and cosine of entry `a` as `scalar::trig::sin_cos_near` does. `pair` has the operations of the sine and of the cosine.
-    /// Return the instruction of entry `top`, which has one of these operations.
+    /// Compute sine and cosine of entry `a` as `scalar::trig::sin_cos_near` does. `pair` contains the operations of the sine and of the
+    /// cosine, and entry `top` has one of them. Return the instruction of `top`.
     fn turn(&mut self, top: u32, a: u32, pair: (Op, Op)) -> u32 {
         use Instruction as I;
         let x = self.at(a);

@@ -1,7 +1,7 @@
 //! Executable memory. Pages are written first and become executable afterwards. For one thread, they are never writable and executable at
 //! the same time.
 //!
-//! Rules of systems:
+//! Rules of operating systems:
 //! - Linux, Windows, the BSDs, macOS on Intel: an anonymous mapping changes from writable to executable (mprotect,
 //!   VirtualProtect).
 //! - macOS on Apple silicon: a mapping with MAP_JIT is either writable or executable, separately for each thread. A process with the

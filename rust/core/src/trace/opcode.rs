@@ -25,7 +25,7 @@ pub struct Opcode {
     pub byte: u8,
     /// The W bit in VEX. In EVEX this bit is always one, because elements have 64 bits.
     pub wide: bool,
-    /// The use of EVEX: `Some(true)` always, `Some(false)` never, `None` if EVEX is required or shorter.
+    /// The condition for EVEX: `Some(true)` means always, `Some(false)` means never, and `None` means if EVEX is required or shorter.
     pub evex: Option<bool>,
     /// Whether mask register k1 selects the lanes.
     pub blend: bool,

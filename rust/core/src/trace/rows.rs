@@ -1,6 +1,6 @@
 //! Copies between rows of the caller's arrays and lanes of a frame, which is the memory of a program. A row has the numbers of one
-//! evaluation, which is one lane of the frame. The copy is a transposition. With AVX2, complete groups of four lanes move in blocks of four
-//! by four numbers.
+//! evaluation, and a lane holds one row. The copy is a transposition. With AVX2, complete groups of four lanes move in blocks of four by
+//! four numbers.
 
 use super::frame::Frame;
 use crate::scalar::{Isa, isa};
@@ -62,8 +62,9 @@ pub struct Series<'a> {
 }
 
 impl Series<'_> {
-    /// For each row of `out`, copy the numbers with the indices `which` of every record from one lane. The first row has the numbers of
-    /// lane `lane`, and the next rows those of the next lanes. Return whether all numbers are finite. Negative zeros become positive.
+    /// Copy a part of the series to the rows of `out`. The first row is for lane `lane`, and the next rows are for the next lanes. A row
+    /// contains the numbers with the indices `which` of every record, record by record. Return whether all numbers are finite. Negative
+    /// zeros become positive.
     pub fn write(&self, which: Range<usize>, lane: usize, out: &mut [&mut [f64]]) -> bool {
         let Series { numbers, lanes, record, count } = *self;
         let length = which.len() * count;

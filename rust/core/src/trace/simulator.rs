@@ -126,7 +126,8 @@ impl SimulatedMachine<'_> {
         self.write(i, first, vex, scalar, lanes, value);
     }
 
-    /// Return the lanes of an operand. Lanes beyond an operand in memory are zero. For k1, which other code reads, all lanes are zero.
+    /// Return the lanes of an operand. Lanes beyond an operand in memory are zero. The mask register k1 returns zeros, because its bits are
+    /// in the field `k1`.
     fn read(&self, i: &Instruction, operand: u32, lanes: usize) -> Lanes {
         if i.op_kind(operand) == OpKind::Register && i.op_register(operand) == Register::K1 {
             return [0; LANES];

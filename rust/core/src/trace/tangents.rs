@@ -9,10 +9,10 @@ use super::tape::{Op, Tape};
 /// A recording with its derivatives.
 pub struct Tangents {
     pub ops: Vec<Op>,
-    /// The indices in `ops` of the outputs.
+    /// The indices of the outputs in `ops`.
     pub values: Vec<u32>,
-    /// The indices in `ops` of the derivatives of the first `moved` outputs: all of them along the first direction, then all along the next
-    /// direction.
+    /// The indices in `ops` of the derivatives of the first `moved` outputs. All derivatives along the first direction come first, then all
+    /// along the next direction.
     pub rates: Vec<u32>,
 }
 

@@ -223,7 +223,7 @@ impl Tape {
         if let Op::Const(bits) = self.ops[a as usize] { Some(f64::from_bits(bits)) } else { None }
     }
 
-    /// The value of entry `a`, if it is a constant and the tape computes operations on constants in advance.
+    /// The value of entry `a`, if it is a constant and the tape folds constants.
     pub fn known(&self, a: u32) -> Option<f64> {
         self.value(a).filter(|_| self.folds)
     }

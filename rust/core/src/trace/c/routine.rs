@@ -31,8 +31,8 @@ pub struct Routine<'a> {
 pub struct Printed {
     /// The functions of the routine, each `static`.
     pub functions: String,
-    /// The calls of these functions, in order, with those of the arrays `x`, `w` and `y` that they use. Each function returns one if the
-    /// magnitudes of all angles are below `REDUCTION_LIMIT`, otherwise zero.
+    /// The calls of these functions, in order. The arguments are those of the arrays `x`, `w` and `y` that the function uses. Each function
+    /// returns one if the magnitudes of all angles are below `REDUCTION_LIMIT`, otherwise zero.
     pub calls: Vec<String>,
     /// The size of `w`. If it is zero, the functions have no argument `w`.
     pub slots: usize,

@@ -70,7 +70,7 @@ fn is_identifier(name: &str) -> bool {
 }
 
 /// Check names of functions. Errors: `Input` if a name is not an identifier of C, is repeated, or is one that a source file may define.
-/// Also `Input` for the name of an earlier function with `_` and a number.
+/// Also `Input` if a name is an earlier name with `_` and a number, because the parts of a long function have such names.
 pub fn require_names<'a>(argument: &str, names: impl Iterator<Item = &'a str>) -> Result<()> {
     let mut known = HashSet::new();
     for (i, name) in names.enumerate() {
@@ -81,7 +81,6 @@ pub fn require_names<'a>(argument: &str, names: impl Iterator<Item = &'a str>) -
         if OWN_NAMES.contains(&name) {
             return refused("is a name that the file has for itself: expected another one");
         }
-        // A long function is divided into functions whose names are its name with a number.
         let whole = name.trim_end_matches(|c: char| c.is_ascii_digit()).strip_suffix('_').filter(|whole| known.contains(whole));
         if whole.is_some() || !known.insert(name) {
             return refused("is a name that is there already: expected another one");
