@@ -31,8 +31,8 @@ const GROW: f64 = 10.0;
 const LEAST_GROWTH: f64 = 1.2;
 /// The Euclidean norm of the weights of all slopes in the error estimate: `|(1, e A)|` with the row `e = (e_1, e_2, e_3)`.
 const GAIN: f64 = 2.0;
-/// The next step has a new Jacobian if Newton's iteration converges slowly: more than two iterations, and a ratio of the last two
-/// increments above this number.
+/// If the ratio of the last two increments of Newton's iteration exceeds this number, the next step has a new Jacobian. One or two
+/// iterations never cause a new Jacobian.
 const SLOW: f64 = 1e-3;
 
 /// The method Radau IIA of order 5. `B` is the type of the state.
