@@ -1,12 +1,13 @@
-//! The parameters of an adaptation: the choice of estimated parameters, the metric, and additional adaptation.
+//! The parameters of an adaptation: which parameters are estimated, the metric, and additional terms of the adaptation.
 //!
-//! - The law estimates all inertial parameters `pi`, or a base set `b`, a linear map of `pi` ([`Base`]). Then `Y pi = Y_b b`, where `Y` is
-//!   the regressor and `Y_b` has some of its columns.
+//! - The law estimates all inertial parameters `pi`, or a base set `b` ([`Base`]). `b` is a linear map of `pi` with `Y pi = Y_b b`, where
+//!   `Y` is the regressor and `Y_b` contains its independent columns.
 //! - The metric is Euclidean, `a_hat_dot = Gamma Y' s`, or natural (Lee, Kwon and Park 2018). Here `a_hat` is the estimate, `s` the sliding
 //!   variable and `'` the transpose. In the natural metric, the estimate of the pseudo-inertia `P` of each body has the rate
-//!   `P_hat_dot = gamma P_hat L P_hat`. It remains physically possible in continuous time. `L` is a matrix of the body's part of `Y' s`.
-//!   The Lyapunov function is then `s' M s / 2 + sum d(P || P_hat) / gamma`, with the mass matrix `M` and the divergence `d`. Each
-//!   parameter `a_k` of a joint column adds `(a_k - a_hat_k)^2 / (2 gamma_k)`.
+//!   `P_hat_dot = gamma P_hat L P_hat`. `L` is a symmetric matrix, formed from the ten entries of `Y' s` that belong to the body. In
+//!   continuous time, a physically possible `P_hat` remains physically possible. The Lyapunov function is then
+//!   `s' M s / 2 + sum d(P || P_hat) / gamma`, with the mass matrix `M` and the divergence `d`. Each estimated rotor inertia or friction
+//!   parameter `a_k` adds `(a_k - a_hat_k)^2 / (2 gamma_k)`.
 
 use super::sizes::require_size;
 use crate::error::{Error, Result, finite};
@@ -39,7 +40,8 @@ use crate::spatial::pseudo_inertia::is_positive_definite;
 pub enum Adaptation {
     /// `Gamma`, of the size `p` of the estimate. Entry `i, j` has the units of parameter `i` times parameter `j` per joule.
     Euclidean(Gain),
-    /// `gamma` of each body, 1/J, > 0; then `gamma` of each parameter of a joint column, in its squared unit per joule.
+    /// `gamma` of each body, 1/J, > 0. Then `gamma` of each rotor inertia or friction parameter, in the squared unit of the parameter per
+    /// joule.
     Natural(Vec<f64>),
 }
 
@@ -147,7 +149,7 @@ pub struct Composite {
     pub rate: f64,
     /// Weight `R` of the error, of size `n`, 1/(N m s^3) for revolute joints, m/(N s^3) for prismatic joints.
     pub weight: Gain,
-    /// `(n, b)`: whether an entry of the regressor `Y_M` or `Y_D` can differ from zero. The geometry of the arm determines this.
+    /// `(n, b)`: for each entry of the filtered regressor, whether it can differ from zero for this arm.
     pub(super) present: Vec<bool>,
 }
 
@@ -178,7 +180,7 @@ pub struct Composite {
 pub struct Concurrent {
     /// Regressors `W_j` of all samples, `(N, n, p)`.
     pub(super) rows: Vec<f64>,
-    /// Torques `tau_j` of all samples, `(N, n)`, N m or N; with windows, their integrals, N m s or N s.
+    /// Torques `tau_j` of all samples, `(N, n)`, N m or N. For samples of windows ([`super::Windows`]), integrals of torques, N m s or N s.
     pub(super) torques: Vec<f64>,
     /// The sum over the samples of `W_j' R W_j`, `(p, p)`.
     pub(super) gram: Vec<f64>,

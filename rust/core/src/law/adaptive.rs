@@ -1,4 +1,4 @@
-//! The parameters of an adaptive law. `any_adaptive` has the law for any arm.
+//! The parameters of an adaptive law. The module `any_adaptive` evaluates the law.
 
 use super::adaptation::{Adaptation, Base, Composite, Concurrent};
 use super::joint_columns::JointColumns;
@@ -60,17 +60,19 @@ pub struct AdaptiveSpec {
     pub composite: Option<Composite>,
     /// Additional adaptation from stored samples.
     pub concurrent: Option<Concurrent>,
-    /// The law's state at the start of a run from rest.
+    /// The law's state at the start of a run: the estimate, then filters of zero. [`super::Law::restart`] sets the filters from the plant's
+    /// state.
     pub(super) start: Vec<f64>,
 }
 
 impl AdaptiveSpec {
     /// Create the law. `kp` is in N m/rad or N/m, `kd` in N m s/rad or N s/m.
     ///
-    /// `estimate`, `(p,)`, is the initial estimate. `None` starts from zero, which the natural metric does not permit.
+    /// `estimate`, `(p,)`, is the initial estimate. `None` starts from zero. The natural metric requires an estimate with physically
+    /// possible bodies.
     ///
-    /// Errors: `WrongShape` for a wrong size. `Input` for numbers that are not finite, an invalid base set, or an estimate or a base set
-    /// that the natural metric does not permit.
+    /// Errors: `WrongShape` for a wrong size. `Input` for numbers that are not finite, or an invalid base set. In the natural metric,
+    /// `Input` also for a base set, or an estimate that is not physically possible.
     pub fn new(
         model: Model,
         motion: Motion,
@@ -151,7 +153,7 @@ impl AdaptiveSpec {
         (self.model.n(), self.estimate.len())
     }
 
-    /// Whether the law estimates the bodies alone, without restraint and without additional adaptation.
+    /// Whether the law estimates only parameters of bodies, without leakage, dead zone and additional adaptation.
     pub(super) fn is_plain(&self) -> bool {
         self.columns.is_empty() && self.restraint.is_none() && self.composite.is_none() && self.concurrent.is_none()
     }
@@ -178,8 +180,8 @@ impl AdaptiveSpec {
         Ok(self)
     }
 
-    /// Add a projection, which keeps the estimates physically possible. An initial estimate outside of the lower bounds of `projection` is
-    /// replaced by the nearest one within them, in the metric of these bounds.
+    /// Add a projection, which keeps the estimates physically possible. An initial estimate below the lower bounds of `projection` is
+    /// replaced by the nearest estimate that satisfies them.
     ///
     /// Errors: `Input` for natural adaptation, or a base set.
     pub fn projected(mut self, projection: Projection) -> Result<Self> {
@@ -195,7 +197,7 @@ impl AdaptiveSpec {
         Ok(self)
     }
 
-    /// Set the state at the start of a run from rest: the estimate, and filters at zero.
+    /// Set `start` to the estimate, followed by the filters of composite adaptation at zero.
     pub(super) fn lengthen(&mut self) {
         self.start.clone_from(&self.estimate);
         if self.composite.is_some() {

@@ -61,7 +61,7 @@ where
             e_dot[i] = desired[n + i] - v[i];
             (s[i], v_r[i], a_r[i]) = (e_dot[i], desired[n + i], desired[2 * n + i]);
         }
-        // `Lambda e` is computed twice, because each product is fused with a sum.
+        // `Lambda e` is computed twice, because the multiplication and each addition are fused.
         self.lambda.add_to(e, s);
         self.lambda.add_to(e, v_r);
         self.lambda.add_to(e_dot, a_r);

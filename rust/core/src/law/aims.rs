@@ -1,9 +1,9 @@
-//! The targets of frames.
+//! The target positions of the frames that a law controls.
 
 use super::LawSpec;
 use crate::kinematics::{Coordinates, TaskFunction};
 
-/// Rows of a frame's position that a law moves to a target.
+/// The coordinates of a frame's position that a law controls, and the indices of their targets.
 ///
 /// ```
 /// # use armlet_core::arm::Arm;
@@ -24,14 +24,14 @@ use crate::kinematics::{Coordinates, TaskFunction};
 pub struct Aim {
     /// Index of the frame.
     pub frame: usize,
-    /// The controlled axes: 0, 1 and 2 for x, y and z.
+    /// The controlled coordinates: 0, 1 and 2 for x, y and z.
     pub rows: Vec<usize>,
-    /// Index of each row's target in [`LawSpec::desired`].
+    /// Index of the target of each coordinate in [`LawSpec::desired`].
     pub places: Vec<usize>,
 }
 
 impl LawSpec {
-    /// The tasks of the law that move a frame to a position.
+    /// The frames whose positions the law controls, one entry per task.
     pub fn aims(&self) -> Vec<Aim> {
         if self.levels().is_empty() {
             return self.coordinates().and_then(|coordinates| aim(coordinates, 0)).into_iter().collect();
@@ -47,7 +47,7 @@ impl LawSpec {
     }
 }
 
-/// The position rows of `coordinates`, whose target begins at index `first`; `None` if there are none.
+/// The rows of position in `coordinates`; `None` if there are none. `first` is the index of the first target value.
 fn aim(coordinates: &Coordinates, first: usize) -> Option<Aim> {
     let positions = || coordinates.rows.iter().enumerate().filter(|(_, row)| **row < 3);
     let (rows, places): (Vec<usize>, Vec<usize>) = positions().map(|(place, &row)| (row, first + place)).unzip();

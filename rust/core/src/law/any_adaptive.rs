@@ -128,7 +128,7 @@ pub struct AnyAdaptive<S: Real> {
     columns: Vec<usize>,
     /// The gain `gamma` of each body, then of each parameter of a joint column; empty in the Euclidean metric.
     natural: Vec<S>,
-    /// The estimated base parameters at the places of their columns among all parameters, and zeros elsewhere; empty without a base set.
+    /// All inertial parameters: the estimate in the entries of the base set, and zero in the other entries. Empty without a base set.
     full: Vec<S>,
     /// The entries of the base set in `Y' s`, the product of the transposed regressor and the sliding variable.
     kept: Vec<S>,
@@ -137,7 +137,7 @@ pub struct AnyAdaptive<S: Real> {
     more: Option<More<S>>,
 }
 
-/// Joint columns, restraint (leakage and dead zone), and additional adaptation.
+/// The optional parts of an adaptive law: joint columns, restraint (leakage and dead zone), and additional adaptation.
 struct More<S> {
     joints: LaneColumns<S>,
     restraint: LaneRestraint<S>,

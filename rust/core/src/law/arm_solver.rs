@@ -40,7 +40,7 @@ type SharedProgram = Arc<Mutex<Made>>;
 #[derive(Clone, Debug)]
 pub struct ArmSolver {
     stack: TaskStack,
-    /// A copy of the tasks, on the number type of direct evaluation.
+    /// A copy of the tasks, which `solve` evaluates with fused multiply-add ([`Float`]).
     running: TaskStack<Float>,
     solver: PrioritySolver,
     /// The program for many rows of joint positions, if it was made.
@@ -101,8 +101,8 @@ impl ArmSolver {
         solver.inputs().1
     }
 
-    /// Write the Jacobians at `q`, `(n,)`, to `out`, `(sum rows, n)`, as the solver uses them. Return the assumed relative error of their
-    /// entries.
+    /// Write the Jacobians at `q`, `(n,)`, to `out`, `(sum rows, n)`, with the same bits as in [`ArmSolver::solve`]. Return the relative
+    /// error that the solver assumes in their entries.
     pub fn jacobians(&mut self, q: &[f64], out: &mut [f64]) -> f64 {
         jacobians(&mut self.running, q, out)
     }
@@ -119,8 +119,8 @@ impl ArmSolver {
         })
     }
 
-    /// Report the directions of each task that can be commanded at `q`, `(n,)`, and the loss of `velocities`, `(sum rows,)`, if they are
-    /// `Some`. Errors: `Input` for numbers that are not finite.
+    /// Diagnose singularities of the tasks at `q`, `(n,)`. If `velocities`, `(sum rows,)`, is `Some`, also report which part of these
+    /// commands is lost. Errors: `Input` for numbers that are not finite.
     pub fn diagnose(&mut self, q: &[f64], velocities: Option<&[f64]>) -> Result<Diagnosis> {
         finite("q", q)?;
         let (n, rows) = (self.n(), self.rows().to_vec());

@@ -3,7 +3,7 @@
 use super::LawSpec;
 use crate::error::{Error, Result, positive};
 
-/// The sampled loop of armlet whose bits the C code reproduces.
+/// The settings of the sampled loop that the C code reproduces bit by bit.
 ///
 /// ```
 /// # use armlet_core::arm::Arm;

@@ -1,12 +1,12 @@
 //! Cartesian impedance (Hogan 1985): a spring and a damper between a frame and its target, with gravity compensation:
 //!
-//! `tau = J' (K_m e + D_m (x_d_dot - J v)) + g(q)`, `e = x_d - x` (orientation: `log(R_d R')`), in any rows of position and orientation.
-//! `x` and `R` are position and rotation matrix of the frame, `J` is the Jacobian of the rows, and `'` the transpose. The law uses no
-//! inverse of `J`, so it is defined at singularities. Of its options ([`ImpedanceOptions`]), only a null space and the compensation of the
-//! coupling use an inverse. Its singular values are clamped.
+//! `tau = J' (K_m e + D_m (x_d_dot - J v)) + g(q)`, `e = x_d - x` (orientation: `log(R_d R')`). The law controls any selection of the rows
+//! of position and orientation. `x` and `R` are position and rotation matrix of the frame, `J` is the Jacobian of the controlled rows, and
+//! `'` the transpose. The law uses no inverse of `J`, so it is defined at singularities. Two options ([`ImpedanceOptions`]) do use an
+//! inverse: the null space and the compensation of the coupling. They clamp its singular values.
 //!
-//! The orientation of a moving target is a rotation vector, with zeros for missing rows. Its `x_d_dot` and `x_d_ddot` are the angular
-//! velocity and the angular acceleration of that rotation.
+//! The orientation of a moving target is a rotation vector. Its components in rows that are not controlled are zero. In the rows of
+//! orientation, `x_d_dot` and `x_d_ddot` are the angular velocity and the angular acceleration of the target.
 
 use super::definition::{Build, Definition, Law};
 use super::impedance_options::{Extras, ImpedanceOptions};
@@ -99,7 +99,6 @@ impl CartesianImpedanceSpec {
         &self.options
     }
 
-    /// Remove the torque limits of the law.
     pub(super) fn without_torque_limits(mut self) -> Self {
         self.options.tau_max = None;
         self

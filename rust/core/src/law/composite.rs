@@ -1,4 +1,5 @@
-//! Composite adaptation (SlotineLi1989): the estimate also follows the error of the filtered dynamics, which requires no acceleration.
+//! Composite adaptation (SlotineLi1989): the estimate also follows the error of the filtered dynamics. The filter makes measured
+//! accelerations unnecessary.
 //!
 //! ```text
 //! a_hat_dot = Gamma (Y' s + W' R e_W),   e_W = tau_W - W a_hat,   V1_dot = -s' Kd s - e_W' R e_W  where tau_W = W a
@@ -6,23 +7,23 @@
 //!
 //! Here `Y` is the regressor, `s` the sliding variable, `a_hat` the estimate of the parameters `a`, `V1` the Lyapunov function, and `'` the
 //! transpose. `W` and `tau_W` are the regressor and the torque of the dynamics after the filter `1/(d/dt + lambda)`. With
-//! `M v = Y_M(q, v) a` and `g - C' v = Y_D(q, v) a`, the dynamics are `d/dt (M v) = tau + C' v - g`. The filtered derivative is integrated
-//! by parts:
+//! `M v = Y_M(q, v) a` and `g - C' v = Y_D(q, v) a`, the dynamics are `d/dt (M v) = tau + C' v - g`. Integration by parts of the filtered
+//! derivative gives:
 //!
 //! ```text
 //! W = Y_M + X,   X_dot = -lambda (Y_M + X) + Y_D,   X(0) = -Y_M(q_0, v_0)
 //! ```
 //!
-//! so that `W(0) = 0`. The joint columns of armature are part of `Y_M`, and the joint columns of friction are part of `Y_D`. Known rotor
+//! So `W(0) = 0`. The joint columns of armature are part of `Y_M`, and the joint columns of friction are part of `Y_D`. Known rotor
 //! inertias `B` change the torque: `tau_W = X_tau - B v`, `X_tau_dot = -lambda X_tau + tau + lambda B v`.
 //!
 //! `Y_M = Y(q, 0, 0, v) - Y_g` with `Y_g = Y(q, 0, 0, 0)`. Row `i` of `C' v` is `(Y(q, v, e_i, 0) - Y_g)' v`.
 //!
-//! Many entries of `Y_M` and `Y_D` are zero at every state. The torque of a joint does not depend on the bodies between it and the base. A
-//! planar arm depends on four of the ten parameters of a body. The `X` of a zero entry remains zero, and is not computed.
+//! Many entries of `Y_M` and `Y_D` are zero at every state. For example, the torque of a joint does not depend on the bodies between it and
+//! the base. Where an entry of both `Y_M` and `Y_D` is always zero, `X` remains zero and is not computed.
 //!
-//! The law's state is the estimate, then `X` of the `b` estimated parameters of bodies, `(n, b)`, `X` of the joint columns, and `X_tau`,
-//! `(n,)`.
+//! The law's state is the estimate, then `X`, then `X_tau`, `(n,)`. `X` begins with the entries of the `b` estimated parameters of bodies,
+//! `(n, b)`. The entries of the joint columns follow.
 
 use super::adaptation::Composite;
 use super::adaptive::AdaptiveSpec;
@@ -182,7 +183,7 @@ impl<S: Real> LaneComposite<S> {
         joints.fill(v, v, &mut self.entries);
     }
 
-    /// The pairs of entries of the bodies in the regressors `Y_M` of the momentum and `Y_D` of the drift.
+    /// The entries of `Y_M` (momentum) and `Y_D` (drift) for the parameters of bodies, in pairs.
     pub fn momentum_and_drift(&self) -> impl Iterator<Item = (S, S)> {
         self.y_m.iter().copied().zip(self.y_d.iter().copied())
     }

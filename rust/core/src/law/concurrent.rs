@@ -7,8 +7,9 @@
 //! ```
 //!
 //! Here `Y` is the regressor, `s` the sliding variable, `a_hat` the estimate of the parameters `a`, `V1` the Lyapunov function, and `'` the
-//! transpose. `Y_M` and `Y_D` are the regressors of the momentum `M v` and of the drift `g - C' v`. A loop only requires `sum W_j' R W_j`
-//! and `sum W_j' R tau_j`. The torque of known rotor inertias `B` is subtracted from `tau_j`: `tau_j - B v_dot_j`, or `tau_j - B [v]`.
+//! transpose. `Y_M` and `Y_D` are the regressors of the momentum `M v` and of the drift `g - C' v`. A control loop only requires the sums
+//! `sum W_j' R W_j` and `sum W_j' R tau_j`. The torque of known rotor inertias `B` is subtracted: `tau_j - B v_dot_j` for a sample with its
+//! acceleration, `tau_j - B [v]` for a window.
 
 use super::adaptation::Concurrent;
 use super::adaptive::AdaptiveSpec;
@@ -51,7 +52,7 @@ pub struct Record<'a> {
     pub tau: &'a [f64],
 }
 
-/// Windows of a record at evenly spaced instants.
+/// The division of a record into windows, which are overlapping time intervals. The instants of the record are evenly spaced.
 ///
 /// ```
 /// # use armlet_core::arm::Arm;
@@ -126,7 +127,7 @@ impl Windows {
 pub struct StoredRows {
     /// Regressors `W` of the samples, `(N, n, p)`, row-major.
     pub rows: Vec<f64>,
-    /// Torques `tau` of the samples, `(N, n)`, N m or N; with windows, their integrals over time, N m s or N s.
+    /// Torques `tau` of the samples, `(N, n)`, N m or N. For samples of [`Windows`], integrals of torques over time, N m s or N s.
     pub torques: Vec<f64>,
 }
 
@@ -180,8 +181,8 @@ impl AdaptiveSpec {
         Some(rows.chunks_exact(p).zip(torques).map(error).collect())
     }
 
-    /// Compute the samples of a record with the accelerations `a`, `(K, n)`, rad/s^2 or m/s^2. Errors: `Memory` if the memory does not
-    /// suffice.
+    /// Compute one sample per instant of a record. `a`, `(K, n)`, has the accelerations at these instants, rad/s^2 or m/s^2. Errors:
+    /// `Memory` if the memory does not suffice.
     pub fn samples(&self, record: Record, a: &[f64]) -> Result<StoredRows> {
         let (n, p, all) = (self.model.n(), self.estimate.len(), self.model.parameter_count());
         let (count, bodies) = (record.q.len() / n, p - self.columns.count());
@@ -202,7 +203,7 @@ impl AdaptiveSpec {
         Ok(StoredRows { rows, torques: memory::collected(torques)? })
     }
 
-    /// Compute the samples of windows of a record. Each window starts half a window after the previous one.
+    /// Compute one sample per window of a record, without accelerations. Each window starts half a window after the previous one.
     ///
     /// Errors: `Input` for a window that is longer than the record, or a length or step that is not positive. `Memory` if the memory does
     /// not suffice.

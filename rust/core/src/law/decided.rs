@@ -1,6 +1,6 @@
-//! Laws with task priorities whose solver decides the numerical ranks of the projected Jacobians of the tasks. On plain numbers, the solver
-//! may use every algorithm of `priority`. A recorded law only uses the regular algorithm, which has no branch, and reports whether its
-//! result is valid.
+//! Laws with task priorities. Their solver decides the numerical rank of each task's projected Jacobian. With `f64`, the solver may use
+//! every algorithm of the module `priority`. A recorded law only uses the algorithm `Regular`, which has no branch. It also reports whether
+//! its result is valid.
 
 use super::definition::Law;
 use crate::error::Result;
@@ -25,7 +25,8 @@ pub trait Solve {
     fn v(&self) -> &[Self::Number];
     /// The residuals of the tasks of all levels, stacked.
     fn residuals(&self) -> &[Self::Number];
-    /// Return 1 if the results are valid, and 0 if another algorithm is required; `None` if the results are always valid.
+    /// Return 1 if the results are valid, and 0 if another algorithm is required. The return value is `None` for a solver that is always
+    /// valid.
     fn stands(&self) -> Option<Self::Number>;
 }
 
@@ -54,7 +55,7 @@ impl Solve for PrioritySolver {
     }
 }
 
-/// The regular algorithm on recorded numbers.
+/// The algorithm [`Regular`] on recorded numbers.
 pub struct RecordedSolver {
     route: Regular<Sym>,
     jacobian: Vec<Sym>,
@@ -77,8 +78,8 @@ impl Solve for RecordedSolver {
         (&mut self.jacobian, &mut self.command)
     }
     fn solve(&mut self, rounding: Sym, _: impl FnOnce(&mut PrioritySolver) -> Result<()>) -> Result<()> {
-        // Record the solver with fused products, as in a call of the solver alone. The other operations of the law may be recorded without
-        // fused products.
+        // The solver fuses multiply-add wherever it is called. So it is recorded with fused multiply-add, even if the rest of the law is
+        // not.
         self.stands = sym::fused(|| self.route.solve(rounding, &self.jacobian, &self.command));
         Ok(())
     }

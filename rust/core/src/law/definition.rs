@@ -87,7 +87,7 @@ pub trait Definition {
         false
     }
 
-    /// Whether the law changes permanently at a sample, and therefore requires a sampled loop.
+    /// Whether the law changes permanently at one sample, as a reaction to contact does. Such a law requires a sampled loop.
     fn switches(&self) -> bool {
         false
     }
@@ -127,7 +127,8 @@ pub trait Definition {
         self.reduction().map(|reduction| &reduction.joint_stiffness)
     }
 
-    /// The matrix `(I + Kt)^-1` of a law that regulates motors, where `Kt` is the gain of the joint torque or zero; `None` for other laws.
+    /// The matrix `(I + Kt)^-1` of a law that regulates motors; `None` for other laws. `Kt` is the gain of the joint-torque feedback, zero
+    /// without this feedback.
     fn torque_share(&self) -> Option<Gain> {
         None
     }
@@ -137,7 +138,7 @@ pub trait Definition {
         None
     }
 
-    /// The stiffness of the spring in [`LawSpec::outer`](super::LawSpec::outer).
+    /// The stiffness that [`LawSpec::with_stiffness`](super::LawSpec::with_stiffness) scales; `None` for a law without a spring.
     fn outer_stiffness(&mut self) -> Option<&mut Gain> {
         None
     }
@@ -188,20 +189,21 @@ pub trait Law<S: Real> {
     /// Initialise the filters in the law's state `z` from the plant's state `x`. `_trig` has (sin, cos) of each joint position.
     fn restart(&mut self, _trig: &[(S, S)], _x: &[S], _z: &mut [S]) {}
 
-    /// Set the time of the next samples, s, for a law that is a function of time and is evaluated only at samples.
+    /// Set the time of the next evaluation, s. Only a law that is a function of the caller uses it.
     fn at(&mut self, _t: f64) {}
 
     /// Set the sample period of the loop, s, and the limits of the plant's input, `(n,)` or empty.
     fn configure(&mut self, _period: Option<f64>, _limits: &[S]) {}
 
-    /// Return 1 if the last evaluation is valid, and 0 if it must be repeated without a program. The result is `None` for a law that is
-    /// always valid.
+    /// Return 1 if the last evaluation is valid, and 0 if the law must be evaluated again without a program. The return value is `None` for
+    /// a law that is always valid.
     fn stands(&self) -> Option<S> {
         None
     }
 
-    /// The rate at which the law's Lyapunov function decreases at the last evaluation, W; zero for a law without such a function. It is the
-    /// rate on a plant with the structure of the law's model, without the effects of further options of the law.
+    /// The rate at which the law's Lyapunov function decreases at the last evaluation, W; zero for a law without such a function. It
+    /// assumes a plant that differs from the law's model only in the estimated parameters, and a law without leakage, dead zone and
+    /// additional adaptation.
     fn dissipation(&self) -> S {
         S::zero()
     }
@@ -254,16 +256,16 @@ pub trait Build: Definition {
 pub enum Route {
     /// The law executes the same operations for every state. Such a law can be recorded, and evaluated on dual numbers.
     Straight,
-    /// The law branches on plain numbers. The recorded law has no branch, and reports where it is not valid.
+    /// The law branches on its data, so it is evaluated on `f64`. The recorded law has no branch, and reports whether its result is valid.
     Guarded,
-    /// The law branches on plain numbers. Such a law cannot be recorded.
+    /// The law branches on its data, so it is evaluated on `f64`. Such a law cannot be recorded.
     Deciding,
     /// The law is a function of the caller, evaluated only at samples.
     Outside,
 }
 
 impl Route {
-    /// Whether the law requires plain numbers, unless it is recorded. Such a law accepts neither registers nor dual numbers.
+    /// Whether direct evaluation of the law requires `f64`, not SIMD registers or dual numbers.
     pub fn is_scalar(self) -> bool {
         self != Route::Straight
     }

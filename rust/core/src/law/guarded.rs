@@ -16,10 +16,10 @@
 //!
 //! For elastic joints, `tau` of the observer is the torque of the joints, `K_J (theta - q)`.
 //!
-//! The law's state is the state of the inner law, then `w`, then the integral `R` of `r`. A reaction adds `c`, `s`, `y_c c` and `r_c c`.
-//! Only at the sample of contact, `c` has the rate 1, `y_c c` the rate `y`, and `r_c c` the rate `r`. From that sample on, `s` has the rate
-//! 1, so it is the time since contact. The rates of a sample act for one sample time. So the quotients of `y_c c` and `r_c c` by `c` are
-//! the values at contact, even if the rates of that sample act after a delay.
+//! The law's state is the state of the inner law, then `w`, then the integral `R` of `r`. A reaction adds a number `c`, the time `s` since
+//! contact, and the products `y_c c` and `r_c c`. From the sample of contact on, `s` has the rate 1. At the sample of contact, `c`, `y_c c`
+//! and `r_c c` have the rates 1, `y` and `r`. At all other samples, these rates are zero. A rate acts for one sample time, even if it acts
+//! after a delay. So `y_c c` and `r_c c`, divided by `c`, are the values `y_c` and `r_c` at contact.
 
 use super::LawSpec;
 use super::definition::{Build, Definition, JointReference, Law, Route};
@@ -118,8 +118,8 @@ impl GuardedSpec {
     /// Add an observer with `model` to the law `inner`. `gain` is `K`, of size `n`, 1/s. `friction` is the known viscous friction, N m
     /// s/rad or N s/m, and Coulomb friction, N m or N, `(n,)` each.
     ///
-    /// A reaction requires `thresholds`, `(n,)`, N m or N. If `inner` is a law of an elastic arm whose model has no joint stiffness,
-    /// `joint_stiffness` is required.
+    /// A reaction requires `thresholds`, `(n,)`, N m or N. `joint_stiffness`, N m/rad or N/m, is required if `inner` controls an elastic
+    /// arm but has no joint stiffness itself.
     pub fn new(
         inner: LawSpec,
         (model, gain, friction): (Model, Gain, [Vec<f64>; 2]),
@@ -219,7 +219,7 @@ impl Definition for GuardedSpec {
     }
 
     /// The terms of the inner law without its torque `tau`, then the momentum, the residual, whether the reaction acts, and the torque. The
-    /// residual and whether the reaction acts are computed with the observer gain `K` of a continuous loop, even if the loop is sampled.
+    /// residual is computed with the gain `K` of a continuous loop, even if the loop is sampled.
     fn terms(&self, at: &Instant) -> Vec<Term> {
         let n = self.model.n();
         let own = self.inner.initial_state().len();

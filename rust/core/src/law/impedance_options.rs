@@ -14,7 +14,7 @@ use crate::error::{Error, Result, finite, positive};
 use crate::linalg::gain::{AnyGain, Gain, Multiply};
 use crate::scalar::Real;
 
-/// The smallest `eps`. Its square is above the rounding error of `J M^-1 J'`, whose rows are scaled to one.
+/// The smallest permitted `eps`. Its square is above the relative rounding error of `J M^-1 J'`.
 const LEAST_EPS: f64 = 1e-7;
 
 /// Options of a Cartesian impedance law, validated by [`super::CartesianImpedanceSpec::with`].
@@ -42,8 +42,8 @@ pub struct ImpedanceOptions {
     pub null_space: Option<NullSpaceSpec>,
     /// Whether to add the torque `C v` and the wrench `L (x_d_ddot - J_dot v)`, with the Cartesian inertia `L` of the rows.
     pub compensate_coupling: bool,
-    /// The clamp `eps` of singular values in the inverse `L`, from 1e-7 to below 1. It is relative to the root mean square of the norms of
-    /// the rows with the same unit, m or rad.
+    /// The threshold `eps`, from 1e-7 to below 1. In the inverse `L`, singular values below `eps` are clamped. Before that, the rows of
+    /// position of `J W^-1/2` are scaled so that their norms have the root mean square 1. The rows of orientation are scaled likewise.
     pub eps: f64,
     /// Feed-forward wrench `F_ff`, `(m,)`, N and N m.
     pub feedforward: Option<Vec<f64>>,
@@ -200,7 +200,8 @@ impl<S: Real> Extras<S> {
     }
 }
 
-/// Return `rate`, or zero if `push` would move `free` further beyond its limit.
+/// Return the rate of an integral, or zero if it increases the excess over a limit. `free` is the unlimited value, and the sign of `push`
+/// is the direction in which `rate` moves it.
 pub(super) fn held<S: Real>(free: S, limit: S, push: S, rate: S) -> S {
     let zero = S::zero();
     let down = S::select(free.lt(-limit), S::select(push.lt(zero), zero, rate), rate);

@@ -86,12 +86,11 @@ pub(crate) fn desired_size(levels: &[Level]) -> usize {
     levels.iter().map(|level| 3 * level.function.target_size()).sum()
 }
 
-/// Refuse a law without tasks.
 pub(crate) fn require_levels(levels: &[Level]) -> Result<()> {
     if levels.is_empty() { Err(Error::input("tasks", "is empty: expected at least one task, got 0")) } else { Ok(()) }
 }
 
-/// Write two norms per level, of the errors `e` and of the residuals, until `out` is full. `rows` has the number of rows of each level.
+/// Write two norms per level to `out`: of the error `e`, and of the residual. `rows` has the number of rows of each level.
 pub(super) fn norms<S: Real>(rows: &[usize], e: &[S], residuals: &[S], out: &mut [S]) {
     let mut at = 0;
     for (pair, m) in out.chunks_exact_mut(2).zip(rows) {

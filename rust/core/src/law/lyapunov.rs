@@ -116,7 +116,7 @@ fn euclidean(law: &AdaptiveSpec) -> Option<&Gain> {
     if let Adaptation::Euclidean(gamma) = &law.adaptation { Some(gamma) } else { None }
 }
 
-/// The divergence of each body over its gain, plus half the squared error of each other parameter over its gain.
+/// The sum over the bodies of `d(P || P_hat) / gamma`, plus the sum over the other parameters of `(a_k - a_hat_k)^2 / (2 gamma_k)`.
 fn natural<S: Real>(gamma: &[S], truth: &[S], error: &[S], estimate: &[S]) -> S {
     let bodies = (truth.len() - gamma.len()) / (PARAMETERS - 1);
     let ((pi, _), (pi_hat, _)) = (truth.as_chunks::<PARAMETERS>(), estimate.as_chunks::<PARAMETERS>());

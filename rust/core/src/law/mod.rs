@@ -206,7 +206,7 @@ laws! {
 }
 
 impl LawSpec {
-    /// Times at which integrators restart, because a derivative of a desired motion jumps, s, in ascending order. Times may repeat.
+    /// Times, s, at which a derivative of a desired motion jumps, so that integrators restart. They are in ascending order and may repeat.
     pub fn breaks(&self) -> Vec<f64> {
         let mut breaks: Vec<f64> = self.motions().iter().flat_map(|motion| motion.breaks()).collect();
         breaks.sort_by(f64::total_cmp);
@@ -262,14 +262,14 @@ impl LawSpec {
         if let LawSpec::CartesianImpedance(law) = self { Some(law) } else { None }
     }
 
-    /// The Cartesian impedance law of an elastic arm; `None` for other laws. It has a storage function on the plants of
-    /// `ElasticImpedanceSpec::has_storage`.
+    /// The Cartesian impedance law of an elastic arm; `None` for other laws. [`ElasticImpedanceSpec::has_storage`] decides whether it has a
+    /// storage function on a plant.
     pub fn storage(&self) -> Option<&ElasticImpedanceSpec> {
         if let LawSpec::ElasticImpedance(law) = self { Some(law) } else { None }
     }
 
-    /// The law that commands the joint torque; `None` for other laws. It is the outer loop of an elastic arm, or a law of a rigid arm with
-    /// a spring.
+    /// The impedance or PD law that commands the joint torque: the law itself for a rigid arm, or the outer loop for an elastic arm. `None`
+    /// for other laws.
     pub fn outer(&self) -> Option<LawSpec> {
         match self {
             LawSpec::PdGravity(_) | LawSpec::CartesianImpedance(_) => Some(self.clone()),

@@ -10,11 +10,11 @@
 //! `L (x_ddot - x_d_ddot) = F` for every motion in the consistent null space, where `F` is the sum of the other wrenches of the law. This
 //! requires an exact model, and a pose that is not near a singularity.
 //!
-//! Near singularities, `L = max(J W^-1 J', eps^2)^-1`, where `max` acts on the eigenvalues. Before the inversion, the rows of position are
-//! divided by one factor, and the rows of orientation by another one. A factor is the root mean square of the norms of these rows of
-//! `J W^-1/2`. So `W^-1/2 J' L` is the pseudo-inverse of `J W^-1/2` with `sigma / max(sigma, eps)^2` in place of `1 / sigma`, for each
-//! singular value `sigma`. In the direction of `sigma`, the fraction `1 - min(1, (sigma/eps)^2)` of `tau_0` remains. The largest of these
-//! fractions is the loss.
+//! Near singularities, `L` is clamped. First, the rows of `J W^-1/2` are scaled: the rows of position by one factor, the rows of
+//! orientation by another one. In each group, the norms then have the root mean square 1. Second, eigenvalues of the scaled `J W^-1 J'`
+//! below `eps^2` are replaced by `eps^2`. Third, this matrix is inverted, and the scaling is undone. The projector `N'` should remove the
+//! controlled directions from `tau_0`. In the direction of a singular value `sigma` of the scaled matrix, the fraction
+//! `1 - min(1, (sigma/eps)^2)` of `tau_0` remains. The largest of these fractions is the loss.
 
 use super::sizes::{require_rows, require_size};
 use super::terms::Term;
@@ -264,8 +264,8 @@ impl<S: Real> NullSpace<S> {
         }
     }
 
-    /// Compute the torque of null space and coupling, and write it to `self.torque`. The law adds it to `J' F + g`. Add the wrench that
-    /// compensates the coupling to `force`.
+    /// Write the torque of null space and coupling to `self.torque`. The law adds this torque to `J' F + g`. If the coupling is
+    /// compensated, add its wrench to `force`.
     pub fn evaluate(&mut self, arm: &AnyArm<S>, ws: &mut Workspace<S>, coordinates: &Coordinates, at: &Place<S>, force: &mut [S]) {
         let n = at.q.len();
         let consistent = matches!(self.posture, Some((_, _, NullProjection::Consistent)));

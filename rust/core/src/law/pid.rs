@@ -12,7 +12,7 @@
 //! joints. While `u_i` exceeds the limit of joint `i`, `w_i` does not change further in this direction. This is conditional integration
 //! (Astrom and Hagglund 2006, section 3.5). So a long saturation does not increase the integral. The observer reads `tau` within the
 //! limits, so it does not wind up either. With the observer, motions that are slow compared with `h` follow `m a = tau - g - f` (Ohnishi,
-//! Shibata and Murakami 1996). So `m a_d` replaces `M a_d`.
+//! Shibata and Murakami 1996). So with the observer, the feed-forward term in `u` is `m a_d` instead of `M a_d`.
 //!
 //! The law's state is `w`, then `y` with a filter, then `s` with an observer, `(n,)` each.
 
@@ -123,7 +123,7 @@ impl PidSpec {
         Ok(self)
     }
 
-    /// Whether the desired motion moves.
+    /// Whether the desired motion changes with time.
     fn moves(&self) -> bool {
         !matches!(self.motion, Motion::Hold(_))
     }
@@ -245,7 +245,7 @@ pub struct Pid<S: Real> {
     kp: AnyGain<S>,
     ki: Option<AnyGain<S>>,
     kd: AnyGain<S>,
-    /// Whether the desired motion moves.
+    /// Whether the desired motion changes with time.
     moves: bool,
     limits: Option<Vec<S>>,
     /// Bandwidth `N` of the velocity filter, `(n,)`, 1/s.
@@ -270,7 +270,7 @@ pub struct Pid<S: Real> {
 }
 
 impl<S: Real> Law<S> for Pid<S> {
-    /// Set the states of the velocity filter and the observer. Then the output of the filter and the disturbance `d` start at zero.
+    /// Set the states of the velocity filter and the observer such that the filter's output and the disturbance `d` start at zero.
     fn restart(&mut self, _: &[(S, S)], x: &[S], z: &mut [S]) {
         let n = self.e.len();
         if self.filter.is_some() {
@@ -297,7 +297,6 @@ impl<S: Real> Law<S> for Pid<S> {
             None => self.speed.copy_from_slice(v),
         }
 
-        // The feed-forward torque of the model.
         if self.moves && self.observer.is_none() {
             self.work.fill(S::zero());
             self.arm.inverse_dynamics(&mut self.workspace, trig, q, &self.work, a_d, tau);

@@ -4,7 +4,7 @@
 //! as sampled loops. Between two samples, the rate `z'` of the law's state `z` is constant. `z` advances over a step `h` by a fixed-step
 //! method:
 //!
-//! `z += h z'` (euler, semi_implicit),   `z += h/6 (k + 2 k + 2 k + k)`, `k = z'` (rk4)
+//! `z += h z'` (euler, semi_implicit),   `z += h/6 (k + 2 k + 2 k + k)` (rk4, whose four stages have the same rate `k = z'`)
 
 use super::evaluator::{recording, start_recording};
 use super::{CLoop, LawSpec, Route};
@@ -95,7 +95,7 @@ impl LawSpec {
         Ok(source.files(&self.about(timing)))
     }
 
-    /// Refuse a law whose arm has too many operations.
+    /// Refuse a law whose C code would be too long.
     fn require_short(&self) -> Result<()> {
         let (model, p) = (self.model(), self.initial_state().len() as f64);
         let query = if self.adaptive().is_some() { Quantity::Regressor } else { Quantity::CoriolisMatrix };
@@ -216,7 +216,7 @@ two = {}, four = {};\n        state->state[i] = {};\n    }}\n",
         self.write_advance(source);
     }
 
-    /// Write the function that advances the law's state from the last call to `t`, by whole steps of `advance_by`.
+    /// Write the C function `advance`, which advances the law's state from the last call to the time `t`.
     fn write_advance(&self, source: &mut CSource) {
         let (prefix, upper) = (source.prefix().to_string(), source.upper().to_string());
         let mut breaks: Vec<f64> = self.breaks().into_iter().filter(|&t| t > 0.0).collect();
@@ -224,7 +224,7 @@ two = {}, four = {};\n        state->state[i] = {};\n    }}\n",
         let whole = if breaks.is_empty() {
             format!("        {prefix}_advance_by(state, {upper}_DT);\n")
         } else {
-            // A step in which a derivative of a motion jumps is divided at the jump, as in a loop of fixed steps.
+            // If a derivative of a motion jumps within a step, the step is divided at the jump, as in a loop of fixed steps.
             format!(
                 "        double at = k * {upper}_DT, h = {upper}_DT;
         const double stop = (k + 1.0) * {upper}_DT;
@@ -274,7 +274,6 @@ static void {prefix}_advance({prefix}_state *state, double t)
         ));
     }
 
-    /// Write the C function `step`.
     fn write_step(
         &self,
         source: &mut CSource,

@@ -69,8 +69,8 @@ impl PriorityAccelerationSpec {
         limits.require_sns(options.method)?;
         let limits = if options.method == PriorityMethod::Sns { Some(MotionLimits::new(&model, limits)?) } else { None };
         let mut options = limits.as_ref().map_or_else(|| options.clone(), |limits| limits.open(options.clone()));
-        // Below all tasks there is one more level, whose Jacobian is the identity. Its projected singular values are at most one, and one
-        // in directions that no task uses. So its threshold is the default.
+        // The joint damping is one more level below all tasks. Its Jacobian is the identity. If `eps` has one threshold per task, the
+        // default threshold is appended for this level.
         if let Some(eps) = options.eps.as_mut().filter(|eps| eps.len() == levels.len() && eps.len() > 1) {
             eps.push(crate::priority::DEFAULT_EPS);
         }
@@ -94,7 +94,7 @@ impl PriorityAccelerationSpec {
         P::of(self.solver().ok()?).map(|solver| self.with(solver))
     }
 
-    /// Create the law on plain numbers.
+    /// Create the law on `f64`.
     fn plain(&self) -> PriorityAcceleration {
         let Some(law) = self.engine() else { unreachable!("refused when the law was made") };
         law

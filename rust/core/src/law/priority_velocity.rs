@@ -5,9 +5,9 @@
 //!
 //! The method `sns` keeps `u` within bounds. `joint_limits` computes these bounds from the joint limits at every evaluation.
 //!
-//! The decision about a rank assumes a relative error of `DEFAULT_ROUNDING (1 + sum|q|)` in the entries of the Jacobians. The methods
-//! branch on singular values, so this law runs on plain numbers. A recording uses an algorithm without branches, and reports where it is
-//! not valid. A law with the method `sns` cannot be recorded.
+//! The solver decides numerical ranks. For this, it assumes a relative error of `DEFAULT_ROUNDING (1 + sum|q|)` in the entries of the
+//! Jacobians. The methods branch on singular values, so direct evaluation requires `f64`. A recorded law uses an algorithm without
+//! branches, and reports whether its result is valid. A law with the method `sns` cannot be recorded.
 
 use super::decided::{Decided, RecordedSolver, Solve};
 use super::definition::{Build, Definition, Law, Route};
@@ -84,7 +84,7 @@ impl PriorityVelocitySpec {
         P::of(self.solver().ok()?).map(|solver| self.with(solver))
     }
 
-    /// Create the law on plain numbers.
+    /// Create the law on `f64`.
     fn plain(&self) -> PriorityVelocity {
         let Some(law) = self.engine() else { unreachable!("refused when the law was made") };
         law
@@ -104,8 +104,8 @@ impl PriorityVelocitySpec {
     }
 }
 
-/// Set the arm's velocity limits in the options, if the method requires bounds, has none, and a limit is finite. Errors: `Input` for the
-/// planar PR arm.
+/// Set `v_max` in `options` to the arm's velocity limits. This applies only to the method `Sns` without velocity bounds, and to an arm with
+/// a finite velocity limit. Errors: `Input` for the planar PR arm.
 pub fn with_limits(model: &Model, mut options: PriorityOptions) -> Result<PriorityOptions> {
     let arm = model.tree("arm")?;
     if options.method == PriorityMethod::Sns && options.v_min.is_none() && options.v_max.is_none() {

@@ -1,6 +1,6 @@
-//! Adaptation that keeps bodies physically possible: beyond a lower bound of the pseudo-inertias, the rate of the estimate `pi_hat` is
-//! corrected. The method is `pomet1992adaptive`, with a convex function of the pseudo-inertias in place of a ball. `Y` is the regressor,
-//! `s` the sliding variable, `Gamma` the gain, and `'` the transpose.
+//! Adaptation that keeps bodies physically possible. Where a pseudo-inertia is below its lower bound, the rate of the estimate `pi_hat` is
+//! corrected. The method is `pomet1992adaptive`, with a convex set of pseudo-inertias in place of a ball. `Y` is the regressor, `s` the
+//! sliding variable, `Gamma` the gain, and `'` the transpose.
 //!
 //! ```text
 //! P_k(pi_hat) the pseudo-inertia of body k, P_k^min = L L' its lower bound,  Z_k = L^-1 P_k L^-T - 1,  N_k the negative part of Z_k
@@ -72,7 +72,6 @@ fn gradient_of<S: Real>(w: &Pseudo<S>, g: &mut [S]) {
     }
 }
 
-/// The product `A B`.
 fn product<S: Real>(a: &Pseudo<S>, b: &Pseudo<S>) -> Pseudo<S> {
     std::array::from_fn(|i| {
         std::array::from_fn(|j| a[i][0].mul_add(b[0][j], a[i][1].mul_add(b[1][j], a[i][2].mul_add(b[2][j], a[i][3] * b[3][j]))))
@@ -123,10 +122,10 @@ fn least_pivot<S: Real>(a: &Pseudo<S>) -> S {
 
 /// The negative part of a symmetric matrix `A`: `f(A)` with `f(l) = min(l, 0)`, as `V G V'`, by Jacobi's method.
 ///
-/// With `B = V' A V` nearly diagonal, `G_ii = f(B_ii)`. `G_ij = B_ij (f(B_ii) - f(B_jj)) / (B_ii - B_jj)` is a divided difference (Daleckii
-/// and Krein). Then the derivatives of `V` cancel in the derivative of the result. For equal eigenvalues the derivatives of `V` are
-/// arbitrary, but must be bounded. So entries `a_pq` of at most `least` are not rotated to zero. Where both eigenvalues have the same sign,
-/// the formula is exact.
+/// `B = V' A V` is nearly diagonal. The diagonal of `G` is `G_ii = f(B_ii)`. Its other entries use divided differences (Daleckii and
+/// Krein): `G_ij = B_ij (f(B_ii) - f(B_jj)) / (B_ii - B_jj)`. With these entries, the result has the correct derivative, independent of the
+/// derivatives of `V`. The derivatives of `V` must be bounded. So two axes are not rotated if their eigenvalues are nearly equal
+/// ([`least_to_turn`]). Their divided difference is exact if both eigenvalues have the same sign.
 fn negative_part<S: Real>(a: &Pseudo<S>) -> Pseudo<S> {
     let (zero, one) = (S::zero(), S::splat(1.0));
     let mut a = *a;
@@ -151,8 +150,7 @@ fn negative_part<S: Real>(a: &Pseudo<S>) -> Pseudo<S> {
         for j in 0..i {
             let (low, high) = (a[i][i].min(a[j][j]), a[i][i].max(a[j][j]));
             let (some, both) = (low.lt(zero), high.lt(zero));
-            // If both eigenvalues are negative, the divided difference is 1. If both are positive, it is 0. This is true for every distance
-            // between them.
+            // The divided difference is 1 if both eigenvalues are negative, and 0 if both are positive, even for equal eigenvalues.
             let apart = S::select(both, one, S::select(some, low - high, one));
             let share = S::select(both, one, S::select(some, low / apart, zero));
             g[i][j] = share * a[i][j];
@@ -184,8 +182,8 @@ impl Projection {
         Ok(Projection { width, factors: least.chunks_exact(width).enumerate().map(possible).collect::<Result<_>>()? })
     }
 
-    /// Create equal lower bounds: a mass, kg, with second moments from a radius of gyration `length`, m, in every direction. Errors:
-    /// `Input` for a mass or a length that is not positive, or numbers that are not finite.
+    /// Create the same lower bound for every body: a `mass`, kg, at the origin, with the second moment `mass length^2` along each axis.
+    /// `length` is in m. Errors: `Input` for a mass or a length that is not positive, or numbers that are not finite.
     pub fn of_mass(p: usize, mass: f64, length: f64) -> Result<Self> {
         crate::error::positive("projection", mass)?;
         crate::error::positive("length", length)?;
@@ -195,8 +193,8 @@ impl Projection {
         Self::new(p, &least)
     }
 
-    /// Replace an estimate by the nearest estimate whose pseudo-inertias are at least the lower bounds `P_min`, in the metric of `P_min`.
-    /// Bodies within the bounds do not change.
+    /// Replace the pseudo-inertia of each body below its lower bound `L L'` by the nearest one that satisfies the bound. The distance of
+    /// `P` and `Q` is the Frobenius norm of `L^-1 (P - Q) L^-T`.
     pub(super) fn start(&self, estimate: &mut [f64]) {
         for (l, pi) in self.factors.iter().zip(estimate.chunks_exact_mut(self.width)) {
             let p = matrix_of(pi, 2.0);
@@ -249,7 +247,7 @@ impl<S: Real> Projector<S> {
                 continue;
             }
             touched = true;
-            // In each lane, a body within the bounds has no correction, independent of the other lanes.
+            // Lanes in which the body satisfies its bound have no correction.
             let n = negative_part(&z).map(|row| row.map(|x| S::select(inside, zero, x)));
             square = n.as_flattened().iter().fold(square, |sum, &x| x.mul_add(x, sum));
             gradient_of(&product(&product(&transposed(inverse), &n), inverse), g);
@@ -260,7 +258,7 @@ impl<S: Real> Projector<S> {
         gamma.multiply(&self.gradient, &mut self.weighted);
         let dot = |b: &[S]| self.weighted.iter().zip(b).fold(zero, |sum, (&a, &b)| a.mul_add(b, sum));
         let (push, size) = (dot(y), dot(&self.gradient));
-        // For `f^2` below 1e-200, the products underflow, and the rate requires no correction.
+        // Below `f^2 = 1e-200`, products underflow. The correction is then zero.
         let there = S::splat(1e-200).lt(square);
         let f = S::select(there, square, S::splat(1.0)).sqrt();
         let share = (f * S::splat(1.0 / LAYER)).min(S::splat(1.0));

@@ -1,8 +1,8 @@
 //! The projection loss of an impedance law ([`super::NullSpaceSpec`]): the error of `L = (J W^-1 J')^-1` near singularities, because small
 //! singular values are clamped.
 //!
-//! `loss = 1 - min(1, (sigma / eps)^2)`, where `sigma` is the smallest singular value of `S J W^-1/2`, with the row scales `S`. A law with
-//! two metrics `W` has two losses, and the larger one counts. The loss is zero where `L` is exact, and one at a singularity.
+//! `loss = 1 - min(1, (sigma / eps)^2)`, where `sigma` is the smallest singular value of `S J W^-1/2`, with the row scales `S`. For a law
+//! with two metrics `W`, the loss is the larger of two values. The loss is zero where `L` is exact, and one at a singularity.
 
 use super::null_space::{NullProjection, NullSpaceProjector};
 use super::{CartesianImpedanceSpec, LawSpec};

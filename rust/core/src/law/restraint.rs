@@ -9,7 +9,7 @@
 //!
 //! `Y` is the regressor, `s` the sliding variable, `a_hat` the estimate of the parameters `a`, `V1` the Lyapunov function, and `'` the
 //! transpose. Leakage keeps the estimate bounded under bounded disturbances. A dead zone does so if `s_0` exceeds the `|s|` that the
-//! disturbances cause. In return, the estimate has an error of the order of `sigma` or `s_0`.
+//! disturbances cause. Both leave an error of the estimate, of the order of `sigma` or `s_0`.
 
 use crate::scalar::Real;
 
@@ -108,12 +108,11 @@ impl<S: Real> LaneRestraint<S> {
         LaneRestraint { leakage, dead_zone }
     }
 
-    /// Whether there is neither leakage nor a dead zone.
     pub fn is_none(&self) -> bool {
         self.leakage.is_none() && self.dead_zone.is_none()
     }
 
-    /// Compute the adaptation `w` outside of the dead zone from `y = Y' s` and the estimate, and write `y - w` to `back`.
+    /// Subtract the leakage from `y = Y' s`: write the difference to `w`, and the leakage to `back`. The dead zone is not applied here.
     pub fn leak(&self, s: &[S], estimate: &[S], y: &[S], w: &mut [S], back: &mut [S]) {
         let Some((sigma, form, centre)) = &self.leakage else {
             back.fill(S::zero());

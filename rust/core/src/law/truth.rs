@@ -1,8 +1,9 @@
 //! True parameters and friction of the plant in the Lyapunov function of an adaptive law. The law does not know them.
 //!
-//! `tau_f(v)` is the friction of the plant. `Y_f a_f` is the friction in the law's joint columns with the plant's parameters. Rotors that
-//! are not estimated have the inertia `B` in the plant and `B_0` in the model. Let `a` be the true parameters, `a_hat` their estimate, `Y`
-//! the regressor, `s` the sliding variable, and `'` the transpose. Then the Lyapunov function `V1` has the rate
+//! `tau_f(v)` is the friction torque of the plant. The law models friction as `Y_f a_hat_f` in its joint columns, and `a_f` are the plant's
+//! values of these parameters. Rotors that are not estimated have the inertia `B` in the plant and `B_0` in the law's model. Let `a` be the
+//! true parameters, `a_hat` their estimate, `Y` the regressor, `s` the sliding variable, and `'` the transpose. Then the Lyapunov function
+//! `V1` has the rate
 //!
 //! `V1_dot = -s' Kd s + s' (tau_f(v) - Y_f a_f + (B - B_0) a_r) + (a - a_hat)' (y - w)`,
 //!
