@@ -98,7 +98,8 @@ impl Motion {
         }
     }
 
-    /// Write `[q_d, v_d, a_d]` at each of `times` to `out`, with the bits of single samples. Rows of `out` are `stride` numbers apart.
+    /// Write `[q_d, v_d, a_d]` at each of `times`, s, to one row of `out`, with the same bits as [`Motion::sample`]. Rows of `out` are
+    /// `stride` numbers apart.
     pub fn sample_each(&self, times: &[f64], stride: usize, out: &mut [f64]) {
         #[inline(always)]
         fn each(times: &[f64], rows: std::slice::ChunksMut<f64>, sample: impl Fn(f64, &mut [f64])) {
@@ -113,7 +114,8 @@ impl Motion {
         }
     }
 
-    /// Times at which integrators restart, because a derivative of the motion jumps, s, increasing. The list is empty for a table.
+    /// Times, s, at which a derivative of the motion jumps, so that integrators restart. They increase. Constant positions, sinusoids and
+    /// tables have none.
     pub fn breaks(&self) -> Vec<f64> {
         match self {
             Motion::Hold(_) | Motion::Sinusoid(_) | Motion::Table(_) => Vec::new(),

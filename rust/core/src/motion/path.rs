@@ -7,7 +7,7 @@
 //!   h_k d_(k-1) + 2 (h_(k-1) + h_k) d_k + h_(k-1) d_(k+1) = 3 (h_k D_(k-1)/h_(k-1) + h_(k-1) D_k/h_k),   D_k = q_(k+1) - q_k
 //! ```
 //!
-//! with natural ends (`q'' = 0`), clamped ends (`q' = 0`) or the not-a-knot condition (`q'''` continuous at the second and the last but one
+//! The ends of a spline are natural (`q'' = 0`), clamped (`q' = 0`) or not-a-knot (`q'''` is continuous at the second and the last but one
 //! waypoint). The knots are at the path positions `s_k`. `h_k = s_(k+1) - s_k` is the length of piece `k`, and `'` is `d/ds`. A table of
 //! `q, q', q''` is interpolated by the quintic that has all three values at both ends of a piece.
 
@@ -202,7 +202,7 @@ impl Path {
         let row = |k: usize| &q[k * n..(k + 1) * n];
         let largest = q.iter().fold(0.0_f64, |a, b| a.max(b.abs()));
         let distance = |a: usize, b: usize| {
-            // Differences are divided by the largest one, so that no square overflows, and not all squares underflow.
+            // The differences are divided by the largest one, so that their squares neither overflow nor all underflow.
             let size = (0..n).map(|j| (row(a)[j] - row(b)[j]).abs()).fold(0.0, f64::max);
             if size == 0.0 { 0.0 } else { size * (0..n).map(|j| ((row(a)[j] - row(b)[j]) / size).powi(2)).sum::<f64>().sqrt() }
         };
@@ -263,7 +263,7 @@ impl Path {
             for j in 0..n {
                 let (i, k) = (p * n + j, (p + 1) * n + j);
                 let (c0, c1, c2) = (q[i], h * dq[i], 0.5 * h * h * ddq[i]);
-                // The end values minus the end values of the quadratic polynomial that the start determines.
+                // A quadratic polynomial has the three values of the start. `r0`, `r1` and `r2` are its errors at the end of the piece.
                 let (r0, r1, r2) = ((q[k] - c0) - c1 - c2, h * dq[k] - c1 - 2.0 * c2, h * h * ddq[k] - 2.0 * c2);
                 let terms = [c0, c1, c2, 10.0 * r0 - 4.0 * r1 + 0.5 * r2, -15.0 * r0 + 7.0 * r1 - r2, 6.0 * r0 - 3.0 * r1 + 0.5 * r2];
                 for (k, term) in terms.into_iter().enumerate() {

@@ -1,5 +1,6 @@
-//! Motions as C code: functions of time with the operations of [`Motion::sample`]. The results have equal bits under two conditions. The C
-//! compiler fuses no products. Armlet and the C code call the same C library, or no function of it.
+//! Motions as C code: functions of time with the operations of [`Motion::sample`]. The results of the C code and of armlet have equal bits
+//! under two conditions. The C compiler must not fuse multiply-add. The mathematical functions that are called must come from the same C
+//! library.
 
 use super::{BangBang, Motion, Quintic, Sinusoid, Table, TimedPath};
 use crate::error::{Error, Result};
@@ -54,7 +55,8 @@ impl Motion {
     }
 }
 
-/// C code that computes the result from the timing `s`, which increases from 0 to 1, its rate `ds` and its acceleration `dds`.
+/// C code that writes `[q_d, v_d, a_d]` to `out`. It reads the timing `s`, which increases from 0 to 1, its rate `ds` and its acceleration
+/// `dds`.
 const ALONG: &str = "    for (i = 0; i < N; i++) {
         const double d = q1[i] - q0[i];
         out[i] = s == 1.0 ? q1[i] : q0[i] + d * s;

@@ -55,7 +55,7 @@ impl Sinusoid {
         (&self.offset, [&self.amplitude, &self.frequency, &self.phase])
     }
 
-    /// Write `[q_d, v_d, a_d]` at time `t` to `out`. Products are never fused, so every loop and a single sample have the same bits.
+    /// Write `[q_d, v_d, a_d]` at time `t` to `out`. Multiply-add is not fused, so the bits are the same in every loop.
     pub(super) fn sample<S: Real>(&self, t: f64, out: &mut [S]) {
         let n = self.offset.len();
         for i in 0..n {
@@ -77,7 +77,8 @@ impl Sinusoid {
         [q, v, a]
     }
 
-    /// Compute [`super::Motion::sample_each`] for eight times together. Products are not fused, as in single samples.
+    /// Sample the motion as in [`super::Motion::sample_each`], at eight instants per SIMD register. Multiply-add is not fused, as in
+    /// [`Self::sample`].
     pub(super) fn sample_each(&self, times: &[f64], stride: usize, out: &mut [f64]) {
         let n = self.dof();
         for (times, rows) in times.chunks(8).zip(out.chunks_mut(8 * stride)) {

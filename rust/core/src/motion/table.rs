@@ -112,7 +112,7 @@ impl Table {
         &self.rows[3 * self.dof * k..3 * self.dof * (k + 1)]
     }
 
-    /// If `times` are consecutive knots, the index in `rows` of the first number of the first knot; else `None`.
+    /// The index in `rows` at which the values at the first of `times` begin. `None` if `times` are not consecutive knots.
     pub fn along(&self, times: &[f64]) -> Option<usize> {
         let at = |t: f64| (t - self.start) * self.rate;
         let first = at(*times.first()?).round();
@@ -154,7 +154,7 @@ impl Table {
         let (x, h, rate) = (u - k as f64, self.dt, self.rate);
         for i in 0..n {
             let (c0, c1, c2) = (p[i], h * p[n + i], 0.5 * h * h * p[2 * n + i]);
-            // The end values q, v, a minus the end values of the quadratic polynomial that the start determines.
+            // A quadratic polynomial has the values q, v, a of the first knot. `dq`, `dv` and `da` are its errors at the second knot.
             let dq = r[i] - c0 - c1 - c2;
             let dv = h * r[n + i] - c1 - 2.0 * c2;
             let da = h * h * r[2 * n + i] - 2.0 * c2;

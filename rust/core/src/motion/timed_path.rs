@@ -10,8 +10,9 @@
 //! Here `x_i` is the squared path speed at the grid point `s_i`, `r_i = sqrt(x_i)`, and `h = s_(i+1) - s_i`. In the segment from `s_i`, `u`
 //! begins at `u_0` and has the slope `b`. `v` and `a` are joint velocities and accelerations, with `q' = dq/ds`.
 //!
-//! `TimedPath::cubic` makes `u` linear in time between the points, so that `s(t)` is a C2 cubic spline. The acceleration is
-//! right-continuous. The motion holds the start before time zero, and the end after `duration`. At `duration` it has its end speed.
+//! [`TimedPath::cubic`] makes `u` linear in time between the points, so that `s(t)` is a C2 cubic spline. The acceleration is
+//! right-continuous. Before time zero, the motion rests at the start of the path, and after `duration` at the end. At `duration` itself, it
+//! has the path speed of the last grid point.
 
 use super::Path;
 use crate::error::{Error, Result, finite};
@@ -44,7 +45,7 @@ pub struct TimedPath {
     t: Arc<Vec<f64>>,
     /// `(N,)`: the slope `b = du/ds` of the path acceleration `u` in each segment.
     u_slope: Arc<Vec<f64>>,
-    /// `(N,)`: the index of the piece that contains each segment; empty if each sample searches the piece.
+    /// `(N,)`: the index of the piece of the path that contains each segment. Empty if segments may extend over several pieces.
     piece: Arc<Vec<usize>>,
     /// `(N + 1,)`: the path acceleration `u` at the grid points if `u` is linear in time; otherwise empty.
     u: Arc<Vec<f64>>,
@@ -240,8 +241,8 @@ impl TimedPath {
         }
     }
 
-    /// Times at which the path acceleration jumps by more than a hundredth of its largest value, s, with the start and the end. If the path
-    /// acceleration is linear in time, only the start and the end.
+    /// The start and the end, s, and between them the times at which the path acceleration jumps by more than 1 % of its largest magnitude.
+    /// If the path acceleration is linear in time, it has no jumps between the ends.
     pub fn breaks(&self) -> Vec<f64> {
         let last = self.s.len() - 1;
         if !self.u.is_empty() {
@@ -258,7 +259,7 @@ impl TimedPath {
         &self.u_slope
     }
 
-    /// The index of the piece that contains each segment; empty if each sample searches the piece.
+    /// The index of the piece of the path that contains each segment. Empty if segments may extend over several pieces.
     pub(super) fn pieces(&self) -> &[usize] {
         &self.piece
     }
