@@ -3,8 +3,8 @@
 //! For `y = f(x)` with the Jacobian `J = dy/dx`, and weights `y_bar` of the outputs, the adjoint computes `x_bar = J' y_bar`. Its
 //! operations follow the operations of `y`. An *entry* is the index of a recorded operation. Entry 0 is the constant zero. An entry adds no
 //! operation if it has no effect on an output, or if it does not depend on a varying input. At a corner (such as `|x|` at zero), the result
-//! is the derivative of the selected branch. The other branch has the weight zero. The numbers of this branch may be infinite, and zero
-//! times infinity is NaN. Its products are therefore replaced by zero where the weight is zero.
+//! is the derivative of the selected branch. The other branch has the weight zero. Its numbers may be infinite, and zero times infinity is
+//! NaN. Therefore, a product with the weight zero is set to zero.
 
 use super::tape::{Op, Tape};
 
@@ -143,8 +143,8 @@ impl Reversal {
                 self.add_product(b, i, quotient, finite);
             }
             Op::Sqrt(a) => {
-                // The square root of a zero sum of squares has an infinite derivative, and the sum has the derivative zero. The product of
-                // the two is set to zero.
+                // At zero, the slope of the square root is infinite. It is set to zero, because a sum of squares has the derivative zero
+                // there.
                 let (half, least) = (self.tape.constant(0.5), self.tape.constant(f64::MIN_POSITIVE));
                 let (slope, nothing) = (self.tape.div(half, i), self.tape.less(i, least));
                 let slope = self.tape.select(nothing, 0, slope);

@@ -24,8 +24,8 @@ const RDI: u8 = 7;
 const K1: u8 = 1;
 /// The scratch register of SSE2 code.
 const SCRATCH: u8 = 15;
-/// On Windows, the function must preserve xmm6 to xmm15. `enter` pushes two registers, so that `STACK` has 8 additional bytes to align the
-/// stack.
+/// On Windows, the function must preserve xmm6 to xmm15. After the two pushes of `enter`, the stack is not aligned to 16 bytes. `STACK`
+/// therefore has 8 additional bytes.
 const SAVED: [u8; 10] = [6, 7, 8, 9, 10, 11, 12, 13, 14, 15];
 const STACK: i32 = 16 * SAVED.len() as i32 + 8;
 
