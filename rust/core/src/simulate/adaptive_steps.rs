@@ -1,5 +1,5 @@
-//! Runs of adaptive methods. A segment is the time between two neighbouring jumps of the input or samples of the controller. Records at
-//! given times use the dense output of the method.
+//! Runs of adaptive methods. A segment lies between two successive times at which the input jumps or the controller takes a sample. Records
+//! at given times use the dense output of the method.
 
 use super::bound::Bound;
 use super::schedule::{Times, require_times};
@@ -47,7 +47,7 @@ impl Segments {
         Ok(Segments { t_end, times, breaks, clock, bound })
     }
 
-    /// Return a copy of these segments that also ends segments at the times `more`, s.
+    /// Return these segments, also divided at the times `more`, s.
     pub fn with_breaks(&self, more: &[f64]) -> Self {
         let mut all = self.clone();
         if !more.is_empty() {
@@ -58,7 +58,7 @@ impl Segments {
         all
     }
 
-    /// Whether a sample may be taken at time `t`, which ends a segment.
+    /// Whether a sample may be due at the end `t` of a segment.
     fn is_sample(&self, t: f64) -> bool {
         match self.clock {
             Clock::None => false,
@@ -75,7 +75,7 @@ impl Segments {
         }
         if let Clock::Every(period) = self.clock {
             let next = (sample + 1) as f64 * period;
-            // A sample that equals the end up to rounding is the end.
+            // A sample that is practically at the end does not shorten the segment.
             if next < end.0 - ON_SAMPLE * period {
                 end = (next, false);
             }
@@ -87,7 +87,7 @@ impl Segments {
 /// The reason why a step is shortened.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Cut {
-    /// The system switches at this time, and the step is repeated up to it.
+    /// The system switches its mode at this time, and the step is repeated up to it.
     Switch(f64),
     /// The run ends at this time.
     End(f64),
@@ -99,11 +99,11 @@ pub trait Watcher<F, B, M> {
     fn active(&self) -> bool;
     /// Start the observation at time `t`, s, and state `x`. [`run`] calls this function once, before the first step.
     fn begin(&mut self, system: &mut F, t: f64, x: &B) -> Result<(), Status>;
-    /// Check the step that `method` has just accepted. The result is the time at which the step must be shortened, if any.
+    /// Check the step that `method` has just accepted. The result is the time to which the step must be shortened, with the reason, if any.
     fn look(&mut self, system: &mut F, method: &mut M) -> Result<Option<Cut>, Status>;
-    /// Process the last step of `method` up to time `t`, s. [`run`] calls this function when this part of the step belongs to the run.
+    /// Process the accepted step of `method` up to time `t`, s. [`run`] does not call this function for a step that it repeats.
     fn keep(&mut self, system: &mut F, method: &mut M, t: f64);
-    /// Process a switch of the system at time `t`, s, and state `x`. The observer may change `x` to a state exactly at the switch.
+    /// Process a switch of the system at time `t`, s, and state `x`. The observer may correct `x`, so that it is exactly at the switch.
     fn switch(&mut self, system: &mut F, t: f64, x: &mut B);
 }
 
@@ -186,7 +186,7 @@ impl DueRecords<'_> {
 }
 
 /// Run `system` from the state of `method`. `watch` checks every step, and `record(t, system, x)` is called for every record.
-// Long: all branches of its loop use the same variables.
+// Long: the function is not divided, because all branches of its loop use the same variables.
 pub fn run<S, F, B, M, W>(
     system: &mut F,
     method: &mut M,

@@ -14,7 +14,7 @@ use crate::plant::{PlantSpec, Touch};
 use crate::scalar::{Dual, Real};
 use std::borrow::Cow;
 
-/// A loop whose run can be recorded, observed and driven by the caller.
+/// A loop whose run can be recorded and observed. The caller may replace its input and its external forces.
 pub trait Watched<S: Real>: System<S, Input = Exogenous<S>> {
     /// Return the plant's input at time `t` and state `x`.
     fn input_at(&mut self, t: f64, x: &[S]) -> &[S];
@@ -152,11 +152,11 @@ pub fn assemble<'a, S: Real>(problem: &'a Problem, run: impl Fn(usize) -> usize 
     ClosedLoop::new(plant, law, world(problem, S::LANES, run), closing, sampler(problem, run), sizes).judged_by(truth).sampled_every(period)
 }
 
-/// Return the clock of the controllers of the runs `run(lane)`. The result is `None` without sampling. It is also `None` for a controller
-/// that only holds the law's output, unless the law is a function of the caller.
+/// Return the clock of the controllers of the runs `run(lane)`. The result is `None` without sampling. A controller that only holds the
+/// law's output has no clock either, unless the law is a function that the caller supplies.
 pub fn sampler<S: Real>(problem: &Problem, run: impl Fn(usize) -> usize + Copy) -> Option<Sampler<S>> {
     let (o, plant) = (&problem.options, problem.plant(run(0)));
-    // A law of the caller may have a memory. So it is called once per sample, even if the sample is used several times.
+    // A law that the caller supplies may have internal states. So it is called only once per sample.
     let called_once = problem.law(run(0)).route() == Route::Outside;
     let dissipated = usize::from(o.monitors && !problem.watches_storage());
     let sizes = (plant.states(), plant.n(), problem.law(run(0)).initial_state().len() + dissipated);

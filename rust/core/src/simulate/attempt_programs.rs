@@ -15,7 +15,7 @@ use crate::scalar::Real;
 use crate::scalar::trig::REDUCTION_LIMIT;
 use crate::trace::{Frame, Part, Program, Scratch, SlotTable, Sym, engine, form, sym};
 
-/// If the rates of all stages have more operations than this limit, an attempt is not one program. The code of a larger attempt may exceed
+/// An attempt has no program if the rates of all its stages have more operations than this limit. The code of a larger attempt might exceed
 /// the instruction cache.
 const LARGE: usize = 3000;
 
@@ -25,8 +25,8 @@ pub struct AttemptProgram {
     places: AttemptLayout,
 }
 
-/// The slots of an attempt in its frame. First are the loop parameters, then the exogenous inputs of the stages, then the quantities of the
-/// functions below.
+/// The slots of an attempt in the frame, which is the memory of its program. The loop parameters are first. The exogenous inputs of the
+/// stages follow, then the quantities of the functions below.
 struct AttemptLayout {
     slots: Slots,
     stages: usize,
@@ -37,7 +37,7 @@ impl AttemptLayout {
     fn state(&self) -> usize {
         self.slots.given + self.stages * (self.slots.desired + self.slots.wrench)
     }
-    /// The first slot of the slope at the start of the step, after the state.
+    /// The first slot of the state rates at the start of the step.
     fn slope(&self) -> usize {
         self.state() + self.slots.states()
     }
@@ -57,7 +57,7 @@ impl AttemptLayout {
     }
 }
 
-/// The recording of an attempt for run `run` of a problem, unless it is too large.
+/// Records an attempt for run `run` of a problem. The result is `None` if the loop is too large.
 struct Attempts<'a> {
     problem: &'a Problem<'a>,
     run: usize,

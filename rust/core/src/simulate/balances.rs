@@ -18,7 +18,7 @@ pub const NAMES: [&str; 4] = ["energy_error", "energy_missing", "lyapunov_rise",
 /// - the largest Lyapunov function, divided by its first value, or zero if this value is zero
 /// - the largest absolute Lyapunov balance, divided by the largest Lyapunov function
 ///
-/// Residuals of monitors for which `series(name)` is `None` are NaN. `series` has one value per record.
+/// `series(name)` returns the values of a monitor, one value per record. A residual is NaN if the result is `None` for its monitor.
 pub fn open<'a>(series: impl Fn(&str) -> Option<&'a [f64]>) -> [f64; 4] {
     let mut found = [f64::NAN; 4];
     if let (Some(energy @ [first, ..]), Some(balance)) = (series("energy"), series("energy_balance")) {
@@ -40,7 +40,7 @@ pub fn open<'a>(series: impl Fn(&str) -> Option<&'a [f64]>) -> [f64; 4] {
 /// Return the largest of `count` numbers, at least zero. NaN is ignored.
 #[inline(always)]
 fn largest(count: usize, number: impl Fn(usize) -> f64) -> f64 {
-    // Eight independent maxima need not wait for one another.
+    // Eight independent maxima are faster than one chain of comparisons.
     let mut most = [0.0f64; 8];
     let whole = count / 8 * 8;
     let keep = |most: &mut f64, x: f64| *most = if *most < x { x } else { *most };

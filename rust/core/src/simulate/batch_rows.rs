@@ -62,8 +62,8 @@ pub struct BatchRuns {
     pub friction: Vec<f64>,
     /// Name and values of each monitor, shape `(B, K)`.
     pub monitors: Vec<(&'static str, Vec<f64>)>,
-    /// Residuals of the balances over the stored records, shape `(B,)` each, see [`super::BALANCES`]. NaN for a run that did not reach its
-    /// end, without monitors, and in a batch with metrics.
+    /// Residuals of the balances over the stored records, shape `(B,)` each, see [`super::BALANCES`]. They are NaN without monitors and in
+    /// a batch with metrics. They are also NaN for a run that did not reach its end.
     pub balances: [Vec<f64>; 4],
     /// The metrics of the runs. All metrics of a run that did not reach its end are NaN.
     pub metrics: Vec<Metric>,
@@ -77,8 +77,8 @@ pub struct BatchRuns {
     pub engine: &'static str,
 }
 
-/// The rows of one result array for the runs of the group, shape `(runs, records, numbers)`. `numbers` is the range of the array's numbers
-/// in a record `[x, tau, monitors]`.
+/// The rows of one result array that belong to the runs of the group, shape `(runs, records, numbers)`. The array stores the range
+/// `numbers` of each record `[x, tau, monitors]`.
 struct ArrayRows<'a> {
     numbers: Range<usize>,
     rows: &'a mut [f64],
@@ -101,10 +101,8 @@ pub struct GroupRecorder<'a> {
     monitors: usize,
     /// The torques of friction, shape `(runs, records, n)`, or empty.
     friction: &'a mut [f64],
-    /// The times of the records.
     times: &'a [f64],
-    /// For each run, the monitors of records whose monitors no program has computed. They are created at first use, because creation
-    /// compiles an arm.
+    /// For each run, its monitors. They are created at the first record that no program computes, because creation compiles an arm.
     checks: Vec<Option<Box<Monitors<'a>>>>,
     first: usize,
     status: &'a mut [Status],
@@ -194,7 +192,7 @@ pub fn split<'a>(problem: &'a Problem, out: &'a mut BatchRuns, lanes: usize) -> 
     let mut metrics: Vec<_> = out.metrics.iter_mut().map(|(_, width, numbers)| numbers.chunks_mut(lanes * width.unwrap_or(1))).collect();
     let ended = out.ended.chunks_mut(lanes);
     let mut balances = out.balances.each_mut().map(|numbers| numbers.chunks_mut(lanes));
-    // The required memory includes many small vectors of each group, for its series and metrics.
+    // The estimate of the required memory includes the small vectors of each group.
     let parts = arrays.len() * size_of::<ArrayRows>() + metrics.len() * size_of::<&mut [f64]>() + 8 * width;
     memory::require(ended.len() * (size_of::<GroupRecorder>() + parts + 32))?;
     let mut series = || {

@@ -128,7 +128,7 @@ impl BatchStepper {
                 rows::write(&frame, layout.state(), states, x);
                 continue;
             }
-            // In some row, an angle left the range of the program's sines. Such rows are repeated without a program.
+            // A row in which an angle left the range of the program's sines is repeated without a program.
             for (lane, (x, tau)) in x.chunks_exact_mut(states).zip(tau.chunks_exact(n)).enumerate() {
                 if frame.slot_mut(layout.reach())[lane] < REDUCTION_LIMIT {
                     (0..states).for_each(|k| x[k] = frame.slot_mut(layout.state() + k)[lane] + 0.0);

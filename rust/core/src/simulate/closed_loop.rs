@@ -38,8 +38,7 @@ pub struct ClosedLoop<'a, S: Real> {
     closing: Closing<'a>,
     /// The saturation limits of the input. Empty if there is no saturation.
     limits: Vec<S>,
-    /// The clock of a sampled controller that does more than hold the law's output, or whose law is a function of the caller. `None` for
-    /// other controllers.
+    /// The clock of a sampled controller, if it has one, see `assembly::sampler`.
     sampler: Option<Sampler<S>>,
     /// The size of the plant's state.
     states: usize,
@@ -58,7 +57,7 @@ pub struct ClosedLoop<'a, S: Real> {
     /// One if every result of the law since the last reset of this flag is valid, otherwise zero.
     pub stands: S,
     now: Exogenous<S>,
-    /// Memory for the plant's input and the law's other results that act on the loop.
+    /// Memory for the results of the law that the sampler selects: `tau` and `dz`.
     acting: (Vec<S>, Vec<S>),
     /// The true parameters of the plants, for the dissipation in the Lyapunov balance. `None` if the law alone determines it.
     truth: Option<Truth<S>>,
@@ -232,7 +231,7 @@ impl<'a, S: Real> ClosedLoop<'a, S> {
         }
     }
 
-    /// Whether the exogenous input on which the state rates depend is constant between its jumps.
+    /// Whether the state rates have no explicit dependence on time between the jumps of the exogenous input.
     pub fn autonomous(&self) -> bool {
         (self.closing.held || self.world.has_targets()) && !self.world.has_smooth_force()
     }
@@ -265,7 +264,7 @@ impl<'a, S: Real> ClosedLoop<'a, S> {
         }
     }
 
-    /// Evaluate the law at time `t` and state `x`, and store its output. The output is the held or the recorded input.
+    /// Evaluate the law at time `t` and state `x`, and store its output in `tau`.
     pub fn observe(&mut self, t: f64, x: &[S]) {
         let (measured, z) = x.split_at(self.states);
         self.evaluate_law(t, measured, &z[..self.p]);

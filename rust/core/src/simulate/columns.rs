@@ -4,7 +4,7 @@ use super::problem::Problem;
 use crate::plant::PlantKind;
 use std::ops::Range;
 
-/// The sizes of a loop's state.
+/// The sizes of the parts of a loop's state.
 #[derive(Clone, Copy, Debug)]
 pub struct Columns {
     pub kind: PlantKind,

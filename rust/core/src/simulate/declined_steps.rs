@@ -30,7 +30,7 @@ impl<'a, S: Real> ProgramLoop<'a, S> {
             && self.redo.before.iter().all(|x| x.lane(lane).is_finite())
     }
 
-    /// Restore the state of the lane and the largest angle of its run from before the step.
+    /// For lane `lane`, copy the state before the step to `redo.row`, and restore the largest angle at that time.
     pub(super) fn back(&mut self, lane: usize) {
         self.redo.row.0.iter_mut().zip(&self.redo.before).for_each(|(to, from)| *to = from.lane(lane));
         self.set_number(self.recorded.layout.reach(), lane, self.redo.reach[lane]);

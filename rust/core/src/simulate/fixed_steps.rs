@@ -177,13 +177,13 @@ fn block(step: usize, hold: usize) -> usize {
 /// Return the number of equal steps from `step` on, up to `to` at most. In these steps the input does not jump, and no sample is taken
 /// between two of them.
 fn smooth_steps(schedule: &Schedule, step: usize, to: usize, hold: usize, next_break: usize) -> usize {
-    // Metrics or records within steps require a separate first step. A step after a jump that equals its start up to rounding starts at
-    // the jump.
+    // If the system computes metrics or records within steps, the first step is computed separately. A step is also computed separately if
+    // the last jump equals its start up to rounding, but is later.
     let start = schedule.time(step);
     if schedule.within != Within::Nothing && step == 0 || after_jump(&schedule.breaks[..next_break], start) > start {
         return 0;
     }
-    // The last step may be shorter, so that it is not one of the equal steps. A jump at the end of a step belongs to this step.
+    // The last step is excluded, because it may be shorter. A step in which the input jumps, or at whose end it jumps, is excluded, too.
     let mut end = to.min(schedule.steps - 1);
     if hold != 0 {
         end = end.min(step - step % hold + hold);

@@ -5,12 +5,11 @@
 //! supplied power. The settling band is `|e| <= settle max |e|` with a constant fraction `settle`, or a given band. The metrics are
 //!
 //! `sum w e^2`, `max |e|`, `max q`, `min q`, the last record with `|e|` outside of the band, `sum w |x_d - p|^2`, `sum w tau^2`,
-//! `max |tau|`, the time outside of limits, and `max |E|`. Another metric counts violations such as
-//! `|E(t) - E(0) - int P dt| > tolerance max |E|`.
+//! `max |tau|`, the time outside of limits, and `max |E|`. Another metric counts violations of conditions. One of the conditions is
+//! `|E(t) - E(0) - int P dt| <= tolerance max |E|`.
 //!
-//! The maximum in `settle max |e|` includes only the records so far. This maximum selects the same last record outside of the band as the
-//! maximum of the whole run. The record with the final maximum is outside of the band. From this record on, the maximum so far equals the
-//! final maximum.
+//! The maximum in `settle max |e|` includes only the records so far. The last record outside of the band is nevertheless the same as for
+//! the maximum of the whole run. The record with the largest error is outside of the band. From this record on, both maxima are equal.
 
 use super::measures::{ErrorReference, Plan};
 use crate::dynamics::{ArmAt, Model};
@@ -41,7 +40,7 @@ pub struct Identities<S> {
 /// Whether the stored numbers already contain the values of the first record.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Start {
-    /// The stored numbers contain the first record, because this is a later record.
+    /// The record is not the first one.
     Known,
     /// The program decides at run time whether the record is the first one, from the number of records.
     Requested,

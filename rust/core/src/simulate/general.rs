@@ -14,7 +14,7 @@ use super::watching::Watching;
 use crate::integrate::{Adaptive, FixedStep, MethodKind, Tolerance, WithAdaptive, WithSteps};
 use crate::scalar::{Float, Real};
 
-/// The runs `first .. first + LANES` of a problem. Missing runs at the end repeat the last run.
+/// The runs `first .. first + LANES` of a problem. If the problem has fewer runs, the remaining lanes repeat the last run.
 pub struct General<'a> {
     pub problem: &'a Problem<'a>,
     pub division: &'a Division,
@@ -137,7 +137,7 @@ impl Problem<'_> {
 }
 
 impl<'a> General<'a> {
-    /// Run only the run `first`, with the code for its kind of method.
+    /// Compute only the run `first`.
     pub fn run_single(self) -> Ended {
         match (self.problem.options.method.kind(), self.division) {
             (MethodKind::ExplicitSteps(method), Division::Fixed(fixed)) => {

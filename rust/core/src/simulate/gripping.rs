@@ -19,7 +19,7 @@ impl<S: Real> ClosedLoop<'_, S> {
         self.load_plant(x);
     }
 
-    /// Decide which joints stick at time `t` and state `x`. Joint `leaving` slips. Return whether the mode of a joint changes.
+    /// Decide which joints stick at time `t` and state `x`. Joint `leaving` must slip. Return whether the mode of a joint changes.
     pub fn settle(&mut self, t: f64, x: &[S], leaving: Option<usize>) -> bool {
         if self.plant_mut().stick_slip().is_none() {
             return false;

@@ -13,9 +13,9 @@ pub struct Layout {
     /// The instants in a step at which the exogenous input is evaluated, as fractions of the step.
     pub instants: &'static [f64],
     pub states: usize,
-    /// The number of stored numbers of the metrics.
+    /// The number of values that the metrics store between records.
     pub kept: usize,
-    /// The number of stored numbers of the metrics that every step updates.
+    /// The number of these values that every step updates. The other values describe only the last record.
     pub lasting: usize,
     pub inputs: usize,
     /// The number of results of the law in addition to the plant's input.
@@ -99,7 +99,7 @@ impl Layout {
     pub fn own_firsts(&self) -> usize {
         self.noted() + self.noted
     }
-    /// The slot that is one if the norms of levels in a record are valid, otherwise zero.
+    /// The slot that is one if the norms of priority levels in a record are valid, otherwise zero.
     pub fn noted_stands(&self) -> usize {
         self.own_firsts() + self.firsts
     }

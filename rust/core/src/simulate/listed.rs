@@ -55,9 +55,9 @@ pub struct Listed {
     pub stages: Vec<(&'static str, Listing)>,
 }
 
-/// Return the listing of program `part` of the loop of run 0. `batch`: whether it is the program for lanes. If `part` is `None`, the
-/// program is the whole step. If no program computes a whole step, it is the rates. Errors: [`Error::Input`] for a loop that runs without
-/// programs, [`Error::Unknown`] for an unknown part, and errors of an invalid loop.
+/// Return the listing of program `part` of the loop of run 0. If `batch` is true, this program computes several lanes of a batch. If `part`
+/// is `None`, the listing shows the whole step, or the rates if no program computes a whole step. Errors: [`Error::Input`] for a loop that
+/// runs without programs, [`Error::Unknown`] for an unknown part, and errors of an invalid loop.
 pub fn list_loop(problem: &Problem, batch: bool, part: Option<&str>) -> Result<Listed> {
     let fixed = matches!(problem.options.method.kind(), MethodKind::ExplicitSteps(_));
     require_recordable(problem, fixed)?;
@@ -136,8 +136,8 @@ impl SlotMap {
     }
 }
 
-/// Record the loop. `plain`: `None` records simplified operations. `Some(in_parts)` keeps every operation, and `in_parts` selects whether
-/// the step is divided into parts.
+/// Record the loop. If `plain` is `None`, the operations are simplified. If it is `Some(in_parts)`, every operation is kept, and `in_parts`
+/// selects whether the step is divided into parts.
 fn record(problem: &Problem, common: Common, fixed: bool, plain: Option<bool>, watch: Watch) -> Option<SlotMap> {
     if fixed {
         return recorded::record_watched(problem, 0, common, plain, watch).map(|recorded| SlotMap::Fixed(recorded.layout));

@@ -11,7 +11,7 @@ pub struct Tracing {
     pub law: Vec<u32>,
     /// The rates and the plant's input in a stage, if the rates are a separate program.
     pub rates: Option<(Vec<u32>, Vec<u32>)>,
-    /// The cuts that divide a step before each stage.
+    /// The cuts that divide the recording of a step, one before each evaluation of the rates. Empty if the step is not divided.
     pub cuts: Vec<Cut>,
     /// The next state, then a flag that is one if the step is valid, otherwise zero.
     pub next: Vec<u32>,
@@ -23,13 +23,13 @@ pub struct Tracing {
 
 /// The results of the program that computes records. A record is the state, the input and the monitors.
 pub struct Noting {
-    /// The results for an input that is stored in the program's frame.
+    /// The results, with the plant's input that is stored in the program's frame.
     pub alone: Vec<u32>,
-    /// The results for the input that acts in the step.
+    /// The results, with the plant's input that the same step uses.
     pub along: Vec<u32>,
     /// The reference values of the monitors at the first record.
     pub firsts: Vec<u32>,
-    /// A flag that is one if the norms of levels are valid, otherwise zero.
+    /// A flag that is one if the norms of priority levels are valid, otherwise zero.
     pub stands: Vec<u32>,
     /// A flag that is one if a step that begins with this record is valid, otherwise zero.
     pub next: Vec<u32>,
@@ -37,11 +37,11 @@ pub struct Noting {
 
 /// The results of an update of the metrics.
 pub struct Summing {
-    /// The results at any record, for an input that is stored in the program's frame.
+    /// The results at any record, with the plant's input that is stored in the program's frame.
     pub alone: Vec<u32>,
-    /// The results at records after the first one, for an input that is stored in the program's frame.
+    /// The results at records after the first one, with the plant's input that is stored in the program's frame.
     pub stage: Vec<u32>,
-    /// The results at records after the first one, for the input that acts in the step.
+    /// The results at records after the first one, with the plant's input that the same step uses.
     pub along: Vec<u32>,
 }
 
@@ -55,8 +55,8 @@ pub struct Programs {
     step: Step,
     /// Updates the metrics from the state, the first instant, the input and the step size.
     sums: Option<Program>,
-    /// Updates the metrics at records after the first one. It is a whole step that begins with this update, or a program that runs after
-    /// the first stage of a step in parts.
+    /// Updates the metrics at records after the first one. If one program computes a whole step, this program computes the update and the
+    /// step. Otherwise it computes only the update, after the first stage of a step.
     along: Option<Program>,
     /// Computes the input and the monitors of a record, from the state, the first instant and the input.
     notes: Option<Program>,
@@ -114,7 +114,8 @@ impl Programs {
         }
     }
 
-    /// Update the metrics with a record after the first one. In a step in parts, this program runs after the first stage.
+    /// Update the metrics with a record after the first one, if the step is divided into parts. Requires the plant's input in the program's
+    /// frame.
     pub fn sum_up_later(&self, frame: &mut Frame) {
         if let Some(along) = &self.along {
             along.run(frame);
@@ -128,26 +129,27 @@ impl Programs {
         }
     }
 
-    /// The program that repeats whole steps along a stream of inputs, where each step begins with a record. It is `None` if the step is in
-    /// parts or if records are not computed.
+    /// The program that computes consecutive steps from a stream of exogenous inputs, where each step begins with a record. It is `None` if
+    /// the step is divided into parts, or if records are not computed.
     pub fn noted_step(&self) -> Option<&Program> {
         self.noted_step.as_ref()
     }
 
-    /// The program that repeats whole steps along a stream of inputs. Each step begins with an update of the metrics, if the loop has
-    /// metrics. It is `None` if the step is in parts.
+    /// The program that computes consecutive steps from a stream of exogenous inputs. Each step begins with an update of the metrics, if
+    /// the loop has metrics. It is `None` if the step is divided into parts.
     pub fn repeated(&self) -> Option<&Program> {
         let whole = self.whole()?;
         Some(self.along.as_ref().unwrap_or(whole))
     }
 
-    /// The program that repeats whole steps along a stream of inputs. It is `None` if the step is in parts.
+    /// The program that computes consecutive steps from a stream of exogenous inputs, without metrics and records. It is `None` if the step
+    /// is divided into parts.
     pub fn whole(&self) -> Option<&Program> {
         if let Step::Whole(program) = &self.step { Some(program) } else { None }
     }
 
-    /// Compute one step in parts, from the state, inputs and step size in the program's frame. Unless the input is held, the first stage
-    /// writes the plant's input to this frame. Then `first_stage` is called.
+    /// Compute one step that is divided into parts, from the state, inputs and step size in the program's frame. Unless the input is held,
+    /// the first stage writes the plant's input to this frame. Then `first_stage` is called.
     pub fn advance(&self, frame: &mut Frame, mut first_stage: impl FnMut(&Self, &mut Frame)) {
         let Step::Stages { segments, rates, first, count } = &self.step else { unreachable!("the step has no parts") };
         let lanes = frame.lanes();
@@ -213,7 +215,7 @@ pub fn make(ops: &[Op], layout: &Layout, tracing: Tracing, lanes: bool, watch: W
         let kept = |entries: &[u32]| to(layout.kept(), &entries[..layout.lasting]);
         along = Some(match step {
             Step::Whole(_) => program("summed_step".into(), 0, &[whole.clone(), kept(&summing.along)].concat(), &none, Some(stream)),
-            // The frame already has the plant's input: it is held, or the first stage of the step has written it.
+            // The frame already contains the plant's input. The input is held, or the first stage of the step has written it.
             Step::Stages { .. } => program("later_sums".into(), 0, &kept(&summing.stage), &none, None),
         });
     }

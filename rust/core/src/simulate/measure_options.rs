@@ -20,7 +20,7 @@
 /// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Measures {
-    /// The settling band, as a fraction of the largest error so far of all joints with the same unit.
+    /// The settling band, as a fraction of the largest error so far. The largest error is taken over all joints with the same unit.
     pub settle: f64,
     /// The settling band of each joint, shape `(n,)`, rad or m. It replaces `settle`.
     pub band: Option<Vec<f64>>,
@@ -28,7 +28,8 @@ pub struct Measures {
     pub tolerance: f64,
     /// The reference position of the joints, shape `(n,)`, rad or m. It replaces the reference of the law.
     pub reference: Option<Vec<f64>>,
-    /// Name of a frame. Its distance from its position at the joints' reference is measured, instead of the errors of the law's tasks.
+    /// Name of a frame. The metric is the distance of this frame from its position at the reference position of the joints. It replaces the
+    /// errors of the law's tasks.
     pub frame: Option<String>,
 }
 

@@ -7,7 +7,7 @@ use crate::error::{Error, Result, finite};
 use crate::law::{Aim, JointReference};
 use std::ops::Range;
 
-/// The reference of the joints from which errors are measured.
+/// The reference position of the joints, from which their errors are measured.
 #[derive(Clone, Debug, PartialEq)]
 pub enum ErrorReference {
     Nothing,
@@ -25,7 +25,8 @@ pub struct Bounds {
     pub effort: Vec<f64>,
 }
 
-/// The indices of the numbers that metrics store between records. The last indices are quantities of the last record.
+/// The indices of the values that metrics store between records. The last of these values describe only the last record. Integrals are
+/// stored as twice their value.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct MeasureLayout {
     /// The time from the last record to the next one, s.
@@ -69,9 +70,9 @@ pub struct MeasureLayout {
     pub sum: usize,
     pub error_final: Range<usize>,
     pub distance_final: Range<usize>,
-    /// The number of stored numbers.
+    /// The number of stored values.
     pub all: usize,
-    /// The number of stored numbers that every record updates. The other numbers describe only the last record.
+    /// The number of these values that every record updates. The other values describe only the last record.
     pub lasting: usize,
 }
 
@@ -84,7 +85,7 @@ pub struct Plan {
     /// The frame whose position error is measured. This error is the distance between the frame's position and its position at the
     /// reference of the joints.
     pub frame: Option<usize>,
-    /// The joints of each unit: rad or m.
+    /// The joints with the same unit: those in rad, then those in m.
     pub units: Vec<Vec<usize>>,
     pub band: Option<Vec<f64>>,
     pub settle: f64,
@@ -152,8 +153,8 @@ impl Plan {
             aims,
             frame,
             units,
-            // No error counts as within a band that is NaN. The metrics test `band < |error|`, which is always false for NaN. So -1
-            // replaces NaN: every error exceeds it.
+            // No error is within a band that is NaN. The metrics test `band < |error|`, which is always false for NaN. So -1 replaces NaN,
+            // because every error exceeds -1.
             band: measures.band.as_ref().map(|band| band.iter().map(|&band| if band >= 0.0 { band } else { -1.0 }).collect()),
             settle: measures.settle,
             tolerance: measures.tolerance,

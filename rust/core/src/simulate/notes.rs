@@ -18,7 +18,7 @@ pub struct Noted {
     pub numbers: Vec<Sym>,
     /// The reference values of the monitors, if this is the first record.
     pub firsts: Vec<Sym>,
-    /// One if the norms of levels are valid, zero if the solver requires another algorithm. `None` without levels.
+    /// One if the norms of priority levels are valid, zero if the solver requires another algorithm. `None` without levels.
     pub stands: Option<Sym>,
 }
 
@@ -29,8 +29,8 @@ pub struct Notes {
 }
 
 impl Problem<'_> {
-    /// Whether programs can compute complete records. Complete records in programs require records at steps, no metrics, and norms of
-    /// levels whose computation does not branch.
+    /// Whether programs can compute complete records. This requires records at the ends of steps, and no metrics. If the norms of priority
+    /// levels are monitored, their computation must not branch on data.
     pub fn notes_in_programs(&self) -> bool {
         let branches = self.options.monitors && self.laws.iter().any(|law| !law.route().is_recordable());
         self.measures.is_none() && matches!(self.options.times, Times::Every(_)) && !branches
@@ -44,14 +44,14 @@ impl Notes {
         Notes { checks: (monitors > 0).then(|| Checks::new(&Scope { problem, run, monitored })), monitors }
     }
 
-    /// Return the number of monitors, the number of norms of levels among them, and the number of reference values.
+    /// Return the number of monitors, the number of norms of priority levels among them, and the number of reference values.
     pub fn sizes(&self) -> (usize, usize, usize) {
         let norms = self.checks.as_ref().map_or(0, Checks::norms);
         (self.monitors, norms, if self.monitors > norms { FIRSTS } else { 0 })
     }
 
-    /// Record the operations for state `x`, exogenous input `u` and input `tau`. `firsts`: the reference values. If it is empty, those of
-    /// this record are used.
+    /// Record the operations for state `x`, exogenous input `u` and input `tau`. `firsts`: the reference values. If `firsts` is empty, this
+    /// record determines them.
     pub fn take(&mut self, u: &Exogenous<Sym>, x: &[Sym], tau: &[Sym], firsts: &[Sym]) -> Noted {
         let mut noted = Noted { numbers: tau.to_vec(), firsts: Vec::new(), stands: None };
         let Some(checks) = &mut self.checks else { return noted };

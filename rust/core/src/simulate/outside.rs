@@ -34,9 +34,9 @@ fn wanted(law: &LawSpec, motion: bool) -> Vec<Vec<f64>> {
     }
 }
 
-/// For each argument, return the first position outside of the joint limits, if there is one, with the name of the argument. `starts`:
-/// plants with their initial positions, shape `(n,)`, rad or m. The argument is `q0`, `law.target` or `law.motion`. Of a motion, only both
-/// ends are checked. If `batch` is true, the index of an initial position includes its row.
+/// Return the first position outside of the joint limits for each of the arguments `q0`, `law.target` and `law.motion`, if there is one.
+/// The string is the argument with the index of the position. `starts`: plants with their initial positions, shape `(n,)`, rad or m. Only
+/// the two ends of a motion are checked. If `batch` is true, the index of an initial position includes its row.
 pub fn outside<'a>(starts: impl Iterator<Item = (&'a PlantSpec, &'a [f64])>, laws: &[&LawSpec], batch: bool) -> Vec<(String, Outside)> {
     let starts = starts.filter_map(|(plant, q)| Some((limited(plant.model())?, q)));
     let mut found: Vec<_> = Outside::first(starts).map(|start| (format!("q0{}", start.index(batch)), start)).into_iter().collect();
@@ -45,7 +45,7 @@ pub fn outside<'a>(starts: impl Iterator<Item = (&'a PlantSpec, &'a [f64])>, law
         let all: Vec<(&Arm, Vec<f64>)> = arms.flat_map(|(arm, rows)| rows.into_iter().map(move |q| (arm, q))).collect();
         if let Some(mut target) = Outside::first(all.iter().map(|(arm, q)| (*arm, &q[..]))) {
             if laws.len() == 1 {
-                // Both ends of a motion were checked, but the law is one argument. So the number of checked rows is one.
+                // The two ends of a motion belong to one law. So the number of checked rows is one.
                 target.of = 1;
             }
             found.push((format!("{name}[{}]", target.joint), target));
@@ -57,7 +57,7 @@ pub fn outside<'a>(starts: impl Iterator<Item = (&'a PlantSpec, &'a [f64])>, law
 impl Problem<'_> {
     /// Call [`outside`] for the initial positions and laws of this problem.
     pub fn outside(&self, batch: bool) -> Vec<(String, Outside)> {
-        // The problem may not be validated yet: the number of initial states may exceed the number of plants.
+        // One plant may have several initial states. A problem that is not yet validated may also have too many of them.
         let starts = self.x0.chunks_exact(self.plants[0].states()).enumerate();
         outside(starts.map(|(run, x)| (self.plants[run.min(self.plants.len() - 1)], x)), &self.laws, batch)
     }

@@ -1,5 +1,5 @@
-//! Joint velocities of prioritised tasks for many rows, on several threads. A row is one configuration or one stack of tasks. It has the
-//! same bits as a single solve, and they do not depend on other rows.
+//! Joint velocities of prioritised tasks for many rows, on several threads. A row is one configuration or one stack of tasks. The result of
+//! a row has the same bits as a single solve, and does not depend on other rows.
 
 use crate::interrupt::{Watch, interruptible};
 use crate::law::{ArmBatch, ArmSolver};
@@ -12,7 +12,7 @@ use std::sync::atomic::Ordering;
 /// lanes.
 const CHUNK: usize = 1024;
 
-/// The least number of rows, rounded up to a multiple of `CHUNK`, that is solved on several threads.
+/// The number of rows is rounded up to a multiple of `CHUNK`. Several threads are used only if it is then at least this limit.
 const FEW: usize = 2 * CHUNK;
 
 /// Solve the rows for an arm. `q`: positions, shape `(rows, n)`, rad or m. `velocities`: task velocities, shape `(rows, m)`, or `(m,)` for

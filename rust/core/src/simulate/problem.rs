@@ -175,8 +175,8 @@ impl<'a> Problem<'a> {
             && (0..runs).all(|run| self.law(run).storage().is_some_and(|law| law.has_storage(self.plant(run))))
     }
 
-    /// Whether the target model of an impedance law is monitored. The law must act at every instant, without limits. Only the law, gravity
-    /// and the external force may act on the links.
+    /// Whether the target model of an impedance law is monitored. This requires a law that acts at every instant, without limits. Only the
+    /// law, gravity and the external force may act on the links.
     pub fn watches_target(&self) -> bool {
         let o = &self.options;
         let alone =
@@ -186,7 +186,8 @@ impl<'a> Problem<'a> {
         o.monitors && o.sampling.is_none() && o.tau_max.is_none() && all
     }
 
-    /// Whether the projection loss of a law is monitored. The law must have a projector or a compensated coupling, and must not be guarded.
+    /// Whether the projection loss of a law is monitored. This requires a law with a projector or a compensated coupling, and without a
+    /// guard.
     pub fn watches_loss(&self) -> bool {
         let impedance = self.law(0).coordinates().is_some() && !matches!(self.law(0), LawSpec::Guarded(_));
         self.options.monitors && impedance && self.laws.iter().any(|law| law.has_projection_loss())

@@ -1,5 +1,5 @@
-//! A recorded loop with the interface of a closed loop. Its programs are the compiled recordings, and a frame is their memory. The driver
-//! of fixed steps runs it with [`super::program_step`].
+//! A recorded loop with the interface of a closed loop. Its programs are the compiled recordings, and a frame is their memory. The method
+//! in [`super::program_step`] advances this loop by fixed steps.
 
 use super::assembly::Watched;
 use super::force::Wrench;
@@ -29,7 +29,7 @@ pub struct ProgramLoop<'a, S: Real> {
     sampler: Option<Sampler<S>>,
     pub(super) tau: Vec<S>,
     pub(super) dz: Vec<S>,
-    /// Memory for the acting input while the next input is computed.
+    /// Memory for the results of the law that the sampler selects: `tau` and `dz`.
     acting: (Vec<S>, Vec<S>),
     /// The state that the controller measures.
     seen: Vec<S>,
@@ -37,7 +37,7 @@ pub struct ProgramLoop<'a, S: Real> {
     pub(super) table: Option<&'a [f64]>,
     /// Repeats the declined steps. A program declines a step if its results are not valid.
     pub(super) redo: Redo<'a, S>,
-    /// The log of records within steps. `None` if records are not computed within steps.
+    /// The log of the records that programs compute. `None` if programs compute no records.
     pub(super) log: Option<Log>,
 }
 
@@ -85,7 +85,7 @@ impl<'a, S: Real> ProgramLoop<'a, S> {
         }
     }
 
-    /// Store a record within steps, every `steps` steps.
+    /// Let the programs compute and store a record every `steps` steps.
     pub fn note_every(&mut self, steps: usize) {
         self.log = Some(Log::new(&self.recorded.layout, steps, &self.frames));
     }

@@ -1,8 +1,8 @@
 //! Steps of a recorded loop with the interface of a fixed-step method.
 //!
 //! A stream has the exogenous inputs of some steps, which are evaluated in advance. The program (the compiled recording) of a small loop
-//! repeats itself along the stream. The step of a large loop consists of parts, which read the inputs from the frame, the memory of the
-//! programs.
+//! computes all steps of a stream in one call. The step of a large loop consists of parts, which read the inputs from the frame, the memory
+//! of the programs.
 
 use super::layout::Layout;
 use super::log::Log;

@@ -41,8 +41,8 @@ pub struct Structures {
 }
 
 impl Structures {
-    /// Return the structures of a problem whose loops run as programs, or `None` for other problems. `lanes`: whether programs compute
-    /// lanes.
+    /// Return the structures of a problem whose loops run as programs, or `None` for other problems. `lanes`: whether each program computes
+    /// several runs, one per lane.
     pub fn of(problem: &Problem, division: &Division, lanes: bool) -> Option<Self> {
         let Division::Fixed(fixed) = division else { return None };
         // Programs require the same sample times in all lanes. With random jitter, each lane has different sample times.
@@ -130,8 +130,8 @@ pub fn run<S: Real>(structures: &Structures, group: General, fixed: &Fixed) -> E
         let same = |lane: usize| rows[lane].as_ref().filter(|(other, _)| Arc::ptr_eq(other, recorded));
         let mut lanes = vec![None; S::LANES];
         left.iter().filter(|&&lane| same(lane).is_some()).for_each(|&lane| lanes[lane] = Some(lane));
-        // Lanes of runs with another structure compute the run of lane `lead`, because their motions could have another size. The results
-        // of these lanes are ignored.
+        // A lane whose run has another structure computes the run of lane `lead` instead, because the motions of its run could have another
+        // size. The results of this lane are ignored.
         let row = |lane: usize| at(if same(lane).is_some() { lane } else { lead });
         let given = |lane: usize| same(lane).map_or(own.as_slice(), |(_, values)| values.as_slice());
         let held = problem.options.sampling.is_some();

@@ -35,7 +35,7 @@ pub struct RatesLoop<'a, S: Real, D> {
     work: usize,
     /// The number of evaluations after which programs are made.
     wait: usize,
-    /// The programs of the rates with the law's output, and of the rates with a held input.
+    /// The programs of the rates: the first with the law's output as the input, the second with a held input.
     running: [Option<Running<S>>; 2],
 }
 

@@ -37,8 +37,8 @@ pub struct Derivatives {
     pub along_plant: usize,
     /// The first slot of the direction along which the program `law` differentiates.
     pub along_law: usize,
-    /// Whether the program `plant` also differentiates along the exogenous input. Then the rates of the input follow the plant's states in
-    /// its direction.
+    /// Whether the program `plant` also differentiates along the exogenous input. Then the components of the exogenous input follow the
+    /// plant's states in the direction at `along_plant`.
     pub moves: bool,
     pub rates: usize,
     pub derivatives: usize,
@@ -94,7 +94,8 @@ pub struct RecordedRates {
     pub programs: RatesPrograms,
 }
 
-/// A stored recording of rates, which later runs may use. Its tag contains whether the input is held, and the derivatives.
+/// A stored recording of rates, which later runs may use. The tag states whether the input is held, and which derivatives the method
+/// requires.
 type SeenRates = Seen<RecordedRates, (bool, RequiredDerivatives)>;
 
 static KNOWN: Cache<Arc<SeenRates>> = Cache::new();
@@ -115,7 +116,8 @@ pub fn is_recordable(problem: &Problem) -> bool {
 /// The rates of a run as programs, and the loop parameters of the run.
 pub type RatesOfRun = (Arc<RecordedRates>, Vec<f64>);
 
-/// Record the rates of the one run of a problem, with the output of an unsampled law and with a held input.
+/// Record the rates of the one run of a problem twice: with the law's output as the input, and with a held input. The first result is
+/// `None` for a sampled law.
 pub fn record_both(problem: &Problem) -> [Option<RatesOfRun>; 2] {
     let sampled = problem.options.sampling.is_some();
     [false, true]
@@ -137,15 +139,14 @@ fn known(problem: &Problem, run: usize, common: Common, held: bool) -> Option<Ra
     seen.recorded.clone().map(|recorded| (recorded, parameters.values))
 }
 
-/// Record the rates of run `run` for a listing, with the derivatives that the method requires. If `folds` is false, every operation of the
-/// source is recorded, and no derivative.
+/// Record the rates of run `run` for a listing, with the derivatives that the method requires. If `folds` is false, the operations are not
+/// simplified, and no derivatives are recorded.
 pub fn record_watched(problem: &Problem, run: usize, common: Common, folds: bool, watch: Watch) -> Option<RecordedRates> {
     let (held, wanted) =
         (problem.options.sampling.is_some(), if folds { RequiredDerivatives::of(problem, run) } else { RequiredDerivatives::Rates });
     record(problem, run, (common, held, wanted), folds, watch)
 }
 
-/// Record the rates of run `run`.
 fn record(
     problem: &Problem,
     run: usize,
@@ -263,8 +264,8 @@ impl Rates {
         if self.used.load(Ordering::Relaxed) { engine().name() } else { "direct" }
     }
 
-    /// Return the rates of run `run` if an earlier run with the same structure has recorded them. Otherwise record them if `worth` is true.
-    /// The result is also `None` if the code branches on data.
+    /// Return the rates of run `run` if an earlier run with the same structure has recorded them. If none has, record them if `worth` is
+    /// true, otherwise return `None`. The result is also `None` if the code branches on data.
     pub fn of_run(&self, problem: &Problem, run: usize, worth: bool) -> Option<RatesOfRun> {
         let held = problem.options.sampling.is_some();
         let found = match &self.shared {

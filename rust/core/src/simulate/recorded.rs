@@ -4,14 +4,14 @@
 //! - the loop parameters (masses, gains, targets, limits);
 //! - the exogenous input at each instant of the step;
 //! - the state and the stored numbers of the metrics, which a step updates, and the step size `h`;
-//! - the input and the rate of the law, and the values that one part of a step passes to a later part;
+//! - the input of the plant, the rate of the law's state, and the values that one part of a step passes to a later part;
 //! - the largest angle so far, and the part of a record that follows the state.
 //!
 //! Runs share programs if they have the same structure. Their plants and laws have the same shape. The loop parameters with the values 0, 1
 //! and -1 are at the same positions. If equal loop parameters of one run share a slot, they are also equal in the other runs.
 //!
-//! A small loop is recorded as a whole step, which repeats itself along a stream of exogenous inputs. In a large loop, the rates are a
-//! separate program, which runs in every stage. The code of a whole step might exceed the processor's instruction cache.
+//! A small loop is recorded as a whole step. Its program computes consecutive steps from a stream of exogenous inputs. In a large loop, the
+//! rates are a separate program, which runs in every stage. The code of a whole step might exceed the processor's instruction cache.
 
 use super::assembly::assemble;
 use super::closed_loop::ClosedLoop;
@@ -162,13 +162,12 @@ pub fn of_run(problem: &Problem, run: usize, common: Common, parameters: &LoopPa
     seen
 }
 
-/// Record the loop of run `run`.
 fn record(problem: &Problem, run: usize, common: Common) -> Option<Recorded> {
     record_watched(problem, run, common, None, &mut |_, _, _, _, _| ())
 }
 
-/// Record the loop of run `run` for a listing. `plain`: `None` records simplified operations. `Some(in_parts)` keeps every operation, and
-/// `in_parts` selects whether the step is divided into parts.
+/// Record the loop of run `run` for a listing. If `plain` is `None`, the operations are simplified. If it is `Some(in_parts)`, every
+/// operation is kept, and `in_parts` selects whether the step is divided into parts.
 pub fn record_watched(problem: &Problem, run: usize, common: Common, plain: Option<bool>, watch: Watch) -> Option<Recorded> {
     sym::begin_that(plain.is_none());
     let (closed, extras) = set_up(problem, run, common);
@@ -297,7 +296,7 @@ struct OneStep {
 }
 
 impl<'a> WithExplicitSteps<Sym, RecordedLoop<'a>> for OneStep {
-    /// The next state and whether it is valid, then the cuts of a step in parts.
+    /// The next state with a validity flag, and the cuts of a step that is divided into parts.
     type Output = (Vec<Sym>, Option<Vec<Cut>>);
 
     fn with_explicit<M>(self, mut closed: RecordedLoop<'a>, mut x: Vec<Sym>, mut method: M) -> Self::Output
@@ -317,7 +316,7 @@ impl<'a> WithExplicitSteps<Sym, RecordedLoop<'a>> for OneStep {
 struct RecordedLoop<'a> {
     closed: ClosedLoop<'a, Sym>,
     layout: &'a Layout,
-    /// The cuts before each evaluation, if the rates are a separate program.
+    /// The cuts before each evaluation of the rates. `None` if the step is not divided.
     cuts: Option<Vec<Cut>>,
 }
 

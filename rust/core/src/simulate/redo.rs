@@ -17,13 +17,13 @@ use crate::scalar::{Float, Real};
 pub trait Direct {
     /// Compute the law's results at time `t`, s, and state `x`: the plant's input `tau`, and the rate `dz` of the law's state.
     fn answer(&mut self, t: f64, x: &[f64], tau: &mut [f64], dz: &mut [f64]);
-    /// Advance `x` by the step `[t, end]` of size `h`. `held`: the held input and rate of the law, if the law is sampled.
+    /// Advance `x` by the step `[t, end]` of size `h`. `held`: the held input and the held rate of the law's state, if the law is sampled.
     fn step(&mut self, t: f64, h: f64, end: f64, held: Option<(&[f64], &[f64])>, x: &mut [f64]);
-    /// Compute the norms of levels at time `t` and state `x`.
+    /// Compute the norms of priority levels at time `t` and state `x`.
     fn norms(&mut self, t: f64, x: &[f64], out: &mut [f64]);
 }
 
-/// Return run `run` of a problem without programs. `norms`: whether records have the norms of its levels.
+/// Return run `run` of a problem without programs. `norms`: whether the records of the run include the norms of priority levels.
 pub fn direct<'a>(problem: &'a Problem<'a>, run: usize, norms: bool) -> Box<dyn Direct + 'a> {
     let closed = assemble::<Float>(problem, |_| run, problem.watches_storage());
     let (x, u) = (vec![Float(0.0); closed.size()], closed.instant());
@@ -34,7 +34,7 @@ pub fn direct<'a>(problem: &'a Problem<'a>, run: usize, norms: bool) -> Box<dyn 
     }
 }
 
-/// Creates the repeated steps for any method.
+/// Creates a run without programs, for any explicit method of fixed steps.
 struct RepeatedSteps<'a> {
     problem: &'a Problem<'a>,
     run: usize,
@@ -112,7 +112,7 @@ pub struct Redo<'a, S> {
     pub(super) reach: [f64; MOST_LANES],
     /// Memory for one lane: the state, the plant's input, and the rate of the law's state.
     pub(super) row: (Vec<f64>, Vec<f64>, Vec<f64>),
-    /// Memory for the norms of levels of one lane.
+    /// Memory for the norms of priority levels of one lane.
     pub(super) norms: Vec<f64>,
 }
 

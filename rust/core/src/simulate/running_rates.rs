@@ -16,8 +16,8 @@ pub struct Running<S> {
     attempt: Option<Frame>,
     /// The frame of the programs of derivatives.
     lanes: Option<Frame>,
-    /// The exogenous input and its time derivative at the time of a linearisation. An attempt uses the first one for the inputs of its
-    /// stages.
+    /// The exogenous input and its time derivative at the time of a linearisation. An attempt uses the first element as memory for the
+    /// inputs of its stages.
     instants: [Exogenous<S>; 2],
     /// The derivative of the rates with respect to time, from the last linearisation.
     dft: Vec<S>,

@@ -108,8 +108,7 @@ impl<S: Real> Sampler<S> {
         self.sensing = Some(sensing);
     }
 
-    /// Limit the change of the output since the previous sample. The first output changes from zero. All outputs are already within the
-    /// saturation.
+    /// Limit the change of the output since the previous sample. The first output changes from zero.
     fn limit_rate(&self, k: u64, tau: &mut [S]) {
         if !self.sampling.rate_limit.is_finite() {
             return;

@@ -43,8 +43,8 @@ pub enum Times {
     At(Vec<f64>),
 }
 
-/// Return the time at which the input of a step that starts at `t` is evaluated. It is `t`, or the last of the jumps `passed` if this jump
-/// equals `t` up to rounding but is later.
+/// Return the time at which the input of a step that starts at `t` is evaluated. By rounding, `t` may be slightly before the last of the
+/// jumps `passed`. Then the result is the time of this jump.
 #[inline]
 pub fn after_jump(passed: &[f64], t: f64) -> f64 {
     passed.last().map_or(t, |&jump| t.max(jump))

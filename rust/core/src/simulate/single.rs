@@ -75,7 +75,8 @@ pub struct Run {
     /// The residuals of the balances over the records, shape `(4,)`, see [`super::BALANCES`]. `energy_missing` is in J, the other three
     /// residuals are dimensionless. NaN without monitors.
     pub balances: [f64; 4],
-    /// The factor that makes the tolerances feasible, dimensionless, see [`crate::integrate::Work::coarsen`].
+    /// The factor by which both tolerances must be multiplied to be feasible, dimensionless. It is zero unless the run ended with
+    /// [`Status::ExcessAccuracy`], see [`crate::integrate::Work::coarsen`].
     pub coarsen: f64,
 }
 

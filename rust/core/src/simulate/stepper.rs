@@ -35,8 +35,8 @@ use crate::status::Status;
 /// ```
 pub trait Stepping: Send {
     /// Advance by one step. `tau`: the input of the plant, shape `(n,)`, in the unit of [`Run::tau`](super::Run::tau). If it is `None`, the
-    /// law computes the input. `push`: the wrench instead of the problem's force. A step that diverges changes neither state nor input. All
-    /// later steps then have the same status, until the caller sets a new state.
+    /// law computes the input. `push`: a wrench that replaces the force of the problem. A step that diverges changes neither state nor
+    /// input. All later steps then have the same status, until the caller sets a new state.
     fn step(&mut self, tau: Option<&[f64]>, push: Option<&Wrench>) -> Status;
     /// Write the states of the plant and of the law to `x`, shape `(states + p,)`. Write the saturated input of the last step to `tau`,
     /// shape `(n,)`.
@@ -66,8 +66,7 @@ struct Stepper<S, F, M> {
     /// The number of steps between two calls of the sampled controller. It is 1 if the controller does more than hold the law's output, and
     /// 0 for a law that is evaluated in every stage.
     hold: u64,
-    /// Whether the law is continuous, or sampled with a controller that only holds its output. Of the samples, the loop then needs only the
-    /// held input `tau`.
+    /// Whether the law is continuous, or sampled with a controller that only holds its output.
     plain: bool,
     /// Whether `plain` is true, the law has no state, and the law is not a function of the caller.
     simple: bool,

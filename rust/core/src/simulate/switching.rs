@@ -92,7 +92,7 @@ impl Switching {
         2 * self.touches.len()
     }
 
-    /// Return guard `k` at state `x`. The present mode of contact `k / 2` has ended if one of its two guards is negative.
+    /// Return the value of guard `k` at state `x`. The present mode of contact `k / 2` has ended if one of its two guards is negative.
     pub fn guard(&mut self, k: usize, x: &[f64]) -> f64 {
         let (depth, push) = self.contact(k / 2, x);
         self.touches[k / 2].guards(depth, push)[k % 2]

@@ -3,9 +3,9 @@
 //! `tau_f_dot = w_c (tau_J - tau_f)` over the time since sample `k - 1`, `reading = round((tau_f + bias + noise)/step) step`,
 //! `q = theta - K_law^-1 reading`,
 //!
-//! where `w_c` is the bandwidth of the sensor, `step` its resolution, and `K_law` the law's stiffness. This `q` replaces the measured link
-//! position, so that `K_law (theta - q)` in the law is the reading. At the first sample, `tau_f = tau_J`. `theta` is the motor position.
-//! Without a resolution, the reading is not rounded.
+//! where `tau_f` is the filtered torque, and `bias` and `noise` are errors of the sensor. `w_c` is the bandwidth of the sensor, `step` its
+//! resolution, and `K_law` the law's stiffness. This `q` replaces the measured link position, so that `K_law (theta - q)` in the law is the
+//! reading. At the first sample, `tau_f = tau_J`. `theta` is the motor position. Without a resolution, the reading is not rounded.
 
 use super::problem::Problem;
 use super::sampling::{Sampling, gaussian};

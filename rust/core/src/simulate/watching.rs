@@ -21,7 +21,7 @@ use crate::status::Status;
 
 /// The number of evaluations of each function per step.
 const CHECKS_PER_STEP: usize = 4;
-/// After this number of successive mode changes at practically the same time, a step is accepted in full, without a change of its length.
+/// After this number of successive mode changes at practically the same time, the whole step is accepted.
 const MOST_SWITCHES: usize = 8;
 const PROGRESS: f64 = 1e-14;
 
@@ -48,8 +48,8 @@ pub struct Watching<'a, S> {
     sticking: usize,
     now: Vec<f64>,
     trial: Vec<f64>,
-    /// The index of the guard whose change of sign ends the present mode. An index equal to the number of guards means all joints that
-    /// stick and slip.
+    /// The index of the guard whose change of sign ends the present mode. If it equals the number of guards, all joints with stick-slip
+    /// friction are checked.
     switches: usize,
     /// The number of successive mode changes at practically the same time.
     stuck: usize,
@@ -86,7 +86,7 @@ impl<'a, S: Real> Watching<'a, S> {
         }
     }
 
-    /// Hold the contacts in their modes at the state in `self.x`.
+    /// Determine the modes of the contacts at the state `self.x`, and hold the contacts in these modes.
     fn find_contacts<F: Watched<S>>(&mut self, system: &mut F, t: f64) {
         let Some(switching) = &mut self.switching else { return };
         switching.begin(&self.x);

@@ -26,7 +26,7 @@ pub struct World<'a> {
     forces: Vec<Cow<'a, Force>>,
     /// The wrench that replaces the forces, if any.
     pushed: Option<Wrench>,
-    /// Memory for one sample per lane of the widest motion.
+    /// Memory for the samples of one motion in all lanes.
     rows: Vec<f64>,
     lanes: usize,
     width: usize,
@@ -64,7 +64,7 @@ impl<'a> World<'a> {
         }
     }
 
-    /// Whether a force is a function of time, which varies between jumps.
+    /// Whether a force is given as a function of time.
     pub fn has_smooth_force(&self) -> bool {
         self.forces.iter().any(|force| matches!(**force, Force::Signal(_)))
     }
@@ -147,8 +147,8 @@ impl<'a> World<'a> {
         if let Motion::Table(table) = &**motion { Some(table) } else { None }
     }
 
-    /// Write the exogenous input of lane `lane` at each time of `times` to a row of `width` numbers. A row has the desired motions, then
-    /// the wrench if it fits. Values that lanes share are written only for lane 0.
+    /// Write the exogenous input of lane `lane` at each time of `times` to a row of `width` numbers. A row contains the desired motions.
+    /// The wrench follows if `width` includes it. Values that lanes share are written only for lane 0.
     pub fn sample_each(&self, lane: usize, times: &[f64], width: usize, out: &mut [f64]) {
         let own = |count: usize| if count > 1 { Some(lane) } else { (lane == 0).then_some(0) };
         let mut at = 0;

@@ -37,7 +37,7 @@ impl<S: Real> System<S> for ClosedLoop<'_, S> {
         self.closing.held.then_some((&self.tau, &self.dz))
     }
     fn pairs(&self) -> Pairs {
-        // The plant's state is [q, v], [q, v, theta, theta_dot], or [q] without rates. Bristles follow.
+        // The plant's state is [q, v], [q, v, theta, theta_dot], or [q] without rates. The bristle deflections follow.
         let n = self.tau.len();
         Pairs { joints: n, count: self.states / (2 * n) }
     }

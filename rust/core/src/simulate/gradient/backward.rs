@@ -1,7 +1,7 @@
 //! The adjoint of a run: `l_k = Phi_x' l_(k+1) + loss_x(k)`, `grad = x0_p' l_0 + sum Phi_p' l_(k+1)`, for the operations
 //! `X_(k+1) = Phi(X_k, p)` from the last to the first. `'` is the transpose. `Phi_x` and `Phi_p` are the derivatives of `Phi` with respect
-//! to the state `X` and the parameters `p`. `x0_p` are the derivatives of the initial state. `l_k` are the weights of `X_k`. `loss_x(k)`
-//! are the weights of a record at `X_k`.
+//! to the state `X` and the parameters `p`. `x0_p` are the derivatives of the initial state. `l_k` are the weights of `X_k`: the
+//! derivatives of the weighted sum of the records with respect to `X_k`. `loss_x(k)` are the weights of a record at `X_k`.
 //!
 //! Each operation is differentiated at the state before it. Checkpoints store some of these states. The states after a checkpoint are
 //! computed again (Griewank and Walther 2008, chapter 12).
@@ -59,7 +59,7 @@ pub fn run(prepared: &Prepared, weights: &[f64], memory: usize) -> Result<Vec<f6
     let size = state.len();
     let whole = size + backward.walker.points.len();
     let stride = stride(operations.len(), size, whole, memory);
-    // A state between `Leave` and `Back` is not a state of the run, and no checkpoint stores it.
+    // The operations between `Leave` and `Back` compute a record between two steps. No checkpoint stores their states.
     let mut on_path = true;
     let (mut checkpoints, mut kept) = (Vec::new(), Vec::new());
     for (k, &operation) in operations.iter().enumerate() {
@@ -157,8 +157,8 @@ impl<'a> Backward<'a> {
         weights[i * numbers..(i + 1) * numbers].split_at(sizes.states)
     }
 
-    /// Add the weights of a record `[x, tau]`. If `passed_on` is true, the next step evaluates the law at this record, and that step adds
-    /// the weights of `tau`.
+    /// Add the weights of a record `[x, tau]`. If `passed_on` is true, the next step adds the weights of `tau`, because its first stage
+    /// evaluates the law.
     fn record(&mut self, i: usize, t: f64, before: &[f64], weights: &[f64], passed_on: bool) -> Result<()> {
         let (sizes, places) = (&self.prepared.functions.sizes, self.walker.places);
         let (x, tau) = self.record_of(i, weights);

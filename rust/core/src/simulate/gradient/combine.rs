@@ -35,8 +35,8 @@ pub fn add_slopes(x: &[f64], h: f64, a: &[f64], slopes: &[f64], y: &mut [f64]) {
     }
 }
 
-/// Advance a state, or its tangents along `lanes` directions, by one step. A semi-implicit method computes positions with the new rates,
-/// and sets their slopes to zero.
+/// Advance a state, or its tangents along `lanes` directions, by one step. A semi-implicit method computes the new positions from the new
+/// velocities. For this, it sets the slopes of the positions to zero.
 pub fn advance(tableau: &Tableau, h: f64, slopes: &mut [f64], followers: &[(usize, usize)], x: &mut [f64], lanes: usize) {
     let size = x.len().max(1);
     for (&b, slope) in tableau.b.iter().zip(slopes.chunks_exact_mut(size)) {

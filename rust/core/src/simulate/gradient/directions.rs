@@ -68,11 +68,11 @@ pub fn start_rates(problem: &Problem, parameters: Parameters) -> Result<Vec<f64>
 }
 
 impl<'a> Directions<'a> {
-    /// Compute the tangents along the parameters. All parameters of a name enter the recorded functions in the same form. So `runs` lists
-    /// only runs of the first and of the last parameter of each name.
+    /// Compute the tangents along the parameters. For each name, `runs` lists one run of the first and one run of the last parameter. These
+    /// runs represent all parameters of the name, which enter the recorded functions in the same form.
     ///
-    /// Errors: `Input` for a parameter that changes the structure of the loop, or an instant at which the motion jumps. Also `Input` for a
-    /// group of shared parameters in which an input depends on several parameters.
+    /// Errors: `Input` for a parameter that changes the structure of the loop, or the time of a jump of the motion. Also `Input` if a loop
+    /// parameter depends on several parameters of a group.
     pub fn of(problem: &'a Problem<'a>, Parameters { all: parameters, sizes, shared }: Parameters) -> Result<Self> {
         let base = numbers(problem, 0);
         let count = parameters.len();

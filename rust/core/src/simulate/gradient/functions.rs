@@ -108,7 +108,7 @@ pub struct LoopFunctions {
 impl LoopFunctions {
     /// Record the functions of run 0. `set_ups`: the set-ups of the loop.
     ///
-    /// Errors: `Input` for a law that branches on its numbers, and for a parameter that is a constant of the recording.
+    /// Errors: `Input` for a law that branches on its numbers, and for a parameter whose value is a constant in the recorded operations.
     pub fn of(problem: &Problem, directions: &Directions, set_ups: &SetUps, contacts: &Contacts) -> Result<Self> {
         let sizes = Sizes::of(problem, directions);
         let branches = || Error::input("law", format!("has no derivatives of runs: {} branches on its numbers", problem.law(0).name()));
@@ -143,7 +143,7 @@ impl LoopFunctions {
         self.all().map(|function| &function.ops).eq(other.all().map(|function| &function.ops))
     }
 
-    /// The number of recorded operations, and of operations of the compiled functions.
+    /// The number of recorded operations plus the number of operations of the compiled functions.
     pub fn operations(&self) -> usize {
         let compiled = |function: &Function| {
             let calls = function.calls.iter().filter_map(OnceLock::get);
@@ -323,8 +323,7 @@ impl Call {
         }
     }
 
-    /// Return the memory of `count` further arguments, from the further argument `first` on, with all lanes. The further arguments are
-    /// tangents or weights.
+    /// Return the memory for `count` tangents or weights that are arguments of the function, from number `first` on, with all lanes.
     pub fn more(&mut self, first: usize, count: usize) -> &mut [f64] {
         let read: usize = self.read.iter().sum();
         self.evaluation.inputs(read + first, count)
@@ -349,7 +348,7 @@ impl Call {
         self.evaluation.outputs(0, self.answers)
     }
 
-    /// Return `count` further results, from the further result `first` on, with all lanes. The further results are tangents or weights.
+    /// Return `count` tangents or weights that are results of the function, from number `first` on, with all lanes.
     pub fn behind(&self, first: usize, count: usize) -> &[f64] {
         self.evaluation.outputs(self.answers + self.guards + first, count)
     }

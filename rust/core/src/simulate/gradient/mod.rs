@@ -7,7 +7,8 @@
 //! step sizes count as constants. Where a contact changes, the tangents jump.
 //!
 //! A parameter `p` is given by runs of the problem that differ in this parameter, and by weights: `dF/dp = sum w_i (F_i - F_0)`. Here `F`
-//! is a loop parameter, the initial state or a desired motion, and `F_i` its value in run `i`. Differences of results of runs are not used.
+//! is a loop parameter, the initial state or a desired motion, and `F_i` its value in run `i`. The results of runs are not differentiated
+//! by finite differences.
 //!
 //! Terms of this directory:
 //!

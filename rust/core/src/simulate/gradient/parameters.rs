@@ -1,11 +1,12 @@
-//! The parameters of a run, and groups of them. The parameters of a group have one name, and vary in the same few runs. So no parameter of
-//! a group needs separate runs.
+//! The parameters of a run, and groups of them. The parameters of a group have one name, and vary in the same runs. So a group of many
+//! parameters needs only a few runs.
 //!
-//! Most loop parameters depend on one parameter of a name: `kp_i / kd_i` depends only on `kp_i` among the parameters of the name `kp`. So
-//! all parameters of the name may vary in the same runs. A *probe* is a run in which some of the parameters vary. Each parameter has a
-//! code: bit `b` is set if it varies in probe `b`. For each loop parameter, the set of probes that change it is a code too. The loop
-//! parameter depends on the parameter with this code. All codes must have equally many ones, so that the union of two codes has more. A
-//! loop parameter that depends on several parameters therefore has a code that no parameter has. Such a loop parameter is refused.
+//! Most loop parameters depend on only one parameter of a name. For example, `kp_i / kd_i` depends only on `kp_i` among the parameters of
+//! the name `kp`. So all parameters of the name may vary in the same runs. Additional runs, the *probes*, show on which parameter a loop
+//! parameter depends. Only some of the parameters vary in each probe. Each parameter has a code, whose bit `b` is set if the parameter
+//! varies in probe `b`. Each loop parameter also has a code, whose bit `b` is set if its value varies in probe `b`. A loop parameter
+//! depends on the parameter with the same code. The codes of all parameters must have the same number of ones. Then a loop parameter that
+//! depends on several parameters has more ones. No parameter has the code of such a loop parameter, which is refused.
 
 use crate::error::{Error, Result};
 use std::ops::Range;
@@ -46,7 +47,8 @@ pub struct Parameters<'a> {
     pub shared: &'a [Shared],
 }
 
-/// Parameters that vary in the same runs: one for each code, from index `first` on. Each [`Parameter`] lists its runs.
+/// A group of parameters that vary in the same runs. The code of parameter `first + i` is `codes[i]`. [`Parameters::all`] lists the runs
+/// and weights of each parameter.
 ///
 /// ```
 /// # use armlet_core::{arm::Arm, dynamics::Model, plant::{PlantSpec, RigidSpec}};

@@ -200,7 +200,6 @@ pub fn adjoint_of_rows(rows: &Rows, weights: &[f64], memory: usize, threads: usi
     Ok(all)
 }
 
-/// The number of records of a run.
 fn records(problem: &Problem) -> usize {
     if let Times::At(times) = &problem.options.times { times.len() } else { 0 }
 }

@@ -1,8 +1,8 @@
 //! The structure of a loop's recorded functions, and a store of these functions by structure.
 //!
-//! The *set-up* of a run is the recorded construction of its loop, before the first evaluation. The recording of a run follows from its
-//! set-up, from the varying loop parameters, and from the [`Key`] of the run. Loops with the same set-ups, keys, sizes and contacts
-//! therefore share their functions. The values of loop parameters belong to each loop.
+//! The *set-up* of a run is the recorded construction of its loop, before the first evaluation. The set-up, the varying loop parameters and
+//! the [`Key`] of a run determine its recording. Loops with the same set-ups, keys, sizes and contacts therefore share their functions. The
+//! values of loop parameters belong to each loop.
 //!
 //! A parameter may be a constant of the recording, such as gravity. Then the key of a run with another value differs from the key of run 0.
 //! If the set-up or the key of a run differs from that of run 0, the recordings of both runs are compared.
@@ -124,7 +124,7 @@ mod tests {
         Problem { plants, laws, x0, forces: Vec::new(), force_frame: None, options, measures: None }
     }
 
-    /// Rows with several structures, `kp = 1` or not, and with another gain in each row. The parameter is `kd`.
+    /// Each row has different gains. The structure of a row depends on whether `kp` is 1. The parameter is `kd`.
     #[test]
     fn rows_of_one_structure_share_functions_and_keep_their_bits() {
         let (model, rows) = (model(9.81), 9);

@@ -22,12 +22,12 @@ pub enum Operation {
     Sample { k: u64, t: f64 },
     /// From now on, the held input is the law's output at sample `k`. `None` means that no output exists yet, and the held input is zero.
     Act(Option<u64>),
-    /// A step of size `h` from `t`, with the contacts of `mode`. If the input jumps at the end, `end` is just before the jump. Stages take
-    /// the input at `end` at the latest.
+    /// A step of size `h` from `t`, with the contacts of `mode`. If the input jumps at the end, `end` is just before the jump. No stage
+    /// evaluates the input after `end`.
     Step { t: f64, h: f64, end: f64, mode: usize },
     /// A contact changes.
     Switch { k: usize, t: f64 },
-    /// The run is recorded, as record `i`.
+    /// The state and the input are stored as record `i`.
     Record { i: usize, t: f64 },
     /// Store the state. The operations up to `Back` compute a record between two steps, and do not belong to the run.
     Leave,

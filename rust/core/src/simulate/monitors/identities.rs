@@ -29,8 +29,8 @@ pub struct Theory<S: Real> {
 }
 
 impl<S: Real> Theory<S> {
-    /// Create the computation for the plants and laws of the lanes, which have one shape. If `storage` is true, the energy is the law's
-    /// storage function.
+    /// Create the computation for the plants and laws of the lanes, which have the same structure. If `storage` is true, the energy is the
+    /// law's storage function.
     pub fn new<'a>(plant: impl Fn(usize) -> &'a PlantSpec, law: impl Fn(usize) -> &'a LawSpec, storage: bool) -> Self {
         let n = plant(0).n();
         Theory {

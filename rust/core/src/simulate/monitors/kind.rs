@@ -21,7 +21,7 @@ pub struct Monitored {
     pub storage: bool,
     /// Whether the target model of an impedance law is monitored.
     pub target: bool,
-    /// Whether the loss of a projector or of a compensated coupling is monitored.
+    /// Whether the projection loss of the law is monitored, see `crate::law::ProjectionLoss`.
     pub loss: bool,
 }
 
@@ -60,7 +60,7 @@ pub struct Moment<'a, S: Real> {
     pub identities: Identities<S>,
     /// `E - int P dt` and `V1 + int D dt` at the first record.
     pub first: [S; 2],
-    /// The loss of the law's projector or compensated coupling. `None` for a law without them, or if the loss is not monitored.
+    /// The projection loss of the law. `None` if it is not monitored.
     pub loss: Option<S>,
     /// The monitor's own integrals, from the start to this record.
     pub integrals: &'a [S],

@@ -46,7 +46,7 @@ type Series<S> = Vec<(usize, Range<usize>, Box<dyn Monitor<S> + Send>)>;
 /// Lists the kinds of monitors, in the order of their series.
 macro_rules! monitors {
     ($($kind:ty,)*) => {
-        /// The names of the series of a run, without the norms of levels.
+        /// The names of the series of a run, without the norms of priority levels.
         fn series(scope: &Scope) -> Vec<&'static str> {
             let mut all = Vec::new();
             $(if <$kind>::applies(scope) {
@@ -119,7 +119,7 @@ pub struct Checks<P: Solve> {
     bristles: usize,
     /// The number of states of the law.
     p: usize,
-    /// The number of norms of levels.
+    /// The number of norms of priority levels.
     norms: usize,
 }
 
@@ -140,20 +140,20 @@ impl<P: Solve> Checks<P> {
         }
     }
 
-    /// The number of monitors that are norms of levels.
+    /// The number of monitors that are norms of priority levels.
     pub fn norms(&self) -> usize {
         self.norms
     }
 
-    /// Compute only the norms of levels, like [`LevelNorms::evaluate`].
+    /// Compute only the norms of priority levels, like [`LevelNorms::evaluate`].
     pub fn evaluate_norms(&mut self, desired: &[P::Number], x: &[P::Number], out: &mut [P::Number]) -> Option<P::Number> {
         let arm = &mut self.theory.arm;
         arm.move_to(&x[..arm.trig().len()]);
         self.levels.as_mut()?.evaluate(desired, arm.trig(), &x[..self.states], out)
     }
 
-    /// Compute the monitors at state `x = [plant, z, integrals]` and input `tau`, and write them to `out`. `first` receives `E - int P dt`
-    /// and `V1 + int D dt` of this record, and returns their values at the first record. The result is the flag that
+    /// Compute the monitors at state `x = [plant, z, integrals]` and input `tau`, and write them to `out`. The function `first` receives
+    /// `E - int P dt` and `V1 + int D dt` at this record, and returns their values at the first record. The result is the flag that
     /// [`LevelNorms::evaluate`] returns.
     pub fn evaluate(
         &mut self,
@@ -213,7 +213,7 @@ impl<'a> Monitors<'a> {
         self.checks.evaluate((&self.desired, &wrench), (x, tau), first, out);
     }
 
-    /// Compute only the norms of levels, at time `t`, s, and state `x`.
+    /// Compute only the norms of priority levels, at time `t`, s, and state `x`.
     pub fn evaluate_norms(&mut self, t: f64, x: &[f64], out: &mut [f64]) {
         sample_all(self.motions.iter().copied(), t, &mut self.desired);
         self.checks.evaluate_norms(&self.desired, x, out);

@@ -58,7 +58,7 @@ pub struct TargetModel<S: Real> {
     slip: Vec<S>,
     /// The terms of the model, shape `(m,)` each.
     terms: [Vec<S>; 5],
-    /// `x_d_dot` and `x_d_ddot`, if they differ from the samples of the desired motion.
+    /// `x_d_dot` and `x_d_ddot` of a target that rotates. `None` if the samples of the desired motion contain them.
     rates_of_target: Option<[Vec<S>; 2]>,
     coupled: bool,
     feedforward: Option<Vec<S>>,
@@ -202,7 +202,6 @@ impl<S: Real> TargetModel<S> {
         }
     }
 
-    /// Return the largest term and the largest residual.
     fn largest_and_worst(&self) -> [S; 2] {
         let [inertial, coupling, damping, spring, force] = &self.terms;
         let (mut largest, mut worst) = (S::zero(), S::zero());
