@@ -94,7 +94,7 @@ impl<'py> Arguments<'py> {
         Ok(x)
     }
 
-    /// Read a flag with the default False, and keep it if it is true.
+    /// Read a flag whose default is False. Only True is kept, so `repr` omits the default.
     pub fn flag(&mut self, name: &'static str, value: Option<&Bound<'py, PyAny>>) -> Result<bool, Failure> {
         let flag = flag_or_false(self.function, name, value)?;
         if flag {

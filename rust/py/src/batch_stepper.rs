@@ -1,4 +1,4 @@
-//! `_BatchStepper`: many states of one plant, under inputs of the caller, for the environments of `armlet.gym`.
+//! `_BatchStepper` advances many states of one plant with inputs of the caller. The environments of `armlet.gym` use it.
 
 use crate::arrays::{Axis, Form, count, items, number, numbers, object, owned, whole, written_array};
 use crate::errors::{Failure, entry, input_error};
@@ -18,8 +18,8 @@ pub struct _BatchStepper {
     plant: PlantSpec,
     /// The states, `(B, states)`.
     x: Vec<f64>,
-    /// The inputs of the last `step`, `(B, n)`; zero for a row that `put` has set since. For a plant whose input is a velocity, `step` and
-    /// `put` return them as velocities.
+    /// The inputs of the last `step`, `(B, n)`. `put` sets the inputs of its rows to zero. If the input of the plant is a velocity, `step`
+    /// and `put` return the inputs as the velocities.
     tau: Vec<f64>,
 }
 

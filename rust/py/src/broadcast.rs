@@ -1,4 +1,5 @@
-//! Broadcasting as in numpy: of vector arguments `(..., n)` over their leading axes, and of arguments that are numbers or arrays.
+//! Broadcasting by the rules of numpy. Vector arguments `(..., n)` broadcast over their leading axes, and arguments that are numbers or
+//! arrays broadcast over all axes.
 
 use crate::arrays::{Axis, Form, Looked, WHATEVER, elements, numbers, owned, require_finite, shown};
 use crate::errors::{Failure, input_error};
@@ -145,7 +146,7 @@ pub fn stretch(from: &[usize], to: &[usize], data: &[f64], width: usize) -> Core
     Ok(out)
 }
 
-/// Read a real number: a Python float or int, a numpy scalar, or an array without axes. `None` for arrays with axes.
+/// Read a real number: a Python float or int, a numpy scalar, or an array without axes. The result is `None` for arrays with axes.
 pub fn number_or_array(function: &str, name: &str, value: &Bound<'_, PyAny>) -> Result<Option<f64>, Failure> {
     if let Ok(x) = value.cast::<PyFloat>() {
         return Ok(Some(x.value()));

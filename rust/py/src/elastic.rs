@@ -282,8 +282,8 @@ pub fn stiffness_limit<'py>(
 
 /// The damping matrix with which every mode of `M a + D v + K x = 0` has the damping ratio `zeta`.
 ///
-/// `D = 2 zeta M^1/2 (M^-1/2 K M^-1/2)^1/2 M^1/2`, which is also called double diagonalisation: with `M = Q'Q` and `K = Q' diag(k) Q` it is
-/// `2 zeta Q' diag(k)^1/2 Q`.
+/// `D = 2 zeta M^1/2 (M^-1/2 K M^-1/2)^1/2 M^1/2`. If `M = Q'Q` and `K = Q' diag(k) Q`, then `D = 2 zeta Q' diag(k)^1/2 Q`. This design is
+/// called double diagonalisation.
 ///
 /// Args:
 ///     inertia: `M`, `(n, n)` or its diagonal `(n,)`, symmetric and positive definite, kg or kg m^2, such as `M_x` of a law's terms.

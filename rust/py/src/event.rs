@@ -108,8 +108,8 @@ pub fn observer(plant: &PlantSpec, events: Option<Bound<'_, PyAny>>, dense: bool
     Ok((dense || !observer.events.is_empty()).then_some(observer))
 }
 
-/// Split the first `seen` columns of `values`, `(rows, states)`, into the fields `q`, `v`, `theta`, `theta_dot` of `n` columns each, as
-/// many as there are.
+/// Split the first `seen` columns of `values`, `(rows, states)`, into fields of `n` columns each: `q`, then `v`, `theta` and `theta_dot` if
+/// the plant has them.
 fn put_parts(fields: &Bound<'_, PyDict>, rows: usize, n: usize, (seen, states): (usize, usize), values: &[f64]) -> Result<(), Failure> {
     for (k, name) in ["q", "v", "theta", "theta_dot"].iter().enumerate().take(seen / n) {
         let part = memory::collected((0..rows * n).map(|i| values[i / n * states + k * n + i % n]))?;
@@ -130,7 +130,7 @@ pub fn answer(fields: &Bound<'_, PyDict>, plant: &PlantSpec, p: usize, observer:
         fields.set_item("events", events)?;
     }
     if let Some(Polynomials { degree, ends, nodes }) = observer.polynomials {
-        // The result has the columns of the plant's state and of the law's state. It omits the bristles of LuGre friction between them.
+        // The result has the plant's state and the law's state. It omits the bristles of LuGre friction, which are between the two.
         let (seen, all) = (plant.seen(), states + p);
         let kept = seen + p;
         let place = |i: usize| i / kept * all + if i % kept < seen { i % kept } else { i % kept + states - seen };

@@ -38,8 +38,8 @@ fn wrench(function: &str, value: &Bound<'_, PyAny>, rows: &[usize]) -> Result<Wr
     Ok(full)
 }
 
-/// Return the indices of the entries of the wrench `[f; m]` that a force has. They are the law's coordinates `law`. With `None` they are all
-/// six for a force `(6,)`, and `f` for a force `(3,)`.
+/// Return the index in the wrench `[f; m]` of each entry of a force. `law` has the indices of the law's coordinates. If it is `None`, a
+/// force `(6,)` is the whole wrench, and a force `(3,)` is `f`.
 fn rows_of(value: &Bound<'_, PyAny>, law: Option<&[usize]>) -> Vec<usize> {
     match law {
         Some(rows) => rows.to_vec(),
@@ -52,8 +52,8 @@ pub fn constant_force(function: &str, value: &Bound<'_, PyAny>, rows: Option<&[u
     wrench(function, value, &rows_of(value, rows))
 }
 
-/// Read a force. `rows` are the entries of the wrench `[f; m]` that the law's coordinates use. With `None`, the force is `(3,)` or `(6,)`
-/// in world axes.
+/// Read a force. Entry `k` of the force is entry `rows[k]` of the wrench `[f; m]`, which is a coordinate of the law. If `rows` is `None`,
+/// the force is `(3,)` or `(6,)` in world axes.
 pub fn force(function: &'static str, value: &Bound<'_, PyAny>, rows: Option<&[usize]>, raised: &Raised) -> Result<Force, Failure> {
     if value.is_callable() {
         let (call, rows, raised) = (value.clone().unbind(), rows.map(<[usize]>::to_vec), raised.clone());

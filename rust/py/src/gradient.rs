@@ -1,8 +1,10 @@
 //! Derivatives of simulated runs with respect to named parameters, by forward sensitivities and by the adjoint method.
 //!
-//! The caller passes the run itself and *runs of variations*. In these, a parameter has other values. A *loop parameter* `F` is a number
-//! that plant or law computes from the parameters. Its derivative is `sum weight (F(run) - F(0))` over these runs, where run 0 is the run
-//! itself. A *record* is the state and the input at one time of `t_eval`.
+//! Run 0 is the run to differentiate. The caller also passes *runs of variations*, in which parameters have other values. A *loop
+//! parameter* `F` is a number that the plant or the law computes from the parameters. The derivative of `F` with respect to a parameter is
+//! `sum weight (F(run) - F(0))`, where the sum is over the runs of variations of this parameter.
+//!
+//! A *record* is the state and the input at one time of `t_eval`. A *series* is one quantity of all records, such as `q` or `tau`.
 
 use crate::arrays::{Axis, Form, adopted, count, numbers};
 use crate::errors::{Failure, entry, input_error};
@@ -32,10 +34,11 @@ enum Name {
 impl Named {
     /// Assign runs to the parameters. Run 0 is the run to differentiate, and the runs of each name follow.
     ///
-    /// A parameter that varies alone has one run per weight. Parameters that vary together have probes, and then one common run per weight.
-    /// A probe is a run in which only some of these parameters vary: in probe `b`, those whose code (a binary number) has bit `b`. The loop
-    /// runs as a *program* (recorded machine code), whose inputs depend on the parameters. Bit `b` of an input's code is set if probe `b`
-    /// changes the input. The input depends on the parameter that has the same code (see [`Shared`]).
+    /// A parameter that varies alone has one run per weight. Parameters that vary together have *probes*, and then one common run per
+    /// weight. In probe `b`, only those parameters vary whose code, a binary number, has bit `b`.
+    ///
+    /// The loop runs as a *program* (recorded machine code), and each input of the program depends on at most one of these parameters.
+    /// The probes identify this parameter: bit `b` of its code is set if probe `b` changes the input (see [`Shared`]).
     fn of(function: &str, value: &Bound<'_, PyAny>, names: &Bound<'_, PyAny>, runs: usize) -> Result<Self, Failure> {
         let (shape, weights) = numbers(function, "weights", value, &[Form(&[Axis::Any("P"), Axis::Any("W")])])?;
         let (names, points): (Vec<Name>, usize) = (names.extract()?, shape[1]);
@@ -109,7 +112,8 @@ fn sizes(function: &str, value: &Bound<'_, PyAny>, parameters: usize) -> Result<
     Ok(sizes)
 }
 
-/// The derivatives of a loss with respect to the records `[x, tau]` of `rows` runs, record after record. `slopes` has them by series.
+/// Return the derivatives of a loss with respect to the records `[x, tau]` of `rows` runs, record after record. `slopes` has the same
+/// derivatives as one array per series.
 fn slopes_of(function: &str, problem: &Problem, slopes: &Bound<'_, PyDict>, rows: usize) -> Result<Vec<f64>, Failure> {
     let (parts, width) = record_parts(problem);
     let core::Times::At(times) = &problem.options.times else {
@@ -128,7 +132,7 @@ fn slopes_of(function: &str, problem: &Problem, slopes: &Bound<'_, PyDict>, rows
     Ok(weighed)
 }
 
-/// A dict with the derivatives of each series of records, `(lead.., K, .., P)`.
+/// Return a dict with the derivatives of each series, `(lead.., K, .., P)`, for `K` records and `P` parameters.
 fn by_series<'py>(
     py: Python<'py>,
     problem: &core::Problem,
@@ -144,7 +148,7 @@ fn by_series<'py>(
     Ok(fields)
 }
 
-/// Return a dict with the derivatives of each series of a run, `(K, .., P)`. It has the keywords of `simulate_batch` with `t_eval`.
+/// Return a dict with the derivatives of each series of a run, `(K, .., P)`. `keywords` are those of `simulate_batch`, with `t_eval`.
 #[entered]
 #[pyfunction]
 pub fn _sensitivities<'py>(

@@ -24,7 +24,7 @@ pub fn long<T: Send>(py: Python<'_>, work: impl FnOnce() -> CoreResult<T> + Send
     ended(py.detach(|| interruptible(Watch::Poll(signalled), work)))
 }
 
-/// Whether a signal handler has raised an exception, for work that holds the GIL. A waiting thread gets the GIL first.
+/// Give the GIL to a waiting thread, then return whether a signal handler has raised an exception. Work that holds the GIL calls this.
 pub fn signalled_in_turn() -> bool {
     Python::attach(pause).map_err(|error| SIGNAL.set(Some(error))).is_err()
 }

@@ -29,13 +29,15 @@ use pyo3::types::{PyList, PyTuple};
 /// - `restarts`: number of random starts.
 /// - `status`: `Status.SUCCESS` if every task is reached, and `DEGRADED` if the first task is reached, but not all.
 ///
-/// If the first task is not reached, `status` is `INFEASIBLE` when the search made no further progress, and `MAX_STEPS` when it did.
+/// If the first task is not reached, `status` is `INFEASIBLE` when the best search ended without further progress. It is `MAX_STEPS` when
+/// `max_iterations` ended this search.
 ///
 /// In a batch the fields are arrays: `q` `(..., n)`, and `errors` a list of `(..., rows_i)`. `reached` (every task of the row is reached),
 /// `iterations`, `restarts` and `status` (integer codes of `Status`) have the shape `(...)`. With `solutions=k`, `q` is `(..., k, n)`, each
 /// array of `errors` is `(..., k, rows_i)`, and `reached` and `status` are `(..., k)`.
 ///
-/// The truth value is True if every task of every target is reached; with `solutions=k`, by the best solution.
+/// The truth value is True if every task of every target is reached. With `solutions=k`, it considers only the best solution of each
+/// target.
 #[pyclass(frozen, get_all, module = "armlet")]
 pub struct InverseKinematics {
     pub q: Py<PyAny>,
@@ -82,10 +84,10 @@ const NAME: &str = "inverse_kinematics";
 
 /// Search for joint positions at which the tasks are reached: damped Newton steps within the joint limits.
 ///
-/// `q <- clip(q + s dq)`, where `dq` is a damped least-squares step for all tasks together, and `s <= 1` limits it to `step_max`. If these
-/// steps do not reach all of several tasks, `dq` solves `J_i dq = e_i` in the order of priority. Then a lower task that conflicts with a
-/// higher one is reached only in part.
-/// If the search from `q0` fails, searches from random starts within the limits follow. Equal seeds make equal starts.
+/// `q <- clip(q + s dq)`, where `dq` is a damped least-squares step for all tasks together, and `s <= 1` limits it to `step_max`. If there
+/// are several tasks and these steps do not reach all of them, steps in the order of priority follow. Such a `dq` solves `J_i dq = e_i` for
+/// one task after the other. A lower task that conflicts with a higher one is then reached only in part. If the search from `q0` fails,
+/// searches from random starts within the limits follow. Equal seeds make equal starts.
 ///
 /// Args:
 ///     arm: the arm; not `planar_pr`, which has no links.
@@ -94,8 +96,8 @@ const NAME: &str = "inverse_kinematics";
 ///     q0: start of the search, `(n,)` or `(..., n)`, rad or m. Leading axes of `q0` and of all targets broadcast.
 ///     method: the method of `solve_priority` for every step: "clamp", "damped", "exact" or "chiaverini" (keyword only, as all below).
 ///         None: steps for all tasks together, and "clamp" for steps in the order of priority.
-///     eps: threshold on singular values in steps in the order of priority, one number or one per task. With `eps`, all steps are in the
-///         order of priority. None: 0.02 times each task's largest row norm.
+///     eps: threshold on singular values, for steps in the order of priority: one number, or one per task. With `eps`, all steps are of
+///         this kind. None: 0.02 times each task's largest row norm.
 ///     tolerance: a task is reached if the size of every entry of its error is at most this, m or rad; 1e-9 if None.
 ///     max_iterations: largest number of steps from each start; 100 if None.
 ///     restarts: largest number of random starts after `q0`; 50 if None.
@@ -106,20 +108,21 @@ const NAME: &str = "inverse_kinematics";
 ///         there is no check.
 ///     solutions: number of different solutions of each target, from at most `restarts` random starts. None: one solution, without an axis
 ///         for it. Solutions that reach every task are first, ordered by their distance `|q - q0|`. The others follow, ordered by the error
-///         of the first task in which they differ. Two solutions are equal if no joint differs by more than 1e-3 rad or m; full rotations
-///         that move no body do not count. If fewer are found, the remaining rows are NaN, with the status `INFEASIBLE`.
+///         of the first task in which they differ. Two solutions are equal if no joint differs by more than 1e-3 rad or m. A difference of
+///         2 pi does not count if it leaves all bodies in place. If fewer are found, the remaining rows are NaN, with the status
+///         `INFEASIBLE`.
 ///     threads: number of threads for a batch; None: the environment variable `ARMLET_NUM_THREADS`, otherwise the number of cores.
 ///
-/// Threads share the rows of a batch. Every row has the bits of a separate call, for any number of threads. A row whose start or target is
-/// not finite, or whose numbers overflow, is NaN with the status `DIVERGED`. The same holds for an invalid target, such as a direction of
-/// length zero. It does not affect other rows.
+/// Threads share the rows of a batch. Every row is equal, bit for bit, to the result of a separate call, for any number of threads. A row
+/// whose start or target is not finite, or whose numbers overflow, is NaN with the status `DIVERGED`. The same holds for an invalid target,
+/// such as a direction of length zero. Such a row does not affect other rows.
 ///
 /// Returns:
 ///     An `InverseKinematics`, which is true if every task is reached. An unreachable target is not an error: its `status` reports it.
 ///
 /// Raises:
 ///     InputError: a shape is wrong, leading axes do not broadcast, a task has no constant target, or the method is unknown. A single
-///         target or start that is not finite also raises it, and with `check_limits=True` a start outside of the limits.
+///         target or start that is not finite also raises it. With `check_limits=True`, a start outside of the joint limits raises it.
 ///
 /// Warns:
 ///     UserWarning: a start is outside of the joint limits. The search begins at the nearest position inside.

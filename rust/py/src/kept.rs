@@ -1,4 +1,4 @@
-//! The kept arguments of a constructor: the `repr` and the pickle of the object that it made.
+//! The arguments that an object keeps from the call of its constructor. They determine its `repr` and its pickle.
 
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
@@ -49,7 +49,7 @@ pub(crate) use {made_of_arguments, stands_on_arm};
 pub fn shown_as(object: &Bound<'_, PyAny>, arm: Option<&Bound<'_, PyAny>>, arguments: &[(&'static str, Py<PyAny>)]) -> PyResult<String> {
     let (py, mut parts) = (object.py(), Vec::new());
     if let Some(arm) = arm {
-        // The text of an arm of links is a table; only its first line is used here.
+        // The `repr` of an arm with links is a table. Only its first line is used here.
         parts.push(arm.repr()?.to_string().lines().next().unwrap_or_default().to_string());
     }
     for (name, value) in arguments {

@@ -202,7 +202,7 @@ impl<'py> Keywords<'py> {
         Ok((forces.pop(), frame))
     }
 
-    /// Read the forces, and the index of the frame at which they act. There are none, one for all runs, or one per run
+    /// Read the forces, and the index of the frame at which they act. The result has no force, one force for all runs, or one force per run
     /// (`[[(t_start, F), ...], ...]`).
     pub fn forces(&self, plant: &PlantSpec, law: &LawSpec, raised: &Raised) -> Result<(Vec<Force>, Option<usize>), Failure> {
         let frame = match self.get("force_frame")? {

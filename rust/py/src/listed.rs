@@ -1,4 +1,4 @@
-//! `loop_program`: a *program* of a closed loop (the operations that were recorded from it), as lists of its operations.
+//! `loop_program` returns a *program*, the recorded operations of a closed loop, as lists.
 
 use crate::arrays::{flag, object, text};
 use crate::errors::entry;

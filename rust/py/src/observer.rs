@@ -25,7 +25,7 @@ const NAME: &str = "MomentumObserver";
 ///
 /// This holds if the model is exact. The observer uses positions, velocities and torques, but no accelerations. With the momentum `p = M v`
 /// and the Coriolis matrix `C` of the Christoffel symbols, `r = K [p(t) - p(0) - int (tau - tau_f + C' v - g + r) ds]`. In a step of length
-/// `dt` the integrand except `r` is constant, and `r` is the new value, so
+/// `dt`, the integrand uses the new `r_k`, and the other terms at the start of the step. So
 /// `r_k = (I + K dt)^-1 (r_(k-1) + K (p_k - p_(k-1) - (tau - tau_f + C' v - g)_(k-1) dt))`.
 ///
 /// `q`, `v` and `tau` are `(n,)`, or `(B, n)` for B arms of the same model. For elastic joints, `tau` is the torque of the joints on the
@@ -38,7 +38,7 @@ const NAME: &str = "MomentumObserver";
 ///         combined with `motor_inertia`.
 ///     motor_inertia: inertia `B` of the motors of elastic joints, kg m^2 or kg, scalar, `(n,)` or `(n, n)` (keyword only). With it, the
 ///         observer observes the motors: `q` and `v` are their positions and velocities, and `tau` is the motor torque minus the joint
-///         torque. Then `r` follows minus the friction of the motors.
+///         torque. Then `r` estimates the negative friction torque of the motors.
 ///     threshold: `|r_i|` above the threshold is contact, N m or N, > 0: scalar or `(n,)` (keyword only). `calibrate` computes thresholds.
 ///
 /// Raises:

@@ -216,10 +216,10 @@ impl VelocityArm {
 
 /// An arm with elastic joints, whose input is the motor torques: springs couple the links and the motors.
 ///
-/// `M(q) a + C(q, v) v + g(q) = tau_J + J'F` for the links with the external force `F`, `B theta_ddot + tau_f + tau_J = tau` for the motors
-/// with the friction `tau_f`, and `tau_J = K (theta - q) + D (theta_dot - v)` with the joint damping `D`. A wall and joint stops add their
-/// forces to the links. Motor positions, inertias and torques are converted to the joint side of the gears. The state is
-/// `[q, v, theta, theta_dot]`, and then the deflections of the bristles of `LuGre` friction.
+/// The links follow `M(q) a + C(q, v) v + g(q) = tau_J + J'F` with the external force `F`. The motors follow
+/// `B theta_ddot + tau_f + tau_J = tau` with the friction `tau_f`. The springs have the torque `tau_J = K (theta - q) + D (theta_dot - v)`
+/// with the joint damping `D`. A wall and joint stops add their forces to the links. Motor positions, inertias and torques are converted to
+/// the joint side of the gears. The state is `[q, v, theta, theta_dot]`, and then the deflections of the bristles of `LuGre` friction.
 ///
 /// Args:
 ///     arm: the arm of the links.

@@ -63,7 +63,7 @@ pub fn _seal<'py>(make: &Bound<'py, PyAny>, arguments: &Bound<'py, PyTuple>) -> 
     seal(make, arguments.clone(), None)
 }
 
-/// Make the result of `__reduce__` for an object. Its class makes it from the arguments that `__getnewargs_ex__` returns.
+/// Make the result of `__reduce__` for an object. Unpickling calls its class with the arguments that `__getnewargs_ex__` returns.
 pub fn seal_new<'py>(object: &Bound<'py, PyAny>) -> PyResult<Sealed<'py>> {
     let (arguments, keywords): (Bound<'_, PyTuple>, Bound<'_, PyDict>) = object.call_method0("__getnewargs_ex__")?.extract()?;
     seal(object.get_type().as_any(), arguments, Some(keywords))
@@ -182,7 +182,7 @@ pub fn _share<'py>(bytes: &Bound<'py, PyBytes>) -> PyResult<Bound<'py, PyBytes>>
     Ok(bytes.clone())
 }
 
-/// The file object from which `pickle` reads a body: the bytes of all parts, from the index `at` of the first part on.
+/// The file object from which `pickle` reads a body. `at` is the index of the next unread byte of the first part.
 #[pyclass(module = "armlet._core", name = "_Reading")]
 struct Reading {
     parts: VecDeque<Py<PyBytes>>,

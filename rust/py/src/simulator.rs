@@ -54,7 +54,7 @@ use std::sync::{Mutex, PoisonError};
 /// (1.0, (1,))
 #[pyclass(module = "armlet")]
 pub struct Simulator {
-    /// The integration method. No thread ever waits for this lock, which pyo3 requires because Python threads may share the object.
+    /// The integration method. pyo3 requires the mutex, because Python threads may share the object. No thread ever waits for it.
     stepping: Mutex<Box<dyn Stepping>>,
     plant: PlantSpec,
     law: LawSpec,
@@ -153,8 +153,8 @@ impl Simulator {
     ///     theta, theta_dot: positions (rad or m) and velocities (rad/s or m/s) of the motors of elastic arms, `(n,)` (keyword only). None:
     ///         as at the start of `simulate`, the springs balance gravity, and the motors move with the links.
     ///     bristles: deflections of the bristles of `LuGre` friction, `(n,)`, rad or m (keyword only). None: zeros.
-    ///     estimate: state of the law, such as the integral of a `PID` or the estimate of `Adaptive` (keyword only). A run has the
-    ///         same `estimate`. None: no change, but filters and observers start from `q` and `v`.
+    ///     estimate: state of the law, such as the integral of a `PID` or the estimate of `Adaptive` (keyword only). It has the form of
+    ///         `sim.estimate`. None: no change, but filters and observers start from `q` and `v`.
     ///
     /// Raises:
     ///     InputError: a shape is wrong, or a number is not finite. An argument for a state that the loop does not have also raises it.
@@ -254,7 +254,7 @@ impl Simulator {
             };
             let given = Keywords { function: NAME, keywords };
             if !has_law {
-                // Without a law the sample time has no effect, and `dt` satisfies every check.
+                // Without a law the sample time has no effect. `dt` replaces it, because `dt` passes every check of a sample time.
                 given.keywords.set_item("sample_time", given.required("dt")?)?;
             }
             given.required("dt")?;

@@ -68,25 +68,25 @@ fn gravity3(function: &str, gravity: Option<&Bound<'_, PyAny>>) -> Result<[f64; 
 ///     path_or_xml: a path, `package://name/file`, or a string of XML. The Python package `xacro`, which must be installed, expands a
 ///         file whose name ends in `.xacro`.
 ///     gravity: acceleration of gravity in world axes, `(3,)`, m/s^2; (0, 0, -9.81) if None (keyword only).
-///     root: name of the link that becomes the fixed base, in whose axes gravity is then; the file's root if None (keyword only).
+///     root: name of the link that becomes the fixed base; the file's root if None (keyword only). `gravity` is in the axes of this link.
 ///     tip: name of a link; only the joints between the root and this link remain. All joints remain if None (keyword only).
 ///     mimic: treatment of joints with `<mimic>` (keyword only). "joined": the joint follows its leader, and both are one degree of
 ///         freedom. "independent": the joint is a separate degree of freedom.
-///     search_path: folders in which `package://` finds packages: packages, or folders that contain packages (keyword only). The folders
-///         of the environment variables `ROS_PACKAGE_PATH` and `AMENT_PREFIX_PATH` are searched after them.
+///     search_path: folders in which `package://` searches; each folder is a package, or contains packages (keyword only). The folders of
+///         the environment variables `ROS_PACKAGE_PATH` and `AMENT_PREFIX_PATH` are searched after them.
 ///     xacro_arguments: values of the arguments that `<xacro:arg>` declares, by name (keyword only).
 ///
 /// A *follower* is a joint whose position is `multiplier q_leader + offset`. Its body remains in the arm, but `q` has no entry for it.
-/// `arm.file_positions(q)` returns its position. The limits of a follower narrow the position and speed limits of the leader, unless no
-/// motion would remain. The leader gets `multiplier**2` of the follower's armature and damping, and `|multiplier|` of its Coulomb friction.
-/// The leader's effort limit does not change, because one motor moves the leader and its followers. If `root` and `tip` exclude a leader,
-/// its first follower becomes the leader.
+/// `arm.file_positions(q)` returns its position. The limits of a follower narrow the position and speed limits of the leader, unless they
+/// would then allow no motion. The leader gets `multiplier**2` of the follower's armature and damping, and `|multiplier|` of its Coulomb
+/// friction. The leader's effort limit does not change, because one motor moves the leader and its followers. If `root` and `tip` exclude a
+/// leader, its first follower becomes the leader.
 ///
 /// The order of `q` is depth first, with siblings in the order of the file. The names of the frames are the names of the links. Meshes are
 /// never opened. `arm.report` lists unusual values, parts that armlet does not use, and a mass matrix that is not positive definite.
 ///
 /// Raises:
-///     ModelError: the model is not well formed, or a number is implausible; `.file` and `.line` are the place.
+///     ModelError: the model is not well formed, or a number is implausible. `.file` and `.line` locate the error.
 ///     InputError: an argument is wrong, a file cannot be read, a package is not found, or xacro reports an error. A path that leads out of
 ///         its package also raises it.
 ///     ImportError: the file is xacro, and the package `xacro` is not installed.
@@ -246,7 +246,7 @@ pub fn pendulum(py: Python<'_>, inertia: &Bound<'_, PyAny>, gravity_moment: &Bou
     entry(py, NAME, || Ok(core::Arm::pendulum(scalar(NAME, "inertia", inertia)?, scalar(NAME, "gravity_moment", gravity_moment)?)?.into()))
 }
 
-/// A joint, a frame and an arm as plain tuples. The tuple of an arm is the argument of [`_restore_tree`].
+/// The tuples of a joint, of a frame and of an arm. The tuple of an arm is the argument of [`_restore_tree`].
 type JointState = (String, String, Option<usize>, [[f64; 3]; 4], [f64; 3], [f64; 7], [f64; 10], Option<Follows>);
 type FrameState = (String, Option<usize>, [[f64; 3]; 4], Option<String>);
 type TreeState<'py> = (String, Bound<'py, PyList>, Bound<'py, PyList>, [f64; 3], Vec<String>);
@@ -304,9 +304,9 @@ impl Arm {
     /// The frames "link1", "link2", .. are the body frames.
     ///
     /// Raises:
-    ///     InputError: the list is empty, a key or type is unknown, a name is repeated, a shape is wrong, or a number is not finite. An axis
-    ///         of length zero and an index that is not that of a valid joint also raise it. `velocity`, `effort`, `armature`, `damping` or
-    ///         `friction` is negative, or `lower` is above `upper`.
+    ///     InputError: the list is empty, a key or type is unknown, a name is repeated, a shape is wrong, or a number is not finite. It is
+    ///         also raised for an axis of length zero, for an index of no valid joint, and for `lower` above `upper`. A negative
+    ///         `velocity`, `effort`, `armature`, `damping` or `friction` also raises it.
     ///
     /// >>> import armlet as al
     /// >>> arm = al.Arm.from_chain([{"type": "R", "axis": [0, 0, 1], "phi": [1, 0.5, 0, 0, 0, 0, 0, 0, 0, 0.3]}])
@@ -326,9 +326,9 @@ impl Arm {
 
     /// Make an arm from Denavit-Hartenberg rows `(a, alpha, d, theta)`, lengths in m and angles in rad.
     ///
-    /// A row may also be a dict with these keys, zero by default, `type` ("R", "P", "revolute", "continuous" or "prismatic") and `phi`.
-    /// `convention`: "standard" or "modified" (Craig). `gravity`: `(3,)`, m/s^2, world axes. The frames "link1", "link2", .. are the
-    /// Denavit-Hartenberg frames.
+    /// A row may also be a dict with the keys `a`, `alpha`, `d`, `theta` and `phi`, which are zero by default. Its key `type` is "R" (the
+    /// default), "P", "revolute", "continuous" or "prismatic". `convention`: "standard" or "modified" (Craig). `gravity`: `(3,)`, m/s^2,
+    /// world axes. The frames "link1", "link2", .. are the Denavit-Hartenberg frames.
     ///
     /// Raises:
     ///     InputError: the list is empty, a key, a type or the convention is unknown, a shape is wrong, or a number is not finite.

@@ -207,7 +207,7 @@ impl Arm {
     /// Raises:
     ///     InputError: an argument is not finite or has the wrong shape, or `out` cannot be written.
     ///
-    /// Source: [SlotineLi1987], here for trees of bodies.
+    /// Source: [SlotineLi1987], extended to trees of bodies.
     ///
     /// >>> import armlet as al
     /// >>> al.planar_pr(2.0, 0.5, 0.5).regressor([0.0, 0.0], [0.0, 0.0], [0.0, 0.0], [1.0, 3.0])

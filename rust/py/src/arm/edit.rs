@@ -33,8 +33,8 @@ impl Arm {
 
     /// Return a copy of the arm with other rotor inertia and friction, which may be any finite numbers.
     ///
-    /// The mass matrix of the bodies gets the addend `diag(armature)`. With friction, the torque gets the addend `damping v + friction
-    /// sign(v)`.
+    /// `diag(armature)` is added to the mass matrix of the bodies. Methods with `friction=True` include the friction torque
+    /// `damping v + friction sign(v)`.
     ///
     /// Args:
     ///     armature: rotor inertia at the joint side of the gear, `(n,)`, kg m^2 (kg for a prismatic joint); unchanged if None (keyword
@@ -129,7 +129,7 @@ impl Arm {
     ///
     /// Raises:
     ///     InputError: the frame is unknown, a number is not finite, the mass is negative, or the arm has no links. An inertia that is not
-    ///         symmetric or physically impossible also raises it.
+    ///         symmetric, or that is physically impossible, also raises it.
     ///
     /// >>> import armlet as al
     /// >>> arm = al.planar_arm([1.0])
@@ -190,11 +190,11 @@ impl Arm {
         })
     }
 
-    /// Write the arm as URDF: the text, and a list of the properties that URDF cannot express and of added links, one line each.
+    /// Return the arm as URDF text, and a list of strings that name the properties that are lost and the links that are added.
     ///
-    /// If the list is empty, `load_urdf(text)` returns an arm with equal bits. The attribute `armature` of `<dynamics>` is the rotor
-    /// inertia. The angles and the centre of mass in a URDF are rounded. So the attribute `rotation` of `<origin>` has the exact rotation,
-    /// and the attribute `parameters` of `<inertial>` has the ten inertial parameters. Other programs ignore these attributes.
+    /// If the list is empty, `load_urdf(text)` returns an equal arm, without rounding errors. The attribute `armature` of `<dynamics>` is
+    /// the rotor inertia. The angles and the centre of mass in a URDF are rounded. So the attribute `rotation` of `<origin>` has the exact
+    /// rotation, and the attribute `parameters` of `<inertial>` has the ten inertial parameters. Other programs ignore these attributes.
     ///
     /// Raises:
     ///     InputError: the arm has no links.

@@ -14,8 +14,8 @@ use armlet_core::{memory, parallel};
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
 
-/// Work whose estimated time, in ns, is at least this is *long*: it copies the arguments, releases the GIL, and uses several threads. Work
-/// that records a program is also long.
+/// Work is *long* if its estimated time, in ns, is at least this number, or if it records a program. Long work copies the arguments,
+/// releases the GIL, and uses several threads.
 const LONG: f64 = 1e6;
 
 /// The largest number of joints for which the evaluation of one configuration is never long.
@@ -76,8 +76,8 @@ impl Arm {
         broadcast(function, names, values, std::array::from_fn(|k| if names[k] == "wrench" { 6 } else { self.model.n() }))
     }
 
-    /// Evaluate one configuration whose arguments are float64 vectors. `None` for other arguments, for long work, for an `out` that
-    /// overlaps an argument, and for errors, which `many` reports.
+    /// Evaluate one configuration whose arguments are float64 vectors. The result is `None` for other arguments, for long work, for an
+    /// `out` that overlaps an argument, and for errors, which `many` reports.
     fn single<'py, const K: usize>(
         &self,
         values: [&Bound<'py, PyAny>; K],
@@ -136,9 +136,9 @@ impl Arm {
         }
     }
 
-    /// Evaluate a query into `M` arrays of the shapes `leading + trailing[m]`: new arrays, or the caller's arrays `outs`.
+    /// Evaluate a query, and return `M` arrays of the shapes `leading + trailing[m]`: new arrays, or the caller's arrays `outs`.
     ///
-    /// `scatter` distributes the results of one configuration among its parts of the arrays.
+    /// `scatter` copies the results of one configuration to the elements of the `M` arrays for this configuration.
     pub(super) fn apart<'py, const K: usize, const M: usize>(
         &self,
         call: &ArmCall<'_, 'py, K>,
@@ -220,7 +220,7 @@ impl Arm {
     /// Run `work` on all parts, where `parts(k)` makes parts of at most `k` configurations. The result is true if every number is finite.
     ///
     /// Several threads do long work, and Ctrl-C ends it. Long work uses a copy of the inputs, because other threads may write to the
-    /// caller's arrays. During long work the array `out=` contains old and new rows, as with functions of numpy.
+    /// caller's arrays. While long work runs, other threads may read a mixture of old and new rows from the array `out=`, as in numpy.
     fn share<'a, const K: usize, P: Send>(
         &self,
         py: Python<'_>,

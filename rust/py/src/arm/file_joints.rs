@@ -53,7 +53,7 @@ impl Arm {
     /// The pose of every joint of `file_joint_names`, `(..., len(file_joint_names), 4, 4)`: a homogeneous transform per joint, lengths in
     /// m.
     ///
-    /// A pose is the pose of the body that the joint moves. Its origin is a point of the joint axis. The property `file_joint_parents` has
+    /// Each transform is the pose of the body that the joint moves. Its origin is on the joint axis. The property `file_joint_parents` has
     /// the index of each parent, so that lines from parent to joint draw the arm.
     ///
     /// Args:

@@ -41,7 +41,7 @@ impl Arm {
     ///
     /// `Y pi = Y_b (P pi)` for every state, where `pi` are the inertial parameters, `Y_b` independent columns of the regressor `Y`, and `P`
     /// is `.projection`. The columns are examined in order, from base to tip. A column belongs to `Y_b` if it is independent of the columns
-    /// before it. The regressors are those of random states, with a fixed seed and the arm's gravity.
+    /// before it. This is tested with regressors at random states, with a fixed seed and the arm's gravity.
     ///
     /// Args:
     ///     armature: include columns for the rotors' inertia (keyword only).
@@ -141,14 +141,14 @@ impl Arm {
     /// regressors of all samples. The standard deviations of `beta` are computed from the residual.
     ///
     /// Args:
-    ///     q, v, a: positions (rad or m), velocities (per s) and accelerations (per s^2), `(samples, n)` or `(..., n)`: all axes before
-    ///         the last count samples.
+    ///     q, v, a: positions (rad or m), velocities (per s) and accelerations (per s^2), `(samples, n)`. In an array `(..., n)`, every
+    ///         vector along the last axis is one sample.
     ///     tau: torques, N m or N, of the shape of `q`.
     ///     armature: also identify the rotors' inertia (keyword only). Otherwise the arm's armature is used.
     ///     friction: also identify damping and Coulomb friction (keyword only). Otherwise the torques must contain no friction.
     ///     noise: standard deviation of the torque of each joint, `(n,)`, N m or N, for weights; equal weights if None (keyword only).
-    ///     cutoff: the rank is the number of singular values above this fraction of the largest; 1e-6 if None (keyword only). They are the
-    ///         singular values of `W_b` with columns of length one.
+    ///     cutoff: the rank is the number of singular values above this fraction of the largest; 1e-6 if None (keyword only). These are the
+    ///         singular values of `W_b` after each column is scaled to unit length.
     ///
     /// Returns:
     ///     An `al.Identification`: `.values`, `.deviations`, `.rank`, `.condition`, `.residuals`, `.unidentified`, `.arm`.

@@ -171,8 +171,8 @@ fn arm_of(integers: &[u8], numbers: &[u8], text: &[u8]) -> CoreResult<core::Arm>
     let mut reader = Reader { integers, numbers, lengths: &[], text };
     let mut count = || reader.integer().and_then(|n| usize::try_from(n).ok()).filter(|&n| n <= integers.len()).ok_or_else(damaged);
     let (joints, frames, remarks) = (count()?, count()?, count()?);
-    // `count` limits each count to the number of integers. So no sum overflows, and the memory is at most proportional to the pickle's
-    // size.
+    // Each count is at most the number of stored integers. So no sum overflows, and the memory is at most proportional to the size of the
+    // pickle.
     let strings = 1 + 2 * joints + 2 * frames + remarks;
     let (own_integers, own_numbers) = (3 + joints + 2 * frames + strings, 3 + JOINT * joints + PLACEMENT * frames);
     let mimics = integers.len().checked_sub(own_integers).ok_or_else(damaged)? / 2;

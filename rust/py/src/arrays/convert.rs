@@ -61,8 +61,8 @@ pub fn real(value: &Bound<'_, PyAny>) -> Result<Option<f64>, Wrong> {
     }
 }
 
-/// Convert a value to a numpy array of integers or floating-point numbers, if it is an array or has a conversion. Otherwise the result is
-/// `None`, as for lists. Strings, masked arrays, and arrays of other elements are an error.
+/// Convert an object with an array protocol or a buffer to a numpy array of integers or floating-point numbers. The result is `None` for
+/// other objects, such as lists. Strings, masked arrays, and arrays with other types of elements are an error.
 pub fn array_of<'py>(value: &Bound<'py, PyAny>) -> Result<Option<Bound<'py, PyAny>>, Wrong> {
     let py = value.py();
     if value.is_instance_of::<PyString>() || value.is_instance_of::<PyBytes>() || value.is_instance_of::<PyByteArray>() {
@@ -167,7 +167,7 @@ fn numpy_function<'py>(py: Python<'py>, name: &'static str) -> PyResult<Bound<'p
     numpy.bind(py).getattr(name)
 }
 
-/// Describe a value that is not a number, for a message: the numpy type of its conversion, and its class.
+/// Describe a value that is not a number, for a message: the numpy type `object`, and the name of its class.
 pub fn object(value: &Bound<'_, PyAny>) -> String {
     format!("object ({})", type_name(value))
 }

@@ -14,7 +14,7 @@ use std::ops::Range;
 /// The largest count of float64 numbers in a piece: half a megabyte. Larger arrays are copied in pieces.
 pub const PIECE: usize = 1 << 16;
 
-/// Copy `from` to `to`, large arrays without the interpreter lock. No other thread may read or write `to`, or write to `from`.
+/// Copy `from` to `to`. The interpreter lock is released for large arrays, so no other thread may read or write `to`, or write to `from`.
 pub fn copy<T: Copy + Send + Sync>(py: Python<'_>, from: &[T], to: &mut [T]) -> Result<(), Failure> {
     if from.len() <= PIECE {
         to.copy_from_slice(from);

@@ -78,8 +78,8 @@ fn of_class<'a>(value: &'a Bound<'_, PyAny>, shape: &[usize], class: *mut pyo3::
     }
 }
 
-/// A mutable slice of the elements of a new array, or of the array `out=`. `None` if the array is read-only or empty, or if [`of_shape`]
-/// returns `None`.
+/// A mutable slice of the elements of a new array, or of the array `out=`. The result is `None` if the array is read-only or empty, or if
+/// [`of_shape`] returns `None`.
 ///
 /// The caller ensures that no input overlaps the array. It holds the GIL while it writes an array that other code can access.
 #[inline]
@@ -128,7 +128,8 @@ pub fn made<'py, T: Bits>(
     // because only the bytes 0 and 1 are valid.
     let zeroed = zeroed || !T::ANY_BITS;
     let by_system = zeroed && count > 1024;
-    // SAFETY: `dims` points to `axes` sizes, which numpy copies. Without sufficient memory numpy returns null and sets a MemoryError.
+    // SAFETY: `dims` points to the length of each axis, and numpy copies these `axes` lengths. Without sufficient memory numpy returns null
+    // and sets a MemoryError.
     let array = unsafe {
         let array = if by_system {
             api.PyArray_Zeros(py, axes, dims, api.PyArray_DescrFromType(py, number), 0)
@@ -139,7 +140,8 @@ pub fn made<'py, T: Bits>(
         Bound::from_owned_ptr_or_err(py, array)?
     };
     if count > 0 {
-        // SAFETY: the memory is contiguous and aligned, and has no other reference yet. Its bits are zero, or any bits are a valid element.
+        // SAFETY: the memory is contiguous and aligned, and has no other reference yet. Its bits are zero, or every bit pattern is a valid
+        // element.
         let out = unsafe {
             let array = &(*array.as_ptr().cast::<npyffi::PyArrayObject>()).fields;
             if zeroed && !by_system {
@@ -244,7 +246,7 @@ pub fn is_masked(value: &Bound<'_, PyAny>) -> PyResult<bool> {
 ///
 /// Long work of an `Arm` writes the slice without the GIL. If another thread uses the array during the call, the values are undefined, as
 /// with `out=` of numpy.
-// A `&mut Bound` is never available, because Python code can share every array.
+// No caller can pass the `&mut Bound` that this lint requires, because Python code can share every array.
 #[allow(clippy::mut_from_ref)]
 pub fn out_slice<'a>(
     function: &str,

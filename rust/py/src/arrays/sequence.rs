@@ -11,7 +11,7 @@ use armlet_core::memory;
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict, PyFloat, PyIterator, PyList, PyMapping, PyString, PyTuple};
 
-/// The largest number of entries of a sequence that is not a list or tuple, such as a range, which computes its entries on access.
+/// The largest number of entries of a sequence other than a list or tuple. For example, a range needs no memory for its entries.
 const MOST: usize = 1 << 28;
 /// The largest number of entries of an iterable without a length.
 const MOST_UNSIZED: usize = 1 << 20;
@@ -143,7 +143,7 @@ pub fn fill(value: &Bound<'_, PyAny>, shape: &[usize], out: &mut Vec<f64>) -> Re
 
 /// Return the entries of a list, a tuple or another iterable of objects. More than `most` entries are an error.
 ///
-/// `what` completes the message "is not ..", such as "a list of names: expected strings".
+/// `what` is the text after "is not" in the error message, such as "a list of names: expected strings".
 pub fn items<'py>(
     function: &str,
     name: &str,

@@ -42,7 +42,8 @@ impl System<f64> for Field {
     fn is_reversed(&self) -> bool {
         self.slope.direction < 0.0
     }
-    /// The budget is a hundredth of the default of 500 000 attempts, because evaluations in Python are slow.
+    /// The number of attempted steps at a jump of `f` after which the run ends. It is a hundredth of the default, because evaluations in
+    /// Python are slow.
     fn chatter_budget(&self) -> u64 {
         5_000
     }

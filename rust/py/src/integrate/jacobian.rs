@@ -105,8 +105,8 @@ impl Differences {
             j.fill(0.0);
         }
         for (step, x) in self.steps.iter_mut().zip(x) {
-            // The step balances the rounding error and the truncation error. Numbers below 1e-5 count as 1e-5. The forward step is longer
-            // for numbers below one, because their size is rarely the scale of the curvature (Hairer and Wanner's radau5.f).
+            // The step balances the rounding error and the truncation error. Magnitudes below 1e-5 count as 1e-5. For magnitudes below one,
+            // the forward step is `sqrt(eps |x|)`, as in radau5.f of Hairer and Wanner.
             let size = x.abs().max(1e-5);
             *step = if self.central { f64::EPSILON.cbrt() * size } else { f64::EPSILON.sqrt() * size.max(size.sqrt()) };
         }

@@ -27,8 +27,8 @@ const NAME: &str = "integrate";
 /// The largest number of entries of the argument `events`. The number of recorded crossings has no such limit.
 const MOST_EVENTS: usize = 4096;
 
-/// Read the times `t_eval`, which must be in the span and in its order. The results are times `s = direction t`, which do not decrease.
-/// `direction` is -1 if the span decreases, otherwise 1.
+/// Read the times `t_eval`, which must be in the span, and sorted from its start to its end. The result has the times `s = direction t`,
+/// which do not decrease. `direction` is -1 if the span decreases, otherwise 1.
 fn times(function: &str, t_eval: &Bound<'_, PyAny>, (s0, s1): (f64, f64), direction: f64) -> Result<Vec<f64>, Failure> {
     let mut times = any_vector(function, "t_eval", t_eval)?;
     let mut last = s0;

@@ -129,7 +129,7 @@ impl WithSteps<f64, Field> for Driven {
     type Output = (Field, Stepping);
 
     fn with<M: FixedStep<f64, Field, Vec<f64>> + Send + Sync + 'static>(self, field: Field, y: Vec<f64>, method: M) -> Self::Output {
-        // The field counts its evaluations, so the method's counters start at their default.
+        // The counters of the method start at zero, because the field counts the evaluations.
         (field, Box::new(Steps::new(method, self.0, Work::default(), y, 0.0)))
     }
 }

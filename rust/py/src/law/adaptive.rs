@@ -23,10 +23,11 @@ use pyo3::types::{PyBool, PyString, PyTuple};
 /// (Coulomb friction) and `exp(-(v_r / v_s)^2) tanh(v_r / v_s)` (Stribeck friction). `parameter_names` lists all parameters.
 ///
 /// With leakage, `a_hat_dot = Gamma (Y' s - sigma (a_hat - a_0))`. With `composite=R`, `a_hat_dot = Gamma (Y' s + W' R e_W)` with
-/// `e_W = tau_W - W a_hat`. Here `tau_W = W a` is the equation of motion after the filter `1/(p + lambda)` with the Laplace variable `p`.
-/// The filtered equation contains no acceleration. The filter uses the law's output as the torque. So composite adaptation does not allow
-/// saturation, or other torques on the arm. With `composite`, the law's state is the estimate and then the filters `(n b + k + n,)`. They
-/// are the columns of b inertial parameters, k entries of joint parameters, and n torques. `terms` has `W`, `tau_W` and `e_W`.
+/// `e_W = tau_W - W a_hat`. `W` is the filtered regressor, and `tau_W` the filtered torque. The filter is `1/(p + lambda)` with the Laplace
+/// variable `p`, so the equation of motion becomes `tau_W = W a`, which contains no acceleration. The filter uses the law's output as the
+/// torque. So composite adaptation does not allow saturation, or other torques on the arm. With `composite`, `terms` has `W`, `tau_W` and
+/// `e_W`. The law's state is then the estimate, followed by `n b + k + n` states of the filters. Each of b inertial parameters has `n` of
+/// these states, each of k joint parameters has one, and the torques have `n`.
 ///
 /// Args:
 ///     arm: the arm whose regressor is used. Its inertial parameters are not used.
@@ -37,17 +38,18 @@ use pyo3::types::{PyBool, PyString, PyTuple};
 ///     estimate: initial estimate, `(p,)`, kg, kg m, kg m^2 and units of friction; zero if None (keyword only).
 ///     base: the result of `arm.base_parameters()`: the law estimates only this base set (keyword only).
 ///     natural: adapt in the metric of the bodies' pseudo-inertias (keyword only). It requires a physically possible initial estimate,
-///         which then stays physically possible. `gamma` is a scalar, or one number per body, 1/(N m), and then one per joint parameter,
-///         in its squared unit per N m. Not with `base` or `projection`.
-///     projection: keep the estimated bodies physically possible (keyword only). In continuous time, an estimate whose bodies exceed given
-///         smallest bodies stays above half of them: `P_k >= P_k^min / 2` for the pseudo-inertias `P_k`. The argument is the mass of each
-///         smallest body, kg, with a radius of gyration of 0.1 m. It may also be the parameters of all smallest bodies, in the shape of
-///         `arm.parameters`. The true bodies must exceed the smallest bodies. An initial estimate that does not is moved to the nearest
-///         one that does. Not with `natural` or `base`.
+///         which then stays physically possible. `gamma` is a scalar, or one number per body, 1/(N m), and then one per joint parameter, in
+///         its squared unit per N m. It cannot be combined with `base` or `projection`.
+///     projection: lower bound that keeps the estimated bodies physically possible (keyword only). In continuous time, the pseudo-inertia
+///         of each body `k` stays above half of its bound: `P_k >= P_k^min / 2`. The argument is the mass of the bounds of all bodies, kg,
+///         with a radius of gyration of 0.1 m. It may also be the inertial parameters of all bounds, in the shape of `arm.parameters`. The
+///         true bodies must exceed the bounds. An initial estimate below the bounds is replaced by the nearest estimate that satisfies
+///         them. It cannot be combined with `natural` or `base`.
 ///     friction: estimate friction: True for "viscous" and "coulomb", or some of "viscous", "coulomb", "stribeck" (keyword only).
 ///     armature: estimate the rotors' inertia (keyword only).
 ///     friction_speed: `v_s`, rad/s or m/s, > 0: scalar or `(n,)`; 0.1 if None (keyword only).
-///     leakage: `sigma`, >= 0, in the inverse unit of `gamma`, per s (keyword only). With `leakage_form="e"` it is per rad or m instead.
+///     leakage: `sigma`, >= 0 (keyword only). Its unit is 1/s divided by the unit of `gamma`. With `leakage_form="e"` the unit is 1/rad or
+///         1/m divided by the unit of `gamma`.
 ///     leakage_form: "sigma" for the constant `sigma`, "e" for `sigma |s|` in its place (e-modification) (keyword only).
 ///     leakage_centre: `a_0`, `(p,)`, in the units of the estimate; the initial estimate if None (keyword only).
 ///     dead_zone: `s_0`, >= 0, rad/s or m/s: the estimate is constant while the norm of `s` is below it (keyword only).
@@ -100,10 +102,10 @@ fn base_of<'py>(given: &mut Arguments<'py>, base: &Bound<'py, PyAny>, p: usize) 
     Ok(Base { columns, projection })
 }
 
-/// The radius of gyration, m, of a smallest body whose argument is its mass. `project_parameters` uses the same length.
+/// The radius of gyration, m, of the lower bound of a body if `projection` is a mass. `project_parameters` uses the same length.
 const LENGTH: f64 = 0.1;
 
-/// Read the smallest bodies of the projection: one mass, kg, or their `p` inertial parameters.
+/// Read the lower bounds of the projection: one mass, kg, for all bodies, or the `p` inertial parameters of the bounds.
 fn least_bodies<'py>(given: &mut Arguments<'py>, projection: &Bound<'py, PyAny>, p: usize) -> Result<Projection, Failure> {
     if Looked::at("Adaptive", "projection", projection)?.shape.is_empty() {
         let mass = given.number("projection", projection)?;

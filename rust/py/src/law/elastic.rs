@@ -276,8 +276,8 @@ impl JointImpedance {
 
 /// PD control of the motors of elastic joints with gravity compensation: `tau = Kp (theta_d - theta) - Kd theta_dot + g`.
 ///
-/// `theta_d = q_d + K_J^-1 g(q_d)`. The compensation is constant, `g = g(q_d)`, or online, `g = g(theta - K_J^-1 g(q_d))`. With an
-/// exact model and no external force, `q_d` is an equilibrium with both. If the gains are too small for the derivative of gravity, there
+/// `theta_d = q_d + K_J^-1 g(q_d)`. The compensation is constant, `g = g(q_d)`, or online, `g = g(theta - K_J^-1 g(q_d))`. With an exact
+/// model and no external force, `q_d` is an equilibrium in both cases. If `kp` is too small compared with the derivative of gravity, there
 /// may be further equilibria (see `equilibrium`).
 ///
 /// Args:

@@ -32,19 +32,20 @@ const DURATION: f64 = 0.5;
 /// `run.residual`, `run.contact` and `run.touched` report the results of the observer.
 ///
 /// Args:
-///     law: the law before contact, of a rigid or elastic arm. A law whose input is a velocity and a Python function are refused.
+///     law: the law before contact, of a rigid or elastic arm. It cannot be a Python function, or a law of a `VelocityArm`.
 ///     observer: a `MomentumObserver` of links, for its model, gain, friction and thresholds. The law keeps a copy.
 ///     reaction: "stop", "float" or "retract"; None: only the observer. A reaction requires thresholds, and a run with a `sample_time`.
 ///     stiffness: `K_c` of "stop" and "retract", N m/rad or N/m, positive definite: scalar, `(n,)` or `(n, n)` (keyword only).
 ///     damping: `D_c`, N m s/rad or N s/m, positive definite: scalar, `(n,)` or `(n, n)`; may be None for "float" (keyword only).
 ///     speed: speed of the fastest joint during "retract", rad/s or m/s, > 0; 0.3 if None (keyword only).
 ///     duration: time for which `q_c` moves, s, > 0; 0.5 if None (keyword only).
-///     joint_stiffness: `K_J`, N m/rad or N/m, scalar, `(n,)` or `(n, n)`, for laws of elastic arms without this argument (keyword only).
+///     joint_stiffness: `K_J`, N m/rad or N/m, scalar, `(n,)` or `(n, n)` (keyword only). It is required if `law` controls an elastic arm
+///         and does not itself have `K_J`.
 ///
 /// `run.estimate` records the law's state. It is the state of `law`, then `w` with `r = K (M v - w)`, and the integral of `r`, `(n,)` each.
-/// A reaction adds `2 + 2 n` numbers `c`, `s`, `y_c c` and `r_c c`, which are zero before the contact. `c` is the duration of
-/// the sampling period that begins at the contact, and `s` is the time since the contact, both in s. `y_c` and `r_c` are the position and
-/// the residual at the contact.
+/// A reaction adds `2 + 2 n` numbers, which are zero before the contact: `c`, `s`, and the products of `c` with `y_c` and `r_c`. `c` is the
+/// duration of the sampling period that begins at the contact, and `s` is the time since the contact, both in s. `y_c` and `r_c` are the
+/// position and the residual at the contact, `(n,)` each.
 ///
 /// Raises:
 ///     InputError: an argument is of the wrong type or shape, is missing or not used, or a reaction has an observer without thresholds.

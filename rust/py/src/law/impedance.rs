@@ -122,7 +122,8 @@ pub(super) fn target<'py>(given: &mut Arguments<'py>, value: &Bound<'py, PyAny>,
 /// `N' tau_0` is the torque of a `NullSpace`. With `compensate_coupling` the law adds `C v` to the torque and `L (x_d_ddot - J_dot v)` to
 /// the wrench, with `L = (J M^-1 J')^-1`. At full rank, without an external force and within the limits, every motion then satisfies
 /// `L (x_ddot - x_d_ddot) = F`. This requires the projection "consistent" of a `NullSpace`. Near singularities, singular values of
-/// `J M^-1/2` below `eps` count as `eps`. Before, the rows of each unit are divided by the root mean square of their norms.
+/// `J M^-1/2` (of `J` for the projection "static") below `eps` count as `eps`. For this comparison, the rows of positions are divided by
+/// the root mean square of their norms, and likewise the rows of orientations.
 ///
 /// The integral wrench `w` `(m,)` is the law's state. It starts at zero, and `run.estimate` records it. While `F` or a torque exceeds a
 /// limit, the entries of `w` do not change in directions that increase the excess.
@@ -143,8 +144,8 @@ pub(super) fn target<'py>(given: &mut Arguments<'py>, value: &Bound<'py, PyAny>,
 ///     tau_max: the largest commanded torque, N m or N, scalar or `(n,)`; no limit if None (keyword only).
 ///
 /// Raises:
-///     InputError: a shape is wrong, a number is not finite, a matrix is not positive definite, or a name is unknown. A limit that is not
-///         positive and a target `(4, 4)` that is not a pose also raise it.
+///     InputError: a shape is wrong, a number is not finite, a matrix is not positive definite, or a name is unknown. It is also raised for
+///         a limit that is not positive, and for a target `(4, 4)` that is not a pose.
 ///
 /// Source: Hogan, Impedance control: an approach to manipulation, J. Dyn. Sys. Meas. Control 107, 1985. Khatib, A unified approach for
 /// motion and force control of robot manipulators: the operational space formulation, IEEE J. Robotics and Automation 3(1), 1987.

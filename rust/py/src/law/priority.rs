@@ -59,8 +59,8 @@ impl<'py> Arguments<'py> {
 ///
 /// `u` solves `J_i u = x_d_dot,i + K_i e_i` for each task `i`, in the order of priority. `J_i` is the Jacobian of the task, and `x_d_dot,i`
 /// the velocity of its target. Away from singularities, the error `e_i` decays with the gain `K_i` if tasks of higher priority do not use
-/// its directions. `terms` has `e`, `J`, `command` and `residuals` as lists with one entry per level, `ranks`, and `v`. The monitors are
-/// `error_i` and `residual_i`.
+/// its directions. `terms` returns `e`, `J`, `command` and `residuals`, each a list with one entry per level, and the arrays `ranks` and
+/// `v`. `run.monitors` has the series `error_i` and `residual_i` of each level.
 ///
 /// Args:
 ///     arm: the model; not `planar_pr`, which has no links.
@@ -136,7 +136,7 @@ impl PriorityVelocity {
 ///     v_min, v_max, q_min, q_max: limits for "sns" as for `PriorityVelocity` (keyword only). At every evaluation the acceleration is at
 ///         most `(v_u - v) / horizon` with `v_u = min(v_max, (q_max - q) / (4 horizon), sqrt(a_max (q_max - q)))`. The lower bound has the
 ///         same form.
-///     horizon: for "sns", a time as for `PriorityVelocity`, s; 0.1 if None (keyword only). It must be at least the step or the sample
+///     horizon: for "sns", the time `horizon` in these limits, s; 0.1 if None (keyword only). It must be at least the step or the sample
 ///         time.
 ///
 /// Raises:

@@ -116,8 +116,8 @@ impl PDGravity {
 ///         `u`, and adds `m a_d` instead of `M a_d`.
 ///     nominal_inertia: `m`, kg m^2 or kg, > 0, scalar or `(n,)`; the diagonal of `M` at the first desired position if None (keyword only).
 ///
-/// In `run.estimate`, the state `y` of the filter and then the state `s` of the observer follow `w`. Here `d = h (m v - s)`, with `v_f` for
-/// `v` if there is a filter.
+/// In `run.estimate`, the state `y` of the filter and then the state `s` of the observer follow `w`. The observer computes
+/// `d = h (m v - s)`, or `d = h (m v_f - s)` with a filter.
 ///
 /// Raises:
 ///     InputError: a shape is wrong, a number is not finite, a gain is not positive definite, or an option is not positive. It is also

@@ -52,7 +52,7 @@ pub const NAMES: [&str; 6] = ["theta0", "thetaf", "inertia", "gravity_moment", "
 /// The six numbers with the names [`NAMES`].
 pub type LinkProblem = [f64; 6];
 
-/// Read the six numbers of one problem. `None` if an argument is an array of one or more dimensions. `tau_min` defaults to `-tau_max`.
+/// Read the six numbers of one problem. The result is `None` if an argument is an array with axes. `tau_min` defaults to `-tau_max`.
 pub fn problem(
     py: Python<'_>,
     function: &str,

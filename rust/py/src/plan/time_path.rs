@@ -97,9 +97,10 @@ fn sampled(
 /// The attribute of `CartesianPath` that has its waypoints and their path positions.
 const JOINED: &str = "_waypoints_and_knots";
 
-/// The path of waypoints, of a `CartesianPath` or of a callable, and for each waypoint the index of its knot (no indices for a callable).
+/// Make the path from waypoints, from a `CartesianPath` or from a callable. The second result is the index of the knot of each waypoint. It
+/// is empty for a callable.
 ///
-/// `within` checks the waypoints `(K, n)` or the samples.
+/// `within` checks the waypoints `(K, n)`, or the samples of a callable. It does not check a `CartesianPath`.
 fn path_of(
     path: &Bound<'_, PyAny>,
     n: usize,
@@ -164,9 +165,9 @@ fn path_of(
 ///     stops: indices of waypoints where the arm stops.
 ///     start_speed, end_speed: path speeds ds/dt at the ends, 1/s; zero if None.
 ///     friction: True for the arm's damping and Coulomb friction; viscous coefficients, number or `(n,)`, N m s/rad or N s/m; None: none.
-///     grid: number of grid points, including the path's knots. None: 201, and more points where the grid makes the motion longer, until
-///         the duration changes by a fraction below 1e-4.
-///     refine: with `grid`, halve segments that are too coarse for the limits, or that make the motion longer (default True).
+///     grid: number of grid points, including the path's knots. None: 201 points at first. Then grids with additional points follow, until
+///         the duration changes by less than 1e-4 of its value.
+///     refine: halve the segments of `grid` on which the motion exceeds limits, or that make the motion longer (default True).
 ///     samples: number of samples of a callable; 201 if None.
 ///     torque_rate: limit of |d tau/dt|, N m/s or N/s: number or `(n,)`. It requires a rest-to-rest motion without stops and without
 ///         Coulomb friction. The fastest timing is averaged over a window of time, and slowed down until it satisfies this limit. So the

@@ -76,8 +76,8 @@ impl ArmPrioritySolver {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Solve for one `q` `(n,)`, if all arguments are contiguous float64 arrays of the right shape. `None` for other arguments, and for
-    /// errors, which [`ArmPrioritySolver::full`] reports.
+    /// Solve for one `q` `(n,)`, if all arguments are contiguous float64 arrays of the right shape. The result is `None` for other
+    /// arguments, and for errors, which [`ArmPrioritySolver::full`] reports.
     #[inline]
     fn quick<'py>(
         &self,
@@ -228,8 +228,8 @@ impl ArmPrioritySolver {
 impl ArmPrioritySolver {
     /// Compute joint velocities `(..., n)` at `q` `(..., n)`, rad or m, for a list with one task velocity `(..., rows_i)` per level.
     ///
-    /// `out`: an array for the result. Leading axes make a batch, in which every row has the bits of a single solve. A row whose result
-    /// overflows is NaN. A batch does not change `residuals`, `ranks` and `status`, which belong to the last single solve.
+    /// `out`: an array for the result. Leading axes make a batch, in which every row is equal, bit for bit, to a single solve. A row whose
+    /// result overflows is NaN. A batch does not change `residuals`, `ranks` and `status`, which belong to the last single solve.
     #[pyo3(signature = (q, velocities, *, out=None))]
     fn solve<'py>(
         &self,

@@ -76,8 +76,8 @@ fn solve_row(solver: &mut Core, stack: &Stack) -> Result<Status, Error> {
 ///     NaN with `Status.DIVERGED`.
 ///
 /// Raises:
-///     InputError: shapes do not fit, the stack is empty, the method is unknown, "sns" has no bounds, or an option is out of its range. For
-///         a single stack, also if a number is not finite.
+///     InputError: shapes do not fit, the stack is empty, the method is unknown, "sns" has no bounds, or an option is out of its range. A
+///         number that is not finite also raises it in a single stack.
 ///     SolveError: the result of a single stack overflows.
 ///
 /// Source: Siciliano and Slotine, A general framework for managing multiple tasks in highly redundant robotic systems, ICAR 1991.
@@ -139,8 +139,8 @@ fn length(items: &Bound<'_, PyAny>) -> Option<usize> {
     items.cast_exact::<PyList>().map(|list| list.len()).or_else(|_| items.cast_exact::<PyTuple>().map(|tuple| tuple.len())).ok()
 }
 
-/// Solve a single stack of contiguous arrays with the solver of the last call, if the sizes and the method are equal. `None` for other
-/// stacks, and for errors, which the general path reports.
+/// Solve a single stack of contiguous arrays with the solver of the last call, if the sizes and the method are equal. The result is `None`
+/// for other stacks, and for errors, which the general path reports.
 fn again(jacobians: &Bound<'_, PyAny>, velocities: &Bound<'_, PyAny>, keywords: &Keywords) -> Option<PrioritySolution> {
     if !keywords.plain() {
         return None;

@@ -41,7 +41,8 @@ impl Part<'_> {
 }
 
 impl<'a> Part<'a> {
-    /// Read one array, whose last `axes` axes are not leading axes. With `lend`, a large array with leading axes is not copied.
+    /// Read one array. Its last `axes` axes belong to one stack, and the others are leading axes. With `lend`, a large array with leading
+    /// axes is not copied.
     fn new(value: &'a Bound<'a, PyAny>, looked: Looked<'_, 'a, '_>, axes: usize, lend: bool) -> Result<Self, Failure> {
         let lent = lend && looked.is_in_place() && looked.shape.len() > axes && looked.shape.iter().product::<usize>() > PIECE;
         let (shape, values) = if lent { (looked.shape, Cow::Borrowed(&[][..])) } else { looked.values()? };
@@ -215,7 +216,7 @@ fn changed(py: Python<'_>, function: &str) -> Failure {
     input_error(py, function, "jacobians, velocities", problem).into()
 }
 
-/// Refuse sizes that would need too much memory. A transposed array of many rows has such sizes.
+/// Refuse sizes that would need too much memory. They can occur if the caller passes the transpose of an array with many rows.
 pub fn require_size(py: Python<'_>, function: &str, n: usize, rows: &[usize]) -> Result<(), Failure> {
     let total = rows.iter().fold(0usize, |sum, m| sum.saturating_add(*m));
     for (name, size) in [("n", n), ("rows", total)] {

@@ -1,7 +1,8 @@
 //! Batches of stacks for `armlet.solve_priority`.
 //!
-//! If the batch runs as a recorded program (machine code) and the method is not "sns", the caller's arrays are not copied. They are then
-//! solved piece by piece, while the interpreter lock is held. Between two pieces other threads can get the lock and change an array, so each piece looks up the arrays again.
+//! If the batch runs as a recorded program (machine code) and the method is not "sns", the caller's arrays are not copied. The batch is
+//! then solved piece by piece, while the interpreter lock is held. Between two pieces other threads can get the lock and change an array.
+//! So each piece looks up the arrays again.
 
 use super::solution::PrioritySolution;
 use super::stack::Stack;
@@ -15,7 +16,7 @@ use armlet_core::simulate::{default_threads, solve_stacks_by};
 use pyo3::prelude::*;
 use pyo3::types::PyList;
 
-/// The approximate count of numbers in a piece. Its rows are rounded up to a multiple of [`ROWS`].
+/// The approximate count of numbers in a piece. The number of its rows is rounded up to a multiple of [`ROWS`].
 const PIECE: usize = 1 << 20;
 
 /// The number of rows of a piece is a multiple of this number.

@@ -213,7 +213,7 @@ impl Task {
         if let Some(Aim::Rows(lead, values)) = &self.target {
             let (function, rows) = (self.function(arm)?, lead.iter().product::<usize>());
             let size = function.target_size();
-            // The product of the axes is compared, because an empty batch has no last axis to compare.
+            // The number of elements is compared, because `Aim::Rows` does not store the length of the last axis.
             if rows.checked_mul(size) != Some(values.len()) {
                 let got = shown(&[lead.as_slice(), &[values.len() / rows.max(1)]].concat());
                 return Err(Error::input("target", format!("has the wrong shape: expected (..., {size}), got {got}")));
