@@ -27,8 +27,8 @@ use pyo3::types::{PyDict, PyTuple};
 
 /// A robot arm: its kinematics and its dynamics `M(q) a + C(q, v) v + g(q) = tau`.
 ///
-/// `load_urdf`, `Arm.from_chain`, `Arm.from_dh`, `planar_arm`, `pendulum` and `planar_pr` make arms. The arm of `planar_pr` has equations in
-/// closed form, but no links and no frames. Functions of the positions take `q` of the shape `(..., n)` and broadcast over the leading
+/// `load_urdf`, `Arm.from_chain`, `Arm.from_dh`, `planar_arm`, `pendulum` and `planar_pr` make arms. The arm of `planar_pr` has equations
+/// in closed form, but no links and no frames. Functions of the positions take `q` of the shape `(..., n)` and broadcast over the leading
 /// axes. For many configurations they use the lanes of SIMD registers and several threads.
 ///
 /// `C` is the matrix of the Christoffel symbols. Angles are in rad, lengths in m, torques in N m, and forces of prismatic joints in N. The
