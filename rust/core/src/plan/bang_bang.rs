@@ -9,9 +9,10 @@
 //! ```
 //!
 //! `I` is the inertia, `G` the gravity moment, `D` the distance, `T` the duration and `A` the acceleration. `direction` is 1 or -1, so that
-//! `x` increases from `x0` to `x1`. `tau_min` and `tau_max` are the torque bounds in the coordinate `x`. `max_1` and `min_1` are extremes
-//! over phase 1, and `max_2` and `min_2` over phase 2. At every angle the torque is a monotone function of `a`, so the two bounds are
-//! exact. The extremes of `sin` on an interval have a closed form, without samples. `docs/minimum_time.md` has the derivation.
+//! `x` increases from `x0` to `x1`. `tau_min` and `tau_max` are the torque bounds in the coordinate `x`. `max_1 G sin` and `min_1 G sin`
+//! are the largest and the smallest gravity torque in phase 1, and `max_2` and `min_2` those in phase 2. At every angle the torque is a
+//! monotone function of `a`. So the bounds `a_min` and `a_max` are exact. The extremes of `sin` on an interval have a closed form, without
+//! samples. `docs/minimum_time.md` has the derivation.
 
 use super::link::{Link, SLACK, check_ends};
 use super::report::{Bind, Limit, Place, Reason};
@@ -20,7 +21,7 @@ use crate::error::{Error, Result};
 use crate::scalar::{GenericKernel, Real, run_lanes};
 use std::f64::consts::{FRAC_PI_2, TAU};
 
-/// The feasible durations of the profile. Labels and messages are computed on request.
+/// The feasible durations of the profile. The active limits and the reason are computed on request.
 ///
 /// ```
 /// use armlet_core::plan::bang_bang_time;
@@ -55,7 +56,7 @@ pub struct BangBangReport {
     link: Link,
 }
 
-/// Upper and lower bounds of `a = inertia * acceleration`, N m, one from each of the two phases.
+/// Upper and lower bounds of `a = inertia * acceleration`, N m: first the bounds of phase 1, then those of phase 2.
 struct Bounds<S> {
     upper: [S; 2],
     lower: [S; 2],
@@ -113,7 +114,7 @@ fn answers<S: Real>([theta0, thetaf, inertia, g, tau_min, tau_max]: [S; 6]) -> A
     let (hold_start, hold_end) =
         (between(g * sines[0].sin, low - slack, high + slack), between(g * sines[2].sin, low - slack, high + slack));
     let moves = zero.lt(distance);
-    // If `a_max` is below `a_min` by at most the tolerance `slack`, exactly one duration is feasible.
+    // If `a_max` is below `a_min` by at most `slack`, the difference counts as a rounding error. Then one duration is feasible.
     let some = S::select(zero.lt(a_max), S::select(a_max.lt(a_min - slack), zero, one), zero);
     let feasible = S::select(moves, some, hold_start);
     let t_min = S::select(moves, two * (inertia * distance / a_max).sqrt(), zero);
@@ -123,10 +124,11 @@ fn answers<S: Real>([theta0, thetaf, inertia, g, tau_min, tau_max]: [S; 6]) -> A
     Answers { numbers, flags: [feasible, hold_start, hold_end], valid: ends * limits }
 }
 
-/// Compute the durations for which `theta0 -> thetaf` (rad) with constant acceleration and equal braking obeys the torque bounds (N m).
+/// Compute the feasible durations of the motion from `theta0` to `thetaf` (rad) under the torque bounds (N m).
 ///
-/// `inertia` is in kg m^2, `gravity_moment` in N m, and `tau_min <= 0 <= tau_max` is required. The tests `a_max >= a_min`, `hold_start` and
-/// `hold_end` have a tolerance of `1e-12` of the larger bound. If `theta0 == thetaf`, the duration is zero. This motion is feasible if and
+/// The acceleration is constant up to the middle of the motion. The deceleration after it is equally large. `inertia` is in kg m^2,
+/// `gravity_moment` in N m, and `tau_min <= 0 <= tau_max` is required. The tests `a_max >= a_min`, `hold_start` and `hold_end` have a
+/// tolerance of `1e-12` times the larger absolute torque bound. If `theta0 == thetaf`, the duration is zero. This motion is feasible if and
 /// only if the torque can hold the pose. Errors: `Input` for an invalid argument.
 #[inline]
 pub fn bang_bang_time(theta0: f64, thetaf: f64, inertia: f64, gravity_moment: f64, tau_min: f64, tau_max: f64) -> Result<BangBangReport> {
@@ -207,7 +209,7 @@ impl GenericKernel for Batch<'_, '_> {
     }
 }
 
-/// Compute [`bang_bang_time`] for many problems in SIMD lanes, with the same bits.
+/// Compute [`bang_bang_time`] for many problems in SIMD lanes. The results have the same bits as those of single calls.
 ///
 /// `columns` are `theta0, thetaf, inertia, gravity_moment, tau_min, tau_max`, each one number for all problems or one per problem. Errors:
 /// the index of the first invalid problem, and its error.

@@ -6,10 +6,10 @@
 //! brake to rest at x1, backwards:   I y_ddot = (c - u_min) - G sin(-x1 + y) + d y_dot
 //! ```
 //!
-//! `y` is the distance from rest, `I` the inertia and `G` the gravity moment. `u_min` and `u_max` are the torque bounds. `d` is the viscous
-//! and `c` the Coulomb friction coefficient. With viscous friction the energy is not a function of the angle alone. So the phases are
-//! integrated (`steps.rs`), and a push meets a brake where their speeds are equal. At equal angle and speed the push has the larger
-//! acceleration, so the two speed curves cross at most once.
+//! `y` is the distance from the rest point, `I` the inertia and `G` the gravity moment. `u_min` and `u_max` are the torque bounds. `d` is
+//! the viscous and `c` the Coulomb friction coefficient. With viscous friction the energy is not a function of the angle alone. So the
+//! phases are integrated (`steps.rs`). The torque switches where push and brake have equal speeds. At equal angle and speed the push has
+//! the larger acceleration, so the two speed curves cross at most once.
 
 use super::steps::{FrictionLink, Progress, Step, evaluate};
 use crate::interrupt::look;
@@ -82,7 +82,7 @@ impl Curve {
         let k = self.steps.partition_point(|s| s.y[0] <= y).max(1) - 1;
         let Step { time, length, y: c, spread } = &self.steps[k];
         let (mut a, mut b) = (0.0, *length);
-        // Near rest the distance is proportional to the square of the time.
+        // The first estimate of the time. Near rest, the distance is proportional to the square of the time.
         let part = (y - c[0]) / (evaluate(c, b).0 - c[0]);
         let mut h = length * if k == 0 { part.max(0.0).sqrt() } else { part.max(0.0) }.min(1.0);
         let mut last = f64::INFINITY;

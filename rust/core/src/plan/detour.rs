@@ -4,9 +4,9 @@
 use super::monotone::{Energies, Monotone};
 use super::sine::{gravity_range, sine};
 
-/// A lower bound of the time from `x0` to the turn and back to `x0`, in units of `sqrt(I/2)` seconds, divided by `2 sqrt(e)`. `up` and
-/// `down` are the largest net torques `p_+` towards the goal and `p_-` away from it, N m. The part to the turn is
-/// `sqrt((p_+ + p_-)/(p_+ p_-))`, the part back to `x0` is `sqrt(1/p_+)`.
+/// A lower bound of the time from `x0` to the turn and back to `x0`, divided by `2 sqrt(e)`. The unit of the time is `sqrt(I/2)` seconds.
+/// `up` and `down` are the largest net torques `p_+` towards the goal and `p_-` away from it, N m. The way to the turn adds
+/// `sqrt((p_+ + p_-)/(p_+ p_-))`, and the way back to `x0` adds `sqrt(1/p_+)`.
 pub(super) fn detour(up: f64, down: f64) -> f64 {
     (((up + down) / down).sqrt() + 1.0) / up.sqrt()
 }
@@ -24,9 +24,9 @@ impl Push {
         let mean = if push.push >= push.g.abs() {
             push.push - gravity_range(push.g, &sine(push.x), &sine(push.x + length)).1
         } else {
-            // Gravity makes the kinetic energy smallest at a maximum of gravity. Before it, the net torque rises, falls, or first rises and
-            // then falls. After it, the kinetic energy does not fall below its value there. So the net torque at the start, or the lowest
-            // energy over the length, is a lower bound of the mean.
+            // Before the first minimum of the kinetic energy, the net torque has at most one maximum. So its mean is smallest at the start
+            // or at this minimum. Beyond the minimum, the energy is at least the smaller of `peak` and `push_hump`. The mean is the energy
+            // divided by the distance.
             push.net().min(energies.peak.min(energies.push_hump) / length)
         };
         Push { length, mean }
@@ -34,7 +34,7 @@ impl Push {
 
     /// The distance `e` beyond which the detour of a swing costs more time than the swing gains, rad. `up` and `down` are the largest net
     /// torques `p_+` and `p_-`, N m. In a swing, the push of length `L` starts with the kinetic energy `K0 < p_+ e` instead of at rest. `w`
-    /// is a lower bound of its mean net torque:
+    /// is a lower bound of the mean net torque of the push:
     ///
     /// ```text
     /// K(y) >= w y:   int_0^L [ 1/sqrt(K) - 1/sqrt(K + K0) ] dy <= (2/w) [ sqrt(w L) + sqrt(K0) - sqrt(w L + K0) ]

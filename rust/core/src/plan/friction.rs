@@ -7,18 +7,19 @@
 //! ```
 //!
 //! `I` is the inertia, and `G` the gravity moment. `x0` is the start, `x1` the goal and `xt` the turn. `u+` is the absolute value of the
-//! upper torque bound. The change of the switching times does not contribute to the derivative, because both phases have equal speeds at a
-//! switch. An overshoot is a back-swing of the mirrored motion, run backwards in time with negative friction coefficients. Coulomb friction
-//! alone only shifts the torque bounds of each part of the motion.
+//! upper torque bound. A shift of a switch does not change `T` to first order, because the two phases have equal speeds there. An overshoot
+//! is a back-swing of the mirrored motion, run backwards in time with negative friction coefficients. Coulomb friction alone only shifts
+//! the torque bounds of each part of the motion.
 //!
 //! Let `phi` be `exp(-d t / 2I)` times the adjoint variable, whose zeros are the switches. Then
-//! `phi_ddot = (d^2/4I^2 - G cos theta/I) phi`, and Sturm's comparison theorem applies to `phi`. So an overdamped link, with
-//! `d^2 >= 4 I |G|`, switches at most once. This is true with Coulomb friction too. It reduces the acceleration after a reversal, so that
-//! `phi_dot/phi` is at most `d/2I` there. After a zero, `|phi|` grows and has no second zero.
+//! `phi_ddot = (d^2/4I^2 - G cos theta/I) phi`, and Sturm's comparison theorem applies to `phi`. So for an overdamped link, with
+//! `d^2 >= 4 I |G|`, the optimal torque switches at most once. This is also true with Coulomb friction. Coulomb friction reduces the
+//! acceleration after a reversal, so that `phi_dot/phi` is at most `d/2I` there. After a zero of `phi`, `|phi|` grows, so there is no
+//! second zero.
 //!
-//! With one switch the motion is monotone. From rest, an overdamped link never moves beyond the equilibrium of gravity and torque, because
-//! `v < 2 N(x)/d` remains true. Here `N(x)` is the torque minus the torques of gravity and Coulomb friction, and is zero at the
-//! equilibrium. So only a brake ends at rest.
+//! For an overdamped link, a motion with one switch is monotone. From rest, such a link never moves beyond the equilibrium of gravity and
+//! torque, because `v < 2 N(x)/d` remains true. Here `N(x)` is the torque minus the torques of gravity and Coulomb friction, and is zero at
+//! the equilibrium. So only a brake ends at rest.
 
 use super::curve::{Curve, Leg, Meeting};
 use super::link::{Link, check_ends};
@@ -30,7 +31,7 @@ use super::torque_optimal::{Best, Family, TorqueOptimum};
 use super::windows::Windows;
 use crate::error::{Error, Result};
 
-/// The distance from an equilibrium, in rad, at which a motion begins. The energy there is a rounding error.
+/// A motion from an equilibrium is computed from this distance on, rad. The kinetic energy there is as small as a rounding error.
 const START_DISTANCE: f64 = 1e-7;
 
 /// The search for the fastest back-swing from `x0` to `x1 >= x0`.
@@ -72,7 +73,8 @@ impl FrictionSearch {
         (search.most > 0.0).then_some(search)
     }
 
-    /// The intervals of `e` from which the middle phase reaches `x`. The middle phase has the torque `up` and the friction of `link`.
+    /// The intervals of turning points `e` from which the middle phase reaches `x`. The middle phase has the torque `up` and the friction
+    /// of `link`.
     fn windows_to(&self, x: f64, link: FrictionLink) -> Vec<Window> {
         let (push, from) = (self.up - link.coulomb, x - self.x0);
         if push.abs() >= link.g.abs() {
@@ -139,9 +141,9 @@ impl BackSwings for FrictionSearch {
     /// `T > k sqrt(2 I e / p) + T_brake(D)`.
     ///
     /// The first term is the time of `k` parts of length `e`. Each part starts at rest, and its net torque is at most `p`, the largest
-    /// torque plus the gravity moment. The second term is the time of the last brake over the distance `D` from `x0` to `x1`. With `k = 2`,
-    /// one part leads to the turn, and the other part back to `x0`. With negative friction, the problem is a motion run backwards. Of that
-    /// motion only the part from the turn to its end starts at rest, so `k = 1`.
+    /// torque plus the gravity moment. The second term is the time of the last brake over the distance `D` from `x0` to `x1`. With positive
+    /// friction `k = 2`: one part ends at the turn, the other part leads back to `x0`. With negative friction, the motion is computed
+    /// backwards. Then the bound is true only for the part before the turn, so `k = 1`.
     fn farthest(&self, limit: f64) -> f64 {
         if limit == f64::INFINITY {
             return FARTHEST;
@@ -260,7 +262,7 @@ mod tests {
     fn swings_are_possible_in_their_windows_and_nowhere_else() {
         let (mut inside, mut outside) = ([0; 2], [0; 2]);
         for number in 0..600 {
-            // The fractional parts of multiples of a square root are spread evenly over (0, 1).
+            // Every quantity takes values that are spread evenly over (0, 1): the fractional parts of multiples of a square root.
             let [x0, distance, up, down, viscous, coulomb] =
                 [2.0, 3.0, 5.0, 7.0, 11.0, 13.0].map(|k: f64| (number as f64 * k.sqrt()).fract());
             let (x0, up, down) = (8.0 * x0 - 4.0, 0.05 + 1.5 * up, 0.05 + 1.5 * down);

@@ -17,8 +17,8 @@
 //!   time.
 //! - A *swing* is a motion with one reversal, the *turn*. A *back-swing* first moves away from the goal. An *overshoot* first passes it.
 //! - `e` is the distance from the start of a back-swing to its turn.
-//! - A *maximum of gravity* is an angle where the kinetic energy of a phase has a local minimum, because gravity opposed the motion before
-//!   it.
+//! - A *maximum of gravity* is an angle where the kinetic energy of a phase has a local minimum. Gravity slows the link down before this
+//!   angle, and no longer after it.
 
 mod bang_bang;
 mod curve;

@@ -13,7 +13,8 @@ pub(super) struct Monotone {
     pub brake_length: f64,
 }
 
-/// Kinetic energies of a monotone motion: `peak` at the switch, and `push_hump` at the push's local minimum, infinite without a minimum.
+/// Kinetic energies of a monotone motion. `peak` is the energy at the switch. `push_hump` is the local minimum during the push, or infinite
+/// if there is none.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Energies {
     pub peak: f64,
@@ -93,9 +94,9 @@ impl Monotone {
 #[derive(Debug, Clone, Copy)]
 pub(super) struct MonotoneMotion {
     pub monotone: Monotone,
-    /// Sine and cosine of the middle of the motion.
+    /// Sine and cosine of the mean of the two end angles.
     pub middle: (f64, f64),
-    /// Sine and cosine of half the distance.
+    /// Sine and cosine of half the difference of the end angles.
     pub half: (f64, f64),
 }
 

@@ -8,9 +8,9 @@
 //! ```
 //!
 //! `G` is the gravity moment, and `I` the inertia. The substitution `y = L s^2` removes the inverse square root at the rest point. The
-//! remaining integrand is smooth unless `w` comes near zero. There the link barely passes a *maximum of gravity*, an angle at which gravity
-//! makes the kinetic energy smallest. It is integrated by adaptive bisection with the 10-21 point Gauss-Kronrod pair. A phase that brakes
-//! to rest at `x` is computed as a push from `-x`, run backwards, with the braking torque.
+//! remaining integrand is smooth unless `w` comes near zero. There the link barely passes a *maximum of gravity*, an angle where the
+//! kinetic energy has a local minimum. The integral is computed by adaptive bisection with the 10-21 point Gauss-Kronrod pair. A phase that
+//! brakes to rest at `x` is computed as a push from `-x`, run backwards, with the braking torque.
 
 use super::quadrature::{Graded, Integrand, adaptive, few};
 use super::sine::{sin_cos, sinc_cos_small};
@@ -20,8 +20,8 @@ use std::f64::consts::{PI, TAU};
 /// A limit of the mean net torque, as a fraction of the sum of the torque and the absolute gravity moment. Below this limit the fixed
 /// quadrature rule is not accurate enough.
 const LEAST_MEAN_TORQUE: f64 = 1e-3;
-/// Relative accuracy of each panel of a duration. It is much smaller than the accuracy of durations requires, because both quadrature rules
-/// may agree by chance.
+/// Relative accuracy of the integral over each panel. Durations would permit a larger error, but the two quadrature rules may agree by
+/// chance.
 const ACCURACY: f64 = 3e-14;
 
 /// A phase from rest at the angle `x` under the constant torque `push`, against the gravity torque `g sin`. A negative `push` pulls back.
@@ -131,8 +131,8 @@ impl Phase {
         if self.push < 0.0 { Phase::new(self.least, self.push, self.g).zero(TAU) } else { f64::INFINITY }
     }
 
-    /// The angle, up to whole revolutions, and the distance of the first minimum of the energy after the distance `from`. At `from` the
-    /// energy must not fall.
+    /// Find the first minimum of the energy after the distance `from`, where the energy must not fall. Return its angle, up to whole
+    /// revolutions, and its distance.
     pub fn least_after(&self, from: f64) -> (f64, f64) {
         let least = self.first_least();
         // If `from` is at a minimum, a rounding error may lead to the next minimum, one revolution ahead.

@@ -7,10 +7,10 @@
 //! minimum jerk:  s = 10 u^3 - 15 u^4 + 6 u^5,  s'' = 60 u (1 - u)(1 - 2 u)
 //! ```
 //!
-//! `'` is `d/du`, and `D = |thetaf - theta0|`. The trapezoid has a closed form: on each part of the motion only the extremes of `sin`
-//! count. `r = 1/2` is `bang_bang_time`. For the quintic, the bounds of `k` are extremes over `u` of `(bound - G sin x)/s''`. A grid with
-//! several points per quarter turn (if `D <= 1e4` rad) brackets them. Golden-section search refines them, and assumes at most one extreme
-//! between grid points.
+//! `'` is `d/du`, and `D = |thetaf - theta0|`. The trapezoid has a closed form, because the extremes of `sin` on each part of the motion
+//! determine the bounds. With `r = 1/2`, it is the profile of `bang_bang_time`. For the quintic, the bounds of `k` are extremes over `u` of
+//! `(bound - G sin x)/s''`. A grid with several points per quarter turn (if `D <= 1e4` rad) brackets them. Golden-section search refines
+//! them, and assumes at most one extreme between grid points.
 
 use super::link::{Link, check_ends};
 use super::sine::{crest_inside, sine, trough_inside};
@@ -236,7 +236,7 @@ pub fn minimum_jerk_time(theta0: f64, thetaf: f64, inertia: f64, gravity_moment:
     }
     let hold = upper.0 > f64::NEG_INFINITY && lower.0 < f64::INFINITY;
     // The torque of the motion is `k s'' + gravity`, with `k = I D / T^2`. The missing torque is the smallest widening of both torque
-    // bounds for which some `k` is feasible. Between grid points, the maximum is estimated by a parabola.
+    // bounds for which some `k` is feasible. Between grid points, the largest excess of the torque is estimated by a parabola.
     let missing = if hold && upper.0 > 0.0 && upper.0 >= lower.0 {
         0.0
     } else {

@@ -4,7 +4,7 @@
 //! int f = sum over panels of the 21-point Kronrod rule; a panel is halved while this rule differs too much from the 10-point Gauss rule
 //! ```
 //!
-//! The pair of rules is qk21 of QUADPACK. The 8-point Gauss rule is used for results with few digits.
+//! The pair of rules is qk21 of QUADPACK. The 8-point Gauss rule is used where a few digits are sufficient.
 
 use crate::scalar::Real;
 
@@ -67,7 +67,6 @@ const FEW: [[f64; 8]; 2] = {
     }
     rule
 };
-/// Largest number of panels.
 const MAX_PANELS: usize = 600;
 const MAX_DEPTH: usize = 60;
 
@@ -137,13 +136,15 @@ fn panel<S: Real>(f: &impl Integrand, a: f64, b: f64) -> (f64, f64) {
     }
     let (kronrod, gauss, size, half) = (sum(kronrod), sum(gauss), sum(size), 0.5 * (b - a));
     let difference = (kronrod - gauss).abs() / size;
-    // The 21-point rule is far better than its difference `d` from the 10-point rule, so QUADPACK estimates (200 d)^1.5.
+    // The error of the 21-point rule is far smaller than its difference `d` from the 10-point rule. So QUADPACK estimates this error as
+    // (200 d)^1.5.
     let scaled = 200.0 * difference;
     (half * kronrod, half * size * difference.min(scaled * scaled.sqrt()))
 }
 
-/// The integral over [0, 1] by adaptive bisection. `beside` is the value of the other part of an integral with two parts. `accuracy` is
-/// relative to the value of a panel, or to a tenth of `beside` plus the finished panels if this is larger.
+/// Compute an integral over [0, 1] by adaptive bisection. `beside` is the value of another part of the same integral, or zero. `accuracy`
+/// is relative to the value of a panel, or to a tenth of the integral so far if that is larger. The integral so far is `beside` plus all
+/// finished panels.
 #[inline(always)]
 pub(super) fn adaptive<S: Real>(f: &impl Integrand, accuracy: f64, beside: f64) -> f64 {
     let mut stack = [(0.0, 0.0); MAX_DEPTH];

@@ -65,7 +65,8 @@ impl fmt::Display for Place {
     }
 }
 
-/// A torque limit that determines the shortest or the longest duration. `Display` writes it as `phase1:switch`.
+/// A torque limit that determines the shortest or the longest duration. `Display` writes the phase and the place, for example
+/// `phase1:switch`.
 ///
 /// ```
 /// use armlet_core::plan::{Limit, bang_bang_time};
@@ -209,15 +210,15 @@ pub enum MonotoneReason {
         /// Missing torque, N m.
         missing: f64,
     },
-    /// The link comes to rest before `x`, where gravity exceeds the torque.
+    /// The link cannot pass `x`, because gravity exceeds the torque on a part of the way.
     Hump {
-        /// Angle `theta` in a result, rad; within the planner, the angle along the motion.
+        /// Angle, rad. In a result it is `theta`. Within the planner it is the angle along the motion.
         x: f64,
         /// Missing torque, N m.
         missing: f64,
     },
-    /// With friction: push and brake have no point of equal speeds. The push ends at `push`, and the brake can begin at `brake`. Both
-    /// angles are measured as `x` in `Hump`.
+    /// With friction: push and brake have no point of equal speeds. The push ends at `push`, and the brake can begin at `brake`. In a
+    /// result both angles are `theta`. Within the planner they are angles along the motion.
     Apart {
         /// Angle where the push ends, rad.
         push: f64,

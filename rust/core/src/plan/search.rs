@@ -9,13 +9,14 @@
 //! ```
 //!
 //! `l2` and `l3` are the distances from the turn to the two switches, `dy/dx` is the derivative at fixed time, and `x1` is the goal. A
-//! *maximum of gravity* is an angle at which gravity makes the kinetic energy smallest. `r` decreases along a phase, from +infinity at the
-//! turn to -infinity at the next rest. The reason is that its numerator and the speed solve the same linear equation.
+//! *maximum of gravity* is an angle where the kinetic energy has a local minimum. `r` decreases along a phase, from +infinity at the turn
+//! to -infinity at the next rest. The reason is that its numerator and the speed solve the same linear equation.
 //!
 //! So T has a minimum in every interval that does not begin with `e = 0`. The test `a_window_has_one_minimum` (`swing.rs`) finds no second
-//! minimum in such intervals. In an interval that begins with `e = 0`, T rises at first. Where a swing is faster, T then falls to a minimum
-//! and rises again. Such intervals, and those without a maximum of gravity, are searched by a sweep for changes of sign of the derivative.
-//! The first derivatives have few digits (`phase.rs`), and the last ones have many.
+//! minimum in such intervals. In an interval that begins with `e = 0`, T rises at first. If the interval contains a swing that is faster
+//! than the monotone motion, T then falls to a minimum and rises again. Such intervals, and those without a maximum of gravity, are
+//! searched by a sweep for changes of sign of the derivative. The search first uses coarse values of `dT/de` with few digits (`phase.rs`).
+//! Its last steps use accurate values.
 
 use crate::interrupt::look;
 
@@ -61,7 +62,7 @@ pub(super) trait BackSwings {
     fn swing(&self, e: f64) -> Option<Swing>;
     /// The intervals of feasible swings, the nearest interval first. Intervals that begin beyond `farthest` may be missing.
     fn windows(&self, farthest: f64) -> impl Iterator<Item = Window>;
-    /// If the monotone motion is feasible, the smallest `e` with a possible gain; else `None`.
+    /// The smallest `e` at which a swing may be faster than the monotone motion; `None` if that motion is not feasible.
     fn nearest(&self) -> Option<f64>;
     /// An upper bound of `e`: no swing with a larger `e` takes less time than `limit`.
     fn farthest(&self, limit: f64) -> f64;
@@ -70,19 +71,18 @@ pub(super) trait BackSwings {
 /// A turning point `e`, rad, and the scaled derivative at `e`. At an edge of an interval, the second number is the limit of the derivative.
 type Point = (f64, f64);
 
-/// The search ends when the last step of `e` times the scaled derivative is below this fraction of `e`.
+/// The search ends when the product of the scaled derivative and the last step is at most this fraction of `e`.
 const FLAT: f64 = 1e-10;
-/// A search with coarse derivatives ends when its step is at most this fraction of the distance to the nearer end of its bracket.
+/// A search with coarse derivatives ends after a step below this fraction of the distance from `e` to the nearer end of the first bracket.
 const NEAR: f64 = 2e-3;
 /// A search may end only where the absolute scaled derivative is below this number.
 const LEVEL: f64 = 0.3;
-/// The largest accurate derivative at a root of the coarse derivative. Above it, the coarse root is not used.
+/// A root of the coarse derivative is used only if the absolute accurate derivative at this root is at most this number.
 const ROUGH: f64 = 0.02;
 /// The farthest turning point of the search, rad: two revolutions.
 pub(super) const FARTHEST: f64 = 4.0 * std::f64::consts::PI;
-/// The largest length of an interval with a maximum of gravity, rad. A longer interval has no maximum of gravity, and T may have a minimum
-/// in every revolution. Such an interval begins next to `e = 0`, and the monotone motion is feasible, unless the torque equals gravity at
-/// the start.
+/// The largest length of an interval with a maximum of gravity, rad. A longer interval has no maximum of gravity. There T may have a
+/// minimum in every revolution.
 const ONE_TURN: f64 = 6.5;
 /// The first step of a sweep through an interval longer than `ONE_TURN`, rad.
 const FIRST: f64 = 0.2;
@@ -163,7 +163,7 @@ impl<B: BackSwings> TurnSearch<'_, B> {
     }
 
     /// Improve a nearby root by the secant method with accurate derivatives; `None` if it does not converge. The bracket of the coarse
-    /// derivatives is not used, because it may not contain the root.
+    /// derivatives is not used, because the root of the accurate derivatives may be outside.
     fn secants(&self, e: f64, mut rate: f64, window: Window) -> Option<f64> {
         let mut at = self.point(e, window, true);
         if at.1.abs() > ROUGH {
@@ -186,8 +186,8 @@ impl<B: BackSwings> TurnSearch<'_, B> {
         }
     }
 
-    /// The approximate root of the scaled derivative between `low` and `high`, and the rate of change at this root, by Chandrupatla's
-    /// method: inverse quadratic interpolation or bisection.
+    /// Find a root of the scaled derivative between `low` and `high`. Return it with the rate of change of the scaled derivative there.
+    /// Chandrupatla's method chooses inverse quadratic interpolation or bisection for each step.
     fn root(&self, low: Point, high: Point, window: Window, fine: bool) -> (f64, f64) {
         // `a` is the last point, `b` a point on the other side of the root, and `c` the point that was replaced.
         let (mut a, mut b) = (low, high);
@@ -209,7 +209,7 @@ impl<B: BackSwings> TurnSearch<'_, B> {
             let step = (e - a.0).abs();
             let near = if fine { step * a.1.abs() <= FLAT * e } else { step <= NEAR * (e - low.0).min(high.0 - e) };
             if a.1.abs() < LEVEL && near || width.abs() <= 1e-15 * e {
-                // After a bisection, the middle of the bracket is not better than its last point.
+                // If the next step is a bisection, the last point is at least as good as the middle of the bracket.
                 return (if smooth { e } else { a.0 }, rate);
             }
         }

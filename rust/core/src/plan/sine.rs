@@ -91,7 +91,6 @@ fn round<S: Real>(x: S) -> S {
     (x + S::splat(ROUND)) - S::splat(ROUND)
 }
 
-/// Whether an integer is odd.
 #[inline(always)]
 fn odd<S: Real>(n: S) -> S::Mask {
     let half = S::splat(0.5) * n;
@@ -120,7 +119,7 @@ pub fn sine<S: Real>(x: S) -> Sine<S> {
 /// Whether `floor((quarter + shift) / 4)` is larger at `b` than at `a`.
 #[inline(always)]
 fn passes<S: Real>(a: &Sine<S>, b: &Sine<S>, shift: f64) -> S::Mask {
-    // To compute floor((quarter + shift) / 4), round a number that is smaller by 3/8. Quarters are integers, so there is never a tie.
+    // For an integer n, floor(n/4) is the integer nearest to n/4 - 3/8, and there is never a tie. Here n is quarter + shift.
     let (quarter, shift, below) = (S::splat(0.25), S::splat(shift), S::splat(0.375));
     round(quarter * (a.quarter + shift) - below).lt(round(quarter * (b.quarter + shift) - below))
 }
@@ -160,8 +159,8 @@ mod tests {
                 let (s, c) = sin_cos(x);
                 assert!((s - x.sin()).abs() < 4.5e-16 && (c - x.cos()).abs() < 4.5e-16, "{x}: {s} {c}");
                 assert_eq!(sine(x).sin, s);
-                // `n pi/2` is the multiple of pi/2 nearest to `x`. `beyond` is negative if `x` is below this multiple: it is the sine or
-                // cosine of the standard library, with a sign.
+                // `n pi/2` is the multiple of pi/2 nearest to `x`. `beyond` is sin(x - n pi/2) by the standard library, so it is negative
+                // if `x` is below this multiple.
                 let n = (x * TWO_OVER_PI).round();
                 let beyond = [x.sin(), -x.cos(), -x.sin(), x.cos()][(n as i64).rem_euclid(4) as usize];
                 assert_eq!(sine(x).quarter, if beyond < 0.0 { n - 1.0 } else { n }, "{x}");

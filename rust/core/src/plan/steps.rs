@@ -9,12 +9,12 @@
 //! collocation:  y_ddot = sum a_k (t/h)^k with the equation of motion at Chebyshev's points of (0, h], by Newton's method
 //! ```
 //!
-//! `y` is the distance from rest, `p` the torque minus Coulomb friction, `G` the gravity moment, `d` the viscous friction and `I` the
-//! inertia. `y_k` are the Taylor coefficients of `y`, and `S_k`, `C_k` those of `sin(x + y)` and `cos(x + y)`. In the series, `h` is the
-//! time since the step began. In the collocation, `t` is this time, and `h` the length of the step. The series have order 24 and follow
-//! Jorba and Zou. A step ends where its last terms are 1e-17 of the motion. Such a step is at most some time constants `I/d` of the
-//! friction long. After 40 time constants, collocation integrates the slower motion. Collocation is stiffly accurate, and its steps are as
-//! long as the slow motion allows.
+//! `y` is the distance from the rest point, and `p` the torque minus Coulomb friction. `G` is the gravity moment, `d` the viscous friction
+//! and `I` the inertia. `y_k` are the Taylor coefficients of `y`, and `S_k`, `C_k` those of `sin(x + y)` and `cos(x + y)`. In the series,
+//! `h` is the time since the step began. In the collocation, `t` is this time, and `h` the length of the step. The series have order 24 and
+//! follow Jorba and Zou. The length of a step is chosen so that the last terms of the series are at most 1e-17 of the motion. Such a step
+//! is at most a few time constants `I/d` long. After 40 time constants the motion is slow, and collocation integrates it. Collocation is
+//! stiffly accurate, and its steps are as long as the slow motion allows.
 
 use super::sine::sin_cos;
 use nalgebra::{SMatrix, SVector};
@@ -28,7 +28,7 @@ pub(super) type Series = [f64; ORDER + 1];
 const POINTS: usize = 12;
 /// Number of friction time constants after which collocation is used: exp(-40) is below the rounding error.
 const SETTLED: f64 = 40.0;
-/// The largest last Chebyshev coefficient of the speed in a collocation step, relative to the speed.
+/// A collocation step is short enough if the last Chebyshev coefficient of the speed is at most this fraction of the speed.
 const TAIL: f64 = 2e-14;
 
 /// Parameters of the link: inertia (kg m^2), gravity moment (N m), viscous (N m s/rad) and Coulomb friction (N m). In a motion computed
@@ -124,7 +124,8 @@ impl Progress {
         }
         let [y, cos] = self.series();
         let spread = self.spread_series(&cos);
-        // While viscous friction settles, the motion is of the order of the acceleration times the squared time constant.
+        // `small` is about the distance that the link moves in one time constant of viscous friction. The error is relative to
+        // `self.y + small`, at most to `size`.
         let small = y[2].abs() * settles * settles;
         let length = step_length(&y, if small.is_finite() { size.min(self.y + small) } else { size });
         Step { time: self.time, length, y, spread }
@@ -177,10 +178,11 @@ impl Progress {
         loop {
             let tried = Collocation::new(self, length);
             let tail = tried.tail(self);
-            // The last Chebyshev coefficient is proportional to the length of the step to the power `POINTS`.
+            // `tail` is proportional to the length of the step to the power `POINTS`. So a step of the length `longest` has a tail of 0.3.
             let longest = length * (0.3 / tail).powf(1.0 / POINTS as f64);
             if tail <= 1.0 {
-                // The last coefficient may be a rounding error. So the next step tries a longer length, unless this step was shortened.
+                // The next step tries `longest` if this step was shortened. Else `tail` may be only a rounding error, and the next step
+                // tries 2 or 8 times this length.
                 let longer = if tail < 0.1 { 8.0 } else { 2.0 } * length;
                 self.slow = if shortened { longest } else { longer };
                 let [y, spread] = tried.polynomials(self);
@@ -197,7 +199,7 @@ impl Progress {
 type Values = SVector<f64, POINTS>;
 type Square = SMatrix<f64, POINTS, POINTS>;
 
-/// Powers of the Chebyshev points of (0, 1], and their first and second integrals.
+/// The powers `t^k` at the Chebyshev points `t` of (0, 1], and the first and second integrals of these powers from 0 to `t`.
 static POWERS: LazyLock<[Square; 3]> = LazyLock::new(|| {
     let point = |i: usize| 0.5 - 0.5 * (PI * (i + 1) as f64 / POINTS as f64).cos();
     let power = |i, k: usize| f64::powi(point(i), k as i32);
@@ -240,7 +242,7 @@ impl Collocation {
             last = now;
         }
         if !converged {
-            // The steps of Newton's method no longer shrink, or shrink slowly, and are far above the rounding error of the angle.
+            // Newton's method did not converge. NaN makes `tail` infinite, so that a shorter step is tried.
             motion.fill(f64::NAN);
         }
         let cos = (straight + twice * motion).map(|x| sin_cos(x).1);

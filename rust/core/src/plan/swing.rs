@@ -64,7 +64,7 @@ impl SwingSearch {
         let push = energies.map(|energies| Push::new(monotone, &energies));
         let nearest = energies.map(|energies| {
             // For `e` below `constant`, gravity varies little along the motion, and in a constant field no swing is faster. For `e` below
-            // `slow`, gravity adds little to the push where the push is slowest.
+            // `slow`, a swing adds little kinetic energy to the push, even where the push is slowest.
             let g = turns.g.abs();
             let constant = if energies.push_hump == f64::INFINITY {
                 (0.05 * turns.net() / (g * cos.abs() + (g * turns.net()).sqrt())).min(0.05)
@@ -88,8 +88,8 @@ impl SwingSearch {
         SwingTrial { away: Monotone::between(self.leaves, turns, out), towards: Monotone::between(turns, brake, into), turn }
     }
 
-    /// An upper bound of `e`, at most `most`. `bound` computes an upper bound from the largest net torques up and down within the distance
-    /// `e`.
+    /// Reduce the upper bound `most` of `e`, and return it. `bound` computes such a bound from the largest net torques `p_+` and `p_-`
+    /// (`detour.rs`). The torques are the largest within the distance `most` behind the start.
     fn within(&self, mut most: f64, bound: impl Fn(f64, f64) -> f64) -> f64 {
         let turns = &self.straight.monotone.push;
         let start = sine(turns.x);
@@ -119,8 +119,8 @@ impl BackSwings for SwingSearch {
         let (out, into) = (away.brake_length, towards.push_length);
         let (last, second) = rate(out.max(into));
         // The derivative of the duration with respect to `e` is the sum of two terms, for the middle phase before and after the turn. The
-        // shorter part has the larger term. So if the term of the longer part is positive, the sum is positive. Then the coarse search uses
-        // the term of the longer part for both.
+        // shorter part has the larger term. So if the term of the longer part is positive, the sum is positive. Then the coarse search
+        // requires only this sign, and uses the term of the longer part twice.
         let (other, first) = if last >= 0.0 && !fine { (last, second) } else { rate(out.min(into)) };
         let rate = last + other;
         let slope = rate / (rate.abs() + first + second);

@@ -9,9 +9,10 @@
 //! ```
 //!
 //! `x0` is the start, `x1` the goal, `D = x1 - x0`, and `xs` the switch. `I` is the inertia and `G` the gravity moment. `direction` is 1 or
-//! -1, so that `x1 >= x0`. `u_min` and `u_max` are the torque bounds in the coordinate `x`. The certificate is Sturm's comparison theorem.
-//! The adjoint variable `psi` obeys `psi_ddot = -(G cos theta/I) psi`, and its zeros are the torque switches. So two switches are more than
-//! `pi sqrt(I/|G|)` apart. Without the certificate, the optimum may first swing back, or overshoot (`swing.rs`).
+//! -1, so that `x1 >= x0`. `u_min` and `u_max` are the torque bounds in the coordinate `x`. Sturm's comparison theorem certifies that a
+//! monotone motion is the fastest of all motions. The adjoint variable `psi` obeys `psi_ddot = -(G cos theta/I) psi`, and its zeros are the
+//! torque switches. So two switches are more than `pi sqrt(I/|G|)` apart. If a motion is not certified, a back-swing or an overshoot may be
+//! faster (`swing.rs`).
 
 use super::link::{Link, check_ends};
 use super::monotone::MonotoneMotion;
@@ -115,8 +116,8 @@ pub struct TorqueOptimum {
     pub v_peak: f64,
     /// Whether the monotone motion is proven to be the fastest of all motions.
     pub certified_global: bool,
-    /// `pi / sqrt(|G|/I - (d/2I)^2)`, s, with gravity moment `G`, inertia `I` and viscous friction `d`; infinite without a real root.
-    /// Without Coulomb friction, an optimal motion shorter than this time has at most one switch.
+    /// `pi / sqrt(|G|/I - (d/2I)^2)`, s, with gravity moment `G`, inertia `I` and viscous friction `d`; infinite if the root is zero or not
+    /// real. Without Coulomb friction, an optimal motion shorter than this time has at most one switch.
     pub sturm_bound: f64,
     /// Whether the monotone motion exists, or the reason why not.
     pub reason: MonotoneReason,

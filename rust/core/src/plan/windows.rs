@@ -2,8 +2,8 @@
 //!
 //! Under a constant torque `u` from rest at `xt`, the energy is a linear function of the angle, `E = V(xt) + u (x - xt)`. The phase
 //! continues while this line is above the potential `V = -G cos x`. `G` is the gravity moment, `x0` the start, `x1` the goal and
-//! `xt = x0 - e` the turn. `u+` and `u-` are the absolute values of the upper and the lower torque bound. The line of the torque `u+` rises
-//! and the lines of the torque `-u-` fall. So they cross once:
+//! `xt = x0 - e` the turn. `u+` and `u-` are the absolute values of the upper and the lower torque bound. The line of the torque `u+`
+//! rises, and the two lines of the torque `-u-` fall. So the rising line crosses each falling line once:
 //!
 //! ```text
 //! the back-swing to xt is feasible iff
@@ -11,12 +11,12 @@
 //!     the line of u+ from xt is above V up to x1:   W(xt) > W(x) for xt < x <= x1,   W(x) = V(x) - u+ x
 //! ```
 //!
-//! From `x1` to the left, the second condition is true where `W` exceeds all its values between there and `x1`. So the first interval
-//! begins where `W` exceeds its value at `x1`, and ends at the next maximum of `W`. Beyond a maximum `W` falls. The next interval begins
-//! where `W` exceeds the value of this maximum. It ends at the next maximum, one revolution further, because
-//! `W(x - 2 pi) = W(x) + 2 pi u+`. So there is one interval per revolution, until a line of `-u-` ends. If `u+ >= |G|`, `W` has no maximum,
-//! and there is only one interval. With friction, curves of the phase plane replace the lines. Two curves of one torque do not cross, and
-//! two curves of different torques cross at most once.
+//! Let `xt` decrease from `x1`. The condition on `W` is true where `W(xt)` exceeds all values of `W` between `xt` and `x1`. So the first
+//! interval begins where `W` exceeds its value at `x1`, and ends at the next maximum of `W`. Beyond a maximum `W` falls. The next interval
+//! begins where `W` exceeds the value of this maximum. It ends at the next maximum, one revolution further, because
+//! `W(x - 2 pi) = W(x) + 2 pi u+`. So there is one interval per revolution, as far as both lines of `-u-` reach. If `u+ >= |G|`, `W` has no
+//! maximum, and there is only one interval. With friction, curves of the phase plane replace the lines. Two curves of one torque do not
+//! cross, and two curves of different torques cross at most once.
 
 use super::search::Window;
 use std::cell::LazyCell;
@@ -38,7 +38,7 @@ impl<F: FnOnce() -> f64> Windows<F> {
     pub fn new(low: f64, crest: f64, most: f64, recovery: F) -> Self {
         let mut windows = Windows { low, crest, most, recovery: LazyCell::new(recovery) };
         if crest <= 0.0 && most > 0.0 {
-            // Continue to the last maximum between x1 and x0, if there is another one.
+            // The first maximum is between x1 and x0. Continue from the last maximum between them.
             let turn = windows.turn();
             if turn < f64::INFINITY {
                 windows.crest += turn * (-crest / turn).floor();
@@ -52,7 +52,7 @@ impl<F: FnOnce() -> f64> Windows<F> {
         windows
     }
 
-    /// The distance from a maximum of `W` to the first maximum beyond `recovery`, a whole number of revolutions, rad.
+    /// The distance, rad, from a maximum of `W` to the first maximum beyond `recovery`. It is a whole number of revolutions.
     fn turn(&self) -> f64 {
         TAU * ((*self.recovery / TAU).floor() + 1.0)
     }

@@ -47,8 +47,8 @@ impl PathProblem<'_> {
         self.widest = (0..self.rows.s.len()).map(bound).collect();
     }
 
-    /// Set the caps at the grid points from the reduced speed limits and the stops. At both ends of the path, a reduction never lowers the
-    /// cap below a prescribed speed that the unreduced limit allows.
+    /// Set the caps at the grid points from the reduced speed limits and the stops. At an end of the path, the reduced cap is at least the
+    /// prescribed squared speed, if the unreduced limit allows this speed.
     pub fn set_caps(&mut self) {
         let points = self.rows.s.len();
         self.rows.cap.resize(points, FASTEST);

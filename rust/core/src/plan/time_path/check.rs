@@ -117,10 +117,12 @@ pub(super) fn state(rows: &LimitRows, x: &[f64], i: usize, z: f64) -> (f64, f64)
     (here.max(0.0), 0.5 * (x[i + 1] - x[i]) / h + (z - 0.5) * h * b)
 }
 
-/// Compute `[tau, a, v]`, `(3 n,)`, and the frame's acceleration and velocity by the dynamics, as fractions of limits that vary.
+/// Compute `[tau, a, v]`, `(3 n,)`, and the frame's acceleration and velocity by the dynamics. A quantity whose limit varies is divided by
+/// this limit.
 ///
-/// Each listed segment has `per` places: its middle, or samples at time steps that are equal for constant `u`. Equal steps in `s` would not
-/// suffice near rest, because viscous friction is proportional to `sqrt(x)`, which is not a parabola in `s`.
+/// Each listed segment has `per` places. One place is the middle of the segment. Several places are samples at equal time steps of a motion
+/// with constant `u`. Equal steps in `s` would not suffice near rest, because viscous friction is proportional to `sqrt(x)`, which is not a
+/// parabola in `s`.
 pub(super) fn measure(course: &Course, rows: &LimitRows, x: &[f64], list: &[usize], per: usize, values: &mut Vec<f64>) {
     let (n, stride) = (course.n, course.measured());
     let count = list.len() * per;
@@ -133,7 +135,7 @@ pub(super) fn measure(course: &Course, rows: &LimitRows, x: &[f64], list: &[usiz
     let place = |k: usize| {
         let (i, t) = (list[k / per], (k % per) as f64 / FINE as f64);
         let (from, to) = (x[i].sqrt(), x[i + 1].sqrt());
-        // With rest at both ends, constant `u` gives no time steps. Then the places have equal steps in `s`.
+        // If the speed is zero at both ends of the segment, no motion has constant `u`. Then the places have equal steps in `s`.
         let even = if from + to > 0.0 { t * (2.0 * from + t * (to - from)) / (from + to) } else { t };
         (i, if per == 1 { 0.5 } else { even.min(1.0) })
     };

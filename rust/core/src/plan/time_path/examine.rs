@@ -223,8 +223,8 @@ impl<F: FnMut(usize, usize, f64, f64)> Examine<'_, F> {
     }
 }
 
-/// The second difference of a row at sample `sub`. This is a function, because the compiler may not inline a closure. Such a closure would
-/// not be compiled for the instruction set.
+/// The second difference of a row at sample `sub`. If this were a closure, the compiler might not inline it, and not use the SIMD
+/// instructions of `run`.
 #[inline(always)]
 fn second_difference<S: Real>(values: &Fine<S>, sub: usize) -> S {
     values[sub - 1] - (values[sub] + values[sub]) + values[sub + 1]
@@ -276,7 +276,7 @@ impl<F: FnMut(usize, usize, f64, f64)> GenericKernel for Examine<'_, F> {
             }
             let (mut margin, mut excess, mut of_torque, mut at) = (S::splat(FASTEST), f64::NEG_INFINITY, f64::NEG_INFINITY, 0);
             for turn in 0..width / S::LANES {
-                // Sample the block nearest to its limits first. Skip blocks whose estimate is not nearer and at least `FAR_ENOUGH` away.
+                // The block nearest to its limits is first. Skip a block if its estimate exceeds both `FAR_ENOUGH` and the smallest margin.
                 let block = if turn == 0 { nearest } else { turn - usize::from(turn <= nearest) };
                 let k = block * S::LANES;
                 if turn > 0 && window.is_some() && most[block] <= -FAR_ENOUGH && most[block] <= largest(-margin) {

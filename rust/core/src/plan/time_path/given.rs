@@ -122,7 +122,7 @@ fn all_positive(name: &str, values: &[f64], n: usize) -> Result<()> {
     }
 }
 
-/// Refuse least torques `lo` that are not the negative largest torques `hi`, `(rows, n)`.
+/// Refuse torque limits, `(rows, n)` each, unless `lo` equals `-hi`.
 fn mirrored(lo: &[f64], hi: &[f64], n: usize) -> Result<()> {
     if lo.len() != hi.len() {
         return Err(Error::wrong_shape("tau_min", &[hi.len() / n, n], &[lo.len()]));

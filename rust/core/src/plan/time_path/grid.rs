@@ -11,7 +11,7 @@ pub(super) fn spans(s: &[f64], pieces: &[usize], spans: &mut Vec<(usize, usize)>
     let step = |i: usize| s[i + 1] - s[i];
     let mut first = 0;
     for i in 1..=pieces.len() {
-        // Equal steps differ by rounding. Halved steps differ by a factor of two or more.
+        // Steps of the same length differ only by rounding errors. Halved steps differ by a factor of two or more.
         if i == pieces.len() || pieces[i] != pieces[first] || !(1.5 * step(i) > step(first) && step(i) < 1.5 * step(first)) {
             spans.push((first, i));
             first = i;

@@ -17,8 +17,8 @@ use super::tip::{Ball, Tangent};
 use crate::scalar::Real;
 use nalgebra::Vector3;
 
-/// In the middle of a segment, a row has a margin: this fraction of its rise above the chord between both ends. A parabola within its limit
-/// at both ends, and with this margin in the middle, exceeds the limit by at most 0.141 of that rise.
+/// In the middle of a segment, a row is raised by this fraction of its rise above the chord between both ends. If a parabola is within its
+/// limit at both ends and, after the raise, in the middle, it exceeds the limit by at most 0.141 of that rise.
 const MIDDLE_MARGIN: f64 = 0.25;
 /// The relative tolerance of the test `L <= U`, for rounding errors.
 const ROUNDING: f64 = 1e-13;
@@ -29,7 +29,8 @@ pub(super) const STATIC_EXCESS: f64 = 3e-10;
 /// The number of rows is padded to a multiple of this number, which every lane count divides.
 pub(super) const BLOCK: usize = 8;
 
-/// The rows of a problem on a grid of `N` segments. Rows that never limit pad their number to `width`, a multiple of `BLOCK`.
+/// The rows of a problem on a grid of `N` segments. Rows that are always within their limits are added, so that `width` is a multiple of
+/// `BLOCK`.
 #[derive(Clone, Debug, Default)]
 pub(super) struct LimitRows {
     pub width: usize,
@@ -37,8 +38,8 @@ pub(super) struct LimitRows {
     pub coefficients: Vec<f64>,
     /// `(N, 3 width)`: the coefficients `A, B, g` of the rows `A u + B x + g` at the midpoints of segments.
     pub middles: Vec<f64>,
-    /// The part of `g` that vanishes at rest, from tangents of viscous friction: `(N + 1, width)` at grid points, `(N, width)` at
-    /// midpoints; empty without viscous friction.
+    /// The part of `g` from tangents of viscous friction. It is not part of a static torque. The shapes are `(N + 1, width)` at grid
+    /// points, `(N, width)` at midpoints; empty without viscous friction.
     pub moving: [Vec<f64>; 2],
     /// `(width,)`: the lower limits of the rows.
     pub lo: Vec<f64>,
@@ -184,12 +185,12 @@ impl Lines {
             let (tight_hi, tight_lo) = (load::<S>(&rows.tight_hi, i * w + k), load::<S>(&rows.tight_lo, i * w + k));
             let (b0, b2, bm) = (load::<S>(first, w + k), load::<S>(last, w + k), load::<S>(middle, w + k));
             let (g0, g2, gm) = (load::<S>(first, 2 * w + k), load::<S>(last, 2 * w + k), load::<S>(middle, 2 * w + k));
-            // The coefficients of `u` when `x + 2 u (s - s_i)` is the squared speed.
+            // The coefficients of `u` after `x + 2 u (s - s_i)` is inserted for the squared speed at `s`.
             let a0 = load::<S>(first, k);
             let a2 = (h + h).mul_add(b2, load::<S>(last, k));
             let am = h.mul_add(bm, load::<S>(middle, k));
-            // The constants that the slope of `u` adds. The slope changes neither the mean of `u` nor `x` at the end. A static torque does
-            // not contain these constants.
+            // The slope of `u` adds these constants to the rows. It changes neither the mean of `u` nor `x` at the end. A static torque
+            // does not contain these constants.
             let (p0, p2, pm) = (-(turn * a0), turn * load::<S>(last, k), -(dip * bm));
             let (p0, p2, pm) = if rubs {
                 let [points, middles] = &rows.moving;
@@ -213,7 +214,8 @@ impl Lines {
                 store(S::select(idle, -far, a.min(b)), &mut self.lower, at);
                 store(S::select(idle, zero, slope), &mut self.slope, at);
                 if S::any(idle) {
-                    // Rows without `u` bound `x`: `beta x` is between the margins. If `beta` is zero too, the margins must include zero.
+                    // Rows without `u` bound `x`: `beta x` is between `margin_lo` and `margin_hi`. If `beta` is zero too, zero must be
+                    // between them.
                     let still = beta.abs().lt(none);
                     let inverse = S::select(still, S::splat(1.0), beta).recip();
                     let (a, b) = (margin_hi * inverse, margin_lo * inverse);

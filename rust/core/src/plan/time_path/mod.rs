@@ -69,7 +69,8 @@ use std::sync::Arc;
 const CORRECTIONS: usize = 8;
 /// The largest number of doublings of a reduction without friction.
 const MOST_DOUBLINGS: usize = 7;
-/// The largest number of doublings of a reduction with friction. Each later correction reduces the limit on more neighbouring segments.
+/// The largest number of doublings of a reduction with friction. After these doublings, each correction reduces the limit on more
+/// neighbouring segments.
 const SPREAD: usize = 4;
 /// The largest number of passes that replace viscous friction by its chord.
 const CHORDS: usize = 40;
@@ -87,8 +88,8 @@ const HALVINGS: usize = 4;
 const DURATION_CHANGE: f64 = 1e-4;
 /// A relative excess between grid points above which segments are halved instead of corrected.
 const COARSE_EXCESS: f64 = 1e-3;
-/// A segment is halved if its loss of time exceeds this number times `fine`, as a fraction of the duration. `fine` is the relative excess
-/// above which a segment is halved.
+/// A segment is halved if its loss of time, as a fraction of the duration, exceeds `LARGEST_LOSS * fine`. It is also halved if its relative
+/// excess over a limit exceeds `fine`.
 const LARGEST_LOSS: f64 = 0.02;
 /// The reduction of a limit in the first correction, divided by the excess. This ratio doubles with each further correction, at most
 /// `MOST_DOUBLINGS` times, or `SPREAD` times with friction.
@@ -165,13 +166,12 @@ fn again(problem: &mut PathProblem, profile: &mut Profile) -> std::result::Resul
 /// Reduce the caps at the ends of segment `i` by the relative amount `past`, in correction `k`.
 fn reduce_caps(rows: &LimitRows, caps: &mut [f64], old: &[f64], i: usize, past: f64, k: usize) {
     let (x0, x1) = (rows.cap[i], rows.cap[i + 1]);
-    // If one cap is more than 1.2 times the other, reduce only the larger one: a cap grows without limit towards a point where the path
-    // turns back. From the third correction on, reduce both: the larger cap has only a second-order effect on an excess next to the smaller
-    // cap.
+    // Towards a point where the path turns back, a cap grows without limit. So if one cap is more than 1.2 times the other, reduce only the
+    // larger one. The larger cap has little effect on an excess next to the smaller cap. So reduce both from the third correction on.
     for (at, here, next, other) in [(i, x0, i + 1, x1), (i + 1, x1, i, x0)] {
         if here * 1.2 >= other || k >= 2 {
-            // At an end with a prescribed speed above zero, the cap is never below this speed. Then mainly the other cap is reduced, and
-            // the excess decreases slowly. So the reduction of the other cap doubles once more with each correction.
+            // If the other end of the segment has a prescribed speed, its cap is never below this speed. Then the excess would decrease
+            // slowly. So the reduction of the cap at this end grows by a further factor of two with each correction.
             let prescribed = (next == 0 && rows.x_start > 0.0) || (next + 1 == rows.cap.len() && rows.x_end > 0.0);
             let past = if prescribed { past * (1 << k.min(MOST_DOUBLINGS)) as f64 } else { past };
             caps[at] = caps[at].max(old[at] + past);

@@ -40,7 +40,7 @@ fn extrema(c: &Polynomial, places: &mut Vec<f64>) {
                 }
                 roots.push(low);
             } else if part[1] < 1.0 {
-                // Without a change of sign, the part has no root inside. Its end is kept, because a root may touch zero at the end.
+                // Without a change of sign, the part has no root inside. Its end is kept, because the polynomial may touch zero there.
                 roots.push(part[1]);
             }
         }

@@ -228,9 +228,9 @@ impl<'a> RateSamples<'a> {
     }
 }
 
-/// Return four numbers from the values at some samples. They are the largest, the smallest, a bound of the excess over these between
-/// samples, and the largest change between neighbours. The bound is half of the largest second difference. A function with a corner halfway
-/// between two samples reaches it.
+/// Return four numbers from sampled values: the largest, the smallest, a bound, and the largest change between neighbours. Between samples,
+/// the function exceeds the largest or smallest sample by at most the bound. The bound is half of the largest second difference. A function
+/// with a corner halfway between two samples reaches this bound.
 #[inline(always)]
 fn span(samples: std::ops::RangeInclusive<usize>, value: impl Fn(usize) -> f64) -> [f64; 4] {
     let (mut before, mut change) = (value(*samples.start()), f64::NAN);

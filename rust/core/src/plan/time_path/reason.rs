@@ -133,7 +133,7 @@ pub struct PathReason {
     /// The missing amount in the unit of the limit. For a start or end speed, it is `missing` times the limit.
     pub missing_units: f64,
     /// For an infeasible start speed, the feasible path speed `ds/dt` nearest to it. For an infeasible end speed, the largest `ds/dt` that
-    /// the speed limits and stops allow there. In the unit of `s` per second; else NaN.
+    /// the speed limits and stops allow there. The unit is the unit of `s` per second. For every other condition, `speed` is NaN.
     pub speed: f64,
     /// The joint position that exceeds its limit, rad or m; else NaN.
     pub position: f64,

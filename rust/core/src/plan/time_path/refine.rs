@@ -3,16 +3,16 @@
 use super::check::WINDOW;
 use super::setup::PathProblem;
 
-/// The smallest number of neighbouring segments that are halved together, unless the group of equal segments has fewer. They have enough
-/// points for an interpolation.
+/// The smallest number of neighbouring segments that are halved together, unless the group of equal segments has fewer. A run of this
+/// length has enough points for an interpolation.
 const RUN: usize = WINDOW - 1;
 /// The largest number of halvings of a segment from one grid to the next.
 const MOST_HALVINGS: u32 = 3;
 
 impl PathProblem<'_> {
-    /// Halve segment `i` `times(i)` times, at most `MOST_HALVINGS`. A run of neighbouring segments is halved together, as often as the
-    /// largest `times` of the run and of the two segments next to it. So its rows can be interpolated. Return whether any segment was
-    /// halved.
+    /// Halve every segment `i` at least `times(i)` times, but at most `MOST_HALVINGS` times. All segments of a run are halved equally
+    /// often, so that their rows can be interpolated. This number is the largest of `times` in the run and in the two segments next to it.
+    /// Return whether any segment was halved.
     pub fn refine(&mut self, times: impl Fn(usize) -> u32) -> bool {
         let (mut fine, mut pieces) = (Vec::new(), Vec::new());
         let s = &self.rows.s;

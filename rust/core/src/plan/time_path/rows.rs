@@ -59,11 +59,11 @@ pub(super) struct Points<'a> {
 
 pub(super) enum Request<'a> {
     /// Compute `[A, B, g]`, each `width` long: torques if `torques`, then accelerations if `accelerations`, then the frame's acceleration
-    /// if `origins`. Write `dq/ds` to `slopes`, `(count, slope_stride)`, then `|dp/ds|` of the frame's origin `p`. Numbers of the frame are
-    /// divided by limits that vary.
+    /// if `origins`. Write `dq/ds` to `slopes`, `(count, slope_stride)`, then `|dp/ds|` of the frame's origin `p`. A quantity of the frame
+    /// is divided by its limit if this limit varies.
     Coefficients { width: usize, torques: bool, accelerations: bool, origins: bool, slopes: &'a mut [f64], slope_stride: usize },
-    /// Compute `[tau, a, v]`, `(3 n,)`, at the path speed and path acceleration that `rate` returns; then the frame's acceleration and
-    /// velocity, divided by limits that vary.
+    /// Compute `[tau, a, v]`, `(3 n,)`, at the path speed and path acceleration that `rate` returns. Then compute the frame's acceleration
+    /// and velocity. Each of these is divided by its limit if this limit varies.
     Motion { rate: &'a (dyn Fn(usize) -> (f64, f64) + 'a) },
 }
 
@@ -71,7 +71,7 @@ pub(super) enum Request<'a> {
 const BLOCK_POINTS: usize = 64;
 
 impl Points<'_> {
-    // Long: all its parts share the arrays of one block of points.
+    // Long: all parts of the function share the arrays of one block of points.
     pub fn run(self) {
         let Points { mover, path, at, count, stride, out, mut request, tip } = self;
         let n = mover.dof();

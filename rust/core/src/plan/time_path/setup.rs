@@ -52,7 +52,8 @@ pub(super) struct PathProblem<'a> {
     pub bare: Vec<f64>,
     /// `(N + 1,)`: the relative reduction of the caps.
     pub cap_tight: Vec<f64>,
-    /// `(N + 1,)`: the strictest speed limit at each point, as its row in `limits`, and the bound of `x` from it without reduction.
+    /// `(N + 1,)`: the strictest speed limit at each point. The entries are its row in `limits` and the bound of `x` that the limit gives
+    /// without reduction.
     pub widest: Vec<(usize, f64)>,
     /// Path positions where the motion stops.
     pub stops: Vec<f64>,

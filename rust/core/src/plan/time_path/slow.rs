@@ -23,8 +23,8 @@ const SLOWEST: f64 = 1e-12;
 /// The relative accuracy of the factor `c` that multiplies the squared path speed.
 const SHARE: f64 = 1e-6;
 
-/// Slow down the profile that exceeded its limits least, and return this timing or `best`, whichever is faster. The result is `best`
-/// without friction, and if a start or end speed is above zero. It is also `best` if the profile exceeds a limit even with `SLOWEST`.
+/// Slow down the profile that exceeded its limits least, and return this timing or `best`, whichever is faster. Without friction, or with a
+/// start or end speed above zero, return `best`. Also return `best` if the profile exceeds a limit even with `SLOWEST`.
 pub(super) fn slowed(
     problem: &mut PathProblem,
     samples: &mut Samples,

@@ -6,7 +6,7 @@
 //!
 //! The rows are smooth within a piece, where the grid has equal steps. Across knots the third derivative of the path jumps.
 
-/// The weights `w_k` for every offset `o` of a segment and every place in the segment.
+/// The weights `w_k` for every offset `o` of a segment from the first grid point of the interpolation, and for every place in the segment.
 pub(super) struct Stencil<const NODES: usize> {
     /// `weights[o][k]`: the `NODES` weights for the offset `o` of a segment and the place with index `k`.
     weights: Vec<Vec<[f64; NODES]>>,

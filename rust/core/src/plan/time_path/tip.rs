@@ -62,7 +62,8 @@ pub(super) struct Tip {
 /// Numbers per point: three components of the acceleration, then three of the velocity.
 pub(super) const TIP: usize = 6;
 
-/// In the slope of the root, `A^2 - |c x + d|^2` counts as at least this fraction of `A^2`, because the slope is infinite at zero.
+/// The slope of the root `sqrt(A^2 - |c x + d|^2)` is infinite where the root is zero. So the slope is computed with a radicand of at least
+/// this fraction of `A^2`.
 const STEEP: f64 = 1e-14;
 
 /// The interval of `u` that satisfies the limit of acceleration at one point of a segment.
@@ -72,7 +73,8 @@ pub(super) struct Ball {
     middle: [f64; 2],
     /// The vectors `c` and `d`: the parts of `b` and `m` perpendicular to `a`, in the acceleration `a u + b x + m`.
     across: [Vector3<f64>; 2],
-    /// The limit `A` of the norm of the frame's acceleration, m/s^2, after its reduction; as a fraction if the limit varies along the path.
+    /// The reduced limit `A` of the norm of the frame's acceleration, m/s^2. If the limit varies along the path, `A` is a fraction of this
+    /// limit.
     radius: f64,
     /// `1 / |a|`; zero if `a = 0`, so that `u` does not accelerate the frame's origin.
     by: f64,
