@@ -17,17 +17,17 @@ use crate::linalg::{axpy, dot};
 use crate::memory;
 use crate::spatial::{PARAMETERS, parameter};
 
-/// Distance from the span of earlier columns, relative to the length of the column, below which a column is dependent. For well spread
-/// states, rounding errors are 1e-13. The smallest distance of an independent column is above 1e-4 for models of real arms.
+/// A column is dependent if its distance from the span of the earlier columns, divided by its norm, is below this limit. Rounding errors
+/// are about 1e-13 for well spread states. For models of real arms, the smallest distance of an independent column is above 1e-4.
 const DEPENDENT: f64 = 1e-8;
 /// A column whose norm is below this fraction of the largest norm counts as zero.
 const ZERO_COLUMN: f64 = 1e-12;
-/// Number of rows of the stacked regressor per column. With this number, random states are far from singular.
+/// Number of rows per column of the stacked regressor. Rows at random states in this number give the regressor its full rank.
 const ROWS: usize = 3;
 /// Number of states whose regressors are computed together.
 const BLOCK: usize = 16;
 
-/// The independent columns of a matrix `W`, found by rank decisions.
+/// The independent columns `W_b` of a matrix `W`, and the combinations of them that give all columns.
 ///
 /// ```
 /// use armlet_core::analysis::base_parameters::independent_columns;
@@ -89,7 +89,7 @@ pub fn independent_columns(columns: &mut [Vec<f64>]) -> Independent {
     let b = out.columns.len();
     out.projection = vec![0.0; b * p];
     for (j, coefficients) in r.iter().enumerate() {
-        // Solve `R_b x = column j of R`, where `R_b` is the triangle of the independent columns.
+        // Solve `R_b x = column j of R`, where `R_b` is the triangular factor of the independent columns.
         let mut x = coefficients.clone();
         x.resize(b, 0.0);
         for k in (0..b).rev() {
@@ -98,7 +98,7 @@ pub fn independent_columns(columns: &mut [Vec<f64>]) -> Independent {
                 x[i] -= r[out.columns[k]][i] * x[k];
             }
         }
-        // A part is `|x_k|` times the norm of its column. Parts below 1e-10 of the largest part are rounding errors.
+        // The norm of one term in the combination that gives column `j`. Terms below 1e-10 of the largest term are rounding errors.
         let part = |k: usize| x[k].abs() * norms[out.columns[k]];
         let scale = (0..b).fold(0.0f64, |a, k| a.max(part(k)));
         for k in 0..b {
@@ -113,7 +113,7 @@ fn snapped(x: f64) -> f64 {
     if (x.abs() - 1.0).abs() < 1e-11 { x.signum() } else { x }
 }
 
-/// The base parameters of an arm, and the rank decisions.
+/// The base parameters of an arm: the independent columns of its regressor, and the names of all parameters.
 ///
 /// ```
 /// # use armlet_core::arm::Arm;
@@ -139,15 +139,15 @@ fn fill(state: &mut u64, scale: f64, x: &mut [f64]) {
     x.iter_mut().for_each(|x| *x = scale * (2.0 * uniform(state) - 1.0));
 }
 
-/// Compute the base parameters of `arm` under the gravity of the model. `armature` and `friction` add the parameters of joints. Errors:
-/// `Memory` if the memory does not suffice, and `Input` for `armature` or `friction` of a planar PR arm.
+/// Compute the base parameters of `arm` under the gravity of the model. `armature` adds the rotor inertias to the parameters, and
+/// `friction` adds viscous and Coulomb friction. Errors: `Memory` if the memory does not suffice, and `Input` for `armature` or `friction`
+/// of a planar PR arm.
 pub fn base_parameters(arm: &Model, armature: bool, friction: bool) -> Result<BaseParameters> {
     let n = arm.n();
     let query = Query { armature, friction, ..Quantity::Regressor.into() };
     let names = arm.column_names(armature, friction);
     let p = names.len();
     let states = if n == 0 { 0 } else { (ROWS * p).div_ceil(n) };
-    // Require memory for the columns, their triangle with its projection, and a block of the regressor.
     memory::require(8 * p.saturating_mul(states * n + 3 * p + BLOCK * n))?;
     let mut columns: Vec<Vec<f64>> = (0..p).map(|_| memory::reserved(states * n)).collect::<Result<_>>()?;
     let mut state = 2022;

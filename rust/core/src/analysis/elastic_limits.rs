@@ -1,13 +1,13 @@
 //! Limits of the control of elastic joints. Units are those of revolute joints; for a prismatic joint, replace rad by m, N m by N and kg
 //! m^2 by kg.
 //!
-//! - Sampled motor loop: the largest sample time for a reduced inertia `B0`, and the smallest `B0` for a sample time. They depend on the
-//!   damping ratio and on a torque sensor.
+//! - Sampled motor loop: the largest stable sample time for a reduced inertia `B0`, and the smallest stable `B0` for a sample time. Both
+//!   depend on the damping ratio and on the bandwidth of a torque sensor.
 //! - Stiffness limit of one joint (Routh): `k < K_J (1 + d/D0)(1 - d B0/(D0 M))`. With `D0 = 2 sqrt(B0 K_J)` the limit is
 //!   `K_J (1 + d/D0)(1 - d D0/(4 M K_J))`. Here `M` and `d` are inertia and damping of the link, `B0` and `D0` those of the motor.
-//! - Stiffness scale: the largest factor `kappa` of the law's stiffness with a stable loop. The stiffness is `K_m` of a Cartesian
+//! - Stiffness scale: the largest factor `kappa` of the law's stiffness for which the loop is stable. The stiffness is `K_m` of a Cartesian
 //!   impedance, or `kp` of a PD law. The loop is linearised at its equilibrium. It is stable if every eigenvalue has a negative real part.
-//!   Eigenvalues of free motions do not count.
+//!   No torque opposes a *free motion*, so its zero eigenvalues do not count.
 
 use super::equilibrium::equilibrium;
 use crate::error::{Error, Result, positive};
@@ -42,8 +42,8 @@ pub fn smallest_reduced_inertia(inertia: f64, stiffness: f64, sample_time: f64, 
         look();
         let damping = 2.0 * damping_ratio * (b0 * stiffness).sqrt();
         let motor = LockedMotors::single(inertia, stiffness, b0, damping, bandwidth);
-        // Above the first limit there are isolated stable sample times, because the motor swings back just before the next sample. They are
-        // excluded: seven shorter sample times must be stable too.
+        // A longer sample time can be stable again, because the motor swings back just before the next sample. Such isolated sample times
+        // are excluded: seven shorter sample times must be stable, too.
         (1..=SHORTER).rev().all(|k| motor.radius(sample_time * f64::from(k) / f64::from(SHORTER)) < 1.0)
     };
     const SHORTER: u32 = 8;
@@ -131,7 +131,7 @@ pub struct ElasticLimits {
     pub sample_time_max: f64,
     /// For each joint: the smallest `B0`, kg m^2, at the requested sample time; empty without a sample time.
     pub reduced_inertia_min: Vec<f64>,
-    /// For each joint: the stiffness limit with the other joints held, N m/rad.
+    /// For each joint: the largest stable stiffness if the other joints are locked, N m/rad.
     pub stiffness_max: Vec<f64>,
     /// For each joint: the stiffness of the law, N m/rad, which `stiffness_max` bounds: `(J' K_m J)_ii`, or `kp_ii` for a PD law.
     pub stiffness: Vec<f64>,

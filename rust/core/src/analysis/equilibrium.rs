@@ -7,8 +7,9 @@
 //! `x = x_E = x_d + K_m^-1 F` is a solution, if such a pose is reachable. Another solution is spurious: `J' p = 0` with
 //! `p = K_m (x_d - x) + F != 0`, where `J` loses rank. [`Equilibrium::spurious`] marks it.
 //!
-//! A null space adds `N' tau_0`. An integral adds its wrench `w`, with `K_i e = 0`. Limits of the law may hold the arm away from `x_E`. A
-//! wall and joint stops add their forces. A law that regulates motors has its equilibrium where `tau(q, theta) = K (theta - q) = tau_E`.
+//! A law with a null space adds `N' tau_0` to its output. An integral with the gain `K_i` adds a wrench `w` to the spring, and requires
+//! `K_i e = 0`. Limits of the law may hold the arm away from `x_E`. A wall and joint stops add their forces to `F`. A law that regulates
+//! motors has its equilibrium where `tau(q, theta) = K (theta - q) = tau_E`.
 
 use super::loop_slope::{Modes, loop_modes};
 use super::rest::Rest;
@@ -52,9 +53,8 @@ pub struct Equilibrium {
     /// Whether the pose `x_d + K_m^-1 F`, or `x_d` with an integral, can be reached. A wall, a stop or a limit of the law may prevent this.
     /// For a law of joints: whether neither the wall nor a stop is in contact.
     pub reachable: bool,
-    /// Whether the virtual spring of the law is not balanced by the external force and the contacts. Their total wrench `p` is then not
-    /// zero, although no torque limit is active. For a law that regulates motors with the plant's model: whether the arm is away from its
-    /// target without a force and a contact.
+    /// Whether the total wrench `p` of spring, external force and contacts is not zero, although no torque limit is active. For a law that
+    /// regulates motors with the plant's model: whether the arm misses its target without an external force and a contact.
     pub spurious: bool,
     /// Force of the wall on its frame, `(3,)`, N, world axes.
     pub wall_force: [f64; 3],
@@ -72,7 +72,8 @@ struct Balance {
     /// limits.
     p: Vec<f64>,
     x: Vec<f64>,
-    /// Whether the total wrench would not be zero without the limits of the law, or the integral gain times the error is not zero.
+    /// Whether the law misses its goal: the total wrench without the limits of the law is not zero, or `K_i e` is not zero. `K_i` is the
+    /// integral gain.
     short: bool,
     /// The largest absolute value of an entry of the total wrench `p` that counts as a rounding error.
     rounding: f64,
@@ -152,7 +153,8 @@ pub(super) fn joint_view(plant: &PlantSpec, law: &LawSpec, q: &[f64]) -> (Vec<f6
 
 /// The part of the wrench `p` in the null space of `J'`. This part loads no joint.
 fn unfelt(law: &CartesianImpedanceSpec, q: &[f64], p: &[f64]) -> Result<Vec<f64>> {
-    /// Squared singular values below this fraction of the largest count as zero, because the equilibrium is known to 1e-9.
+    /// Squared singular values below this fraction of the largest count as zero. They are not exact, because the equilibrium has an error
+    /// of about 1e-9.
     const SINGULAR: f64 = 1e-12;
     let (n, m) = (q.len(), p.len());
     let (_, j) = TargetError::new(law).at(q);
@@ -255,11 +257,11 @@ pub fn equilibrium(plant: &PlantSpec, law: &LawSpec, wrench: &[f64; 6], force_fr
         theta = q.iter().zip(stretch).map(|(q, s)| q + s).collect();
         state.extend(&theta);
     }
-    // Speeds are zero, and bristles of friction have no load.
+    // At rest, speeds and deflections of friction bristles are zero.
     state.resize(plant.states(), 0.0);
     let (mut reachable, mut spurious, mut x) = (!pressed, false, q.clone());
     if let LawSpec::CartesianImpedance(task) = &held {
-        // The external force on the law's spring. It acts on the spring only at the law's frame.
+        // The external wrench in the coordinates of the task, if it acts at the frame of the task.
         let same = force_frame.is_none_or(|frame| frame == task.coordinates.frame);
         let push: Vec<f64> = task.coordinates.rows.iter().map(|&row| if same { wrench[row] } else { 0.0 }).collect();
         let Balance { mut p, x: position, short, rounding } = Balance::of(task, &push, &integral, &q);

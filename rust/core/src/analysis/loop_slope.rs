@@ -73,10 +73,10 @@ pub struct Modes {
 /// A free motion without damping is a Jordan block, `d q_dot = d v`, `d v_dot = 0`. The rounding error of `A` splits the two zero
 /// eigenvalues of this block by the square root of this error, to both sides of zero. So the free motions `N`, with `A N = 0`, are removed
 /// first. The other eigenvalues are the eigenvalues of `Q' A Q`, with `[N Q]` orthogonal. A singular value counts as zero if it is at most
-/// `FREE` times the largest. Times are in units of the fastest mode.
+/// `FREE` times the largest. For these singular values, the unit of time is the reciprocal of the largest absolute eigenvalue.
 pub fn loop_modes(plant: &PlantSpec, law: &LawSpec, x: &[f64], z: &[f64], wrench: &[f64; 6], force_frame: Option<usize>) -> Result<Modes> {
     const FREE: f64 = 1e-10;
-    /// A real part below this limit, in units of the fastest mode, counts as a rounding error.
+    /// A real part below this fraction of the largest absolute eigenvalue counts as a rounding error.
     const ROUNDED_REAL_PART: f64 = 1e-9;
     let (n, s) = (plant.n(), x.len() + z.len());
     let slope = loop_slope(plant, law, 0.0, x, z, wrench, force_frame);

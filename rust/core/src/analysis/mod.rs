@@ -1,5 +1,5 @@
-//! Analysis of an arm and of a closed loop without a run. Topics are linearisation, base parameters, physical consistency, identification,
-//! inverse kinematics, momentum observers, suggested gains, equilibria and limits.
+//! Analysis of an arm and of a closed loop without simulation. Topics are linearisation, base parameters, physical consistency,
+//! identification, inverse kinematics, momentum observers, suggested gains, equilibria and limits.
 
 pub mod base_parameters;
 pub mod consistency;

@@ -9,9 +9,9 @@
 //! `K` is the joint stiffness, and `Kt` the torque gain of the law. For a law with a potential, `r` is minus its gradient. Then Newton's
 //! method, with the absolute values of the eigenvalues of `-dr/dy`, descends to a minimum of the potential.
 //!
-//! A law with a null space, an integral or limits has no potential. Its unknowns `y = [q, w]` include its integral `w`. They follow the
-//! differential equation `M q_dot = r`, `w_dot = K_i e`, by implicit steps `d` whose size `h` grows: `(diag(M, 1)/h - dr/dy) d = r`
-//! (pseudo-transient continuation).
+//! A law with a null space, an integral or limits has no potential. Its unknowns `y = [q, w]` include its integral `w`. The search
+//! integrates `M q_dot = r`, `w_dot = K_i e` in time until the equilibrium is reached (pseudo-transient continuation). Each implicit step
+//! `d` solves `(diag(M, 1)/h - dr/dy) d = r`, with a step size `h` that grows.
 
 use crate::dynamics::ArmAt;
 use crate::error::{Error, Result, finite};
@@ -72,7 +72,7 @@ impl Rest<'_> {
         const STEPS: usize = 1000;
         /// The largest motion of a joint in one step, rad or m. A longer step is repeated with a smaller `h`.
         const REACH: f64 = 0.3;
-        /// The largest `h`, times the fastest rate. It prevents rounding errors from growing along directions without stiffness.
+        /// The largest product of `h` and the fastest rate. It prevents rounding errors from growing along directions without stiffness.
         const LONGEST: f64 = 1e8;
         let n = q.len();
         q.extend(self.law.initial_state());

@@ -5,8 +5,9 @@
 //! sigma^2 = min over |u| = 1 of  sum over the selected j of |W_j u|^2
 //! ```
 //!
-//! `u` is in the space of directions that all candidates together determine. First, samples are added one after another. Each has the
-//! largest effect in the weakest directions `u` so far. Then samples are exchanged for others as long as this increases `sigma`.
+//! `u` is in the space of directions that all candidates together determine. First, samples are added one after another. Each added sample
+//! has the largest effect in the directions `u` that are weakest so far. Then samples are exchanged for others as long as this increases
+//! `sigma`.
 
 use crate::error::{Error, Result, finite};
 use crate::interrupt::look;
@@ -147,7 +148,7 @@ fn shown(rows: &[f64], n: usize, p: usize) -> Result<Candidates> {
     Ok(Candidates { z, n, r: kept })
 }
 
-/// Choose samples one after another. Each has the largest effect in the weakest directions so far.
+/// Choose samples one after another. Each has the largest effect in the directions that are weakest so far.
 fn first_choice(candidates: &Candidates, count: usize) -> Result<Vec<usize>> {
     let r = candidates.r;
     let (mut gram, mut chosen): (Vec<f64>, Vec<usize>) = (vec![0.0; r * r], Vec::with_capacity(count));

@@ -9,8 +9,8 @@
 //! of `diag(m)^-1 M` in (0, 1]. So the natural frequency is `w / sqrt(l) >= w`, and the damping ratio `z / sqrt(l) >= z`.
 //!
 //! If the input is constant over a sample `h`, the loop is `x_(k+1) = [1 h; 0 1] x_k - [h^2/2; h] [kp kd] x_k / l`. It is stable if and
-//! only if `kd h < 2 l` and `kp h < 2 kd` (Jury), that is `w h < min(4 z, l / z)`. Gains of decoupled joints: `SicilianoEtAl2009`, section
-//! 8.5.
+//! only if `kd h < 2 l` and `kp h < 2 kd` (Jury), that is `w h < min(4 z, l / z)`. For the gains of decoupled joints, see
+//! `SicilianoEtAl2009`, section 8.5.
 
 use super::uniform::within;
 use crate::dynamics::Model;
@@ -72,7 +72,7 @@ impl SuggestedGains {
         self.sample_time.map(|h| ((4.0 * z).min(self.lightest / z) / h, (4.0 * z).min(1.0 / z) / h))
     }
 
-    /// The slowest decay rate and the largest absolute value of a pole, of all modes at the samples, rad/s, for a continuous law.
+    /// For a continuous law: the slowest decay rate and the largest absolute value of a pole, rad/s, of all modes at all samples.
     pub fn poles(&self) -> (f64, f64) {
         let (w, z) = (self.bandwidth, self.damping_ratio);
         let of = |l: f64| {

@@ -1,17 +1,16 @@
-//! The result of the search from one start, and functions for two kinds of steps: steps for all tasks together, and steps in priority.
+//! The result of the search from one start, and functions that `damped` and `newton` share.
 
-/// In one step, a joint moves by this fraction of the distance to the middle of its range, for errors of order one. The fraction decreases
-/// with the errors, so that the last steps are Newton steps.
+/// A step aims to move each joint by at most this fraction of its distance to the middle of its range. Errors below 1 (m or rad) reduce the
+/// fraction, so that the last steps are Newton steps.
 pub(super) const CENTRING: f64 = 0.2;
 
-/// The result of the search from one start.
 #[derive(Clone, Debug, Default)]
 pub(super) struct StartResult {
     /// Joint positions, `(n,)`, rad or m.
     pub q: Vec<f64>,
     /// Largest error of each task, m or rad; zero where the task is reached.
     pub misses: Vec<f64>,
-    /// Whether the steps ended for another reason than their largest number: at the goal or without progress.
+    /// Whether the search ended at the goal or without progress. It is false after the largest number of steps.
     pub resting: bool,
 }
 

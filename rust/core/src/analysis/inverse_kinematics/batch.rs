@@ -1,6 +1,6 @@
 //! Inverse kinematics of many targets, in threads. Each row is one search, from one start to one target.
 //!
-//! A row has the results of a single call. They do not depend on the other rows or on the number of threads.
+//! The result of a row equals the result of a single call. It does not depend on the other rows or on the number of threads.
 
 use super::{IkOptions, IkSolver};
 use crate::arm::Arm;

@@ -2,10 +2,10 @@
 //!
 //! `dq = z + J' (J J' + (0.3 |e|^2 + floor) 1)^-1 (e - J z)`,  with the motion `z` towards the middle of the ranges.
 //!
-//! `1` is the identity matrix. `J` and `e` have the rows of all tasks, each divided by the size of its Jacobian row. So `e` has the unit of
-//! joint positions. Far from the goal, the damping shortens steps along directions with small singular values. Near the goal, the damping
-//! decreases faster than the error, so a step approaches a Newton step. No singular values are computed. With more rows than joints, the
-//! same step is computed from `J' J`.
+//! `1` is the identity matrix. `J` and `e` have the rows of all tasks. Each row is divided by the largest norm of its Jacobian row at
+//! sampled positions. So `e` has the unit of joint positions. Far from the goal, the damping shortens steps along directions with small
+//! singular values. Near the goal, the damping decreases faster than the error, so a step approaches a Newton step. No singular values are
+//! computed. With more rows than joints, the same step is computed from `J' J`.
 
 use super::super::uniform::{mirror, within};
 use super::attempt::{StartResult, advance, aim_at_middle, better, blocked, clip, largest, misses_of};
@@ -22,21 +22,21 @@ const FLOOR: f64 = 1e-12;
 /// If the square of the error decreases by less than this fraction in `PROGRESS_STEPS` steps, a start ends.
 const PROGRESS: f64 = 0.02;
 const PROGRESS_STEPS: usize = 8;
-/// Number of pairs of positions at which the size of Jacobian rows is measured. The positions of a pair are mirror images, so that a
-/// mirrored arm has the same sizes.
+/// Number of pairs of positions at which the norms of Jacobian rows are computed. The positions of a pair are mirror images, so that a
+/// mirrored arm has the same norms.
 const SAMPLES: usize = 4;
 
 /// Damped steps of one arm and its tasks.
 #[derive(Clone)]
 pub(super) struct Damped {
     stack: TaskStack,
-    /// The reciprocal size of each row of the Jacobian, `(rows,)`.
+    /// For each row of the Jacobian, the reciprocal of its largest norm at the sampled positions, `(rows,)`.
     weights: Vec<f64>,
     e: Vec<f64>,
     w: Vec<f64>,
     /// Weighted Jacobian, `(rows, n)`. The columns of held joints are zero.
     j: Vec<f64>,
-    /// The matrix of the step, `(k, k)`, and later its Cholesky factor; `k` is the smaller of rows and joints.
+    /// The matrix of the step, `(k, k)`, and later its Cholesky factor. `k` is the smaller one of the numbers of rows and joints.
     gram: Vec<f64>,
     y: Vec<f64>,
     /// The error without the part that the centring motion `z` changes, `e - J z`, `(rows,)`.
@@ -47,7 +47,7 @@ pub(super) struct Damped {
     misses: Vec<f64>,
 }
 
-/// The limits of a descent.
+/// The limits of the search from one start: positions, tolerance of errors, length of a step, and number of steps.
 pub(super) struct Reach<'a> {
     /// Lower and upper limit of each joint, rad or m.
     pub bounds: &'a [(f64, f64)],
@@ -57,7 +57,7 @@ pub(super) struct Reach<'a> {
 }
 
 impl Damped {
-    /// Create the steps for these tasks. Jacobian rows are measured at positions within `bounds`.
+    /// Create the steps for these tasks. The norms of Jacobian rows are computed at positions within `bounds`.
     pub fn new(arm: &Arm, functions: &[TaskFunction], bounds: &[(f64, f64)], angles: &[bool]) -> Self {
         let (n, rows) = (arm.n(), functions.iter().map(TaskFunction::rows).sum());
         let k = n.min(rows);
@@ -92,8 +92,8 @@ impl Damped {
         damped
     }
 
-    /// Take steps from `q`, within the limits, until all tasks are reached, until progress ends, or up to the largest number of steps. The
-    /// best result is written to `found`. Return false if the largest number of steps ended them.
+    /// Take steps from `q`, within the limits, until all tasks are reached, progress ends, or the largest number of steps is taken. The
+    /// best result is written to `found`. Return false after the largest number of steps.
     pub fn descend(&mut self, q: &mut [f64], desired: &[Vec<f64>], reach: &Reach, found: &mut StartResult, iterations: &mut usize) -> bool {
         let (mut mark, mut since) = (f64::INFINITY, 0);
         clip(q, reach.bounds);
@@ -117,7 +117,7 @@ impl Damped {
                 return true;
             }
         }
-        // The errors after the last step were not computed yet.
+        // The loop does not compute the errors after its last step.
         self.look_at(q, desired, reach.tolerance, found);
         false
     }
@@ -138,7 +138,8 @@ impl Damped {
         }
     }
 
-    /// Take one step of `q`, after bodies were placed and errors weighted. Return the largest motion of a joint.
+    /// Take one step from `q`, where `look_at` has placed the bodies. `far` is the largest error, and `size` the squared norm of the
+    /// weighted error. Return the largest motion of a joint.
     fn step(&mut self, q: &mut [f64], reach: &Reach, far: f64, size: f64) -> f64 {
         let n = q.len();
         self.stack.jacobians(&mut self.j);
@@ -210,7 +211,7 @@ fn solve_damped(a: &mut [f64], y: &mut [f64], size: f64) {
             let row = &above[c * k..(c + 1) * k];
             own[c] = (own[c] - dot(&own[..c], &row[..c])) / row[c];
         }
-        // The damping is far above rounding errors. `max` replaces NaN, so that a start with NaN ends without progress.
+        // For finite numbers, the damping keeps this pivot positive. `max` replaces NaN, so that a start with NaN ends without progress.
         own[r] = (own[r] + damping - dot(&own[..r], &own[..r])).max(f64::MIN_POSITIVE).sqrt();
         y[r] = (y[r] - dot(&own[..r], &y[..r])) / own[r];
     }

@@ -1,15 +1,18 @@
 //! Inverse kinematics of positions: damped Newton steps within the joint limits, with an active set of limits (`sugihara2011solvability`,
 //! `nakamura1986inverse`, `siciliano1991priority`).
 //!
-//! A step is `q <- clip(q + s dq)`, where `s <= 1` limits the motion of every joint. First, `dq` is a damped least-squares step for all
-//! tasks together. If such steps do not reach all of several tasks, `dq` solves `J_i dq = e_i` in order of priority, by a method of
-//! `priority`. The default method bounds the steps at singularities. If there is one task and no start reaches it, the last steps also use
-//! this method. If the option `method` or `eps` is set, all steps use it. A joint at a limit is held if the step would cross the limit. Its
-//! column of the Jacobian becomes zero, and the step is computed again. While errors are large, the remaining freedom moves joints towards
-//! the middle of their range. After a start without success, the search continues from pseudo-random starts. Several solutions of one
-//! target come from more starts.
+//! A step is `q <- clip(q + s dq)`, where `s <= 1` limits the motion of every joint. There are two kinds of steps. A damped step is a
+//! least-squares step for all tasks together. A prioritised step solves `J_i dq = e_i` in order of priority, by a method of `priority`. The
+//! default method bounds the steps at singularities.
 //!
-//! `damped` has the steps for all tasks together, `newton` the steps in priority, and `batch` the search for many targets.
+//! The search starts with damped steps. If they do not reach all of several tasks, prioritised steps follow. If there is one task and no
+//! start reaches it, the last steps are prioritised, too. If the option `method` or `eps` is set, all steps are prioritised.
+//!
+//! A joint at a limit is held if the step would cross the limit. Its column of the Jacobian becomes zero, and the step is computed again.
+//! While errors are large, motions in the null space of the tasks move joints towards the middle of their range. After a start without
+//! success, the search continues from pseudo-random starts. Several solutions of one target come from more starts.
+//!
+//! `damped` has the damped steps, `newton` the prioritised steps, and `batch` the search for many targets.
 
 mod attempt;
 mod batch;
@@ -97,7 +100,7 @@ pub fn inverse_kinematics(arm: &Arm, goals: &[Goal], q0: &[f64], search: &IkOpti
     let mut solver = IkSolver::new(arm, &functions, search)?;
     match solver.solve(&targets, q0, 1) {
         Ok(()) => Ok(solver.solution(0)),
-        // If the target is so far away that the search overflows, the result is the same as in a batch.
+        // The search overflows if a target is extremely far away. As in a batch, the status is then `Diverged`.
         Err(Error::Solve { .. }) => Ok(IkSolution {
             q: vec![f64::NAN; n],
             errors: vec![f64::NAN; functions.iter().map(TaskFunction::rows).sum()],

@@ -21,7 +21,7 @@ const LAST_STEPS: usize = 10;
 const PROGRESS: f64 = 1e-3;
 const PROGRESS_STEPS: usize = 20;
 
-/// The smallest threshold. Singular values below it are rounding errors.
+/// The smallest threshold `eps` of singular values. Smaller singular values are rounding errors.
 const SMALLEST_EPS: f64 = 1e-9;
 
 /// The steps of one arm and its tasks, for one target after another.
@@ -32,9 +32,9 @@ pub(super) struct NewtonSearch {
     pub desired: Vec<Vec<f64>>,
     /// Lower and upper limit of each joint; infinite where there is no limit.
     bounds: Vec<(f64, f64)>,
-    /// Whether each joint is revolute.
+    /// For each joint: whether it is revolute.
     angles: Vec<bool>,
-    /// Whether a full revolution of each joint returns all bodies to their places.
+    /// For each joint: whether a full revolution returns all bodies to their places.
     turns: Vec<bool>,
     search: IkOptions,
     e: Vec<f64>,
@@ -78,7 +78,6 @@ impl NewtonSearch {
         })
     }
 
-    /// Compute the errors of all tasks at `q`.
     pub fn errors(&mut self, q: &[f64]) -> &[f64] {
         self.solver.tasks().place(q);
         let mut at = 0;
@@ -100,7 +99,7 @@ impl NewtonSearch {
     /// written to `found`.
     ///
     /// If the options have neither a method nor thresholds, the steps are for all tasks together. If there are several tasks and these
-    /// steps do not reach all of them, steps in priority follow.
+    /// steps do not reach all of them, prioritised steps follow.
     pub fn descend(&mut self, start: &[f64], iterations: &mut usize) -> Result<()> {
         // `q` is moved out of `self` during the search.
         let mut q = std::mem::take(&mut self.q);
@@ -129,7 +128,8 @@ impl NewtonSearch {
         self.damped.is_some() && self.desired.len() == 1
     }
 
-    /// Take steps in priority from `start`, if no start reached the task. They end at the smallest error, or at the goal.
+    /// Take prioritised steps from `start`, for a task that no start reached. They end at the goal, without progress, or after the largest
+    /// number of steps.
     pub fn settle(&mut self, start: &[f64], iterations: &mut usize) -> Result<()> {
         let mut q = std::mem::take(&mut self.q);
         q.copy_from_slice(start);
@@ -141,7 +141,7 @@ impl NewtonSearch {
         Ok(())
     }
 
-    /// Take steps in priority from `q`. Return whether they reached a goal or ended without progress.
+    /// Take prioritised steps from `q`. Return whether they reached a goal or ended without progress.
     fn in_priority(&mut self, q: &mut [f64], iterations: &mut usize) -> Result<bool> {
         let resting = self.descend_from(q, iterations)?;
         Ok(self.without_lower_tasks(q, iterations)? || resting)
@@ -174,7 +174,7 @@ impl NewtonSearch {
         Ok(false)
     }
 
-    /// Take steps from `q`. Return false if the largest number of steps ended them.
+    /// Take steps from `q`. Return false after the largest number of steps, otherwise true.
     fn descend_from(&mut self, q: &mut [f64], iterations: &mut usize) -> Result<bool> {
         clip(q, &self.bounds);
         self.mark.fill(f64::INFINITY);
@@ -203,7 +203,7 @@ impl NewtonSearch {
                 return Ok(true);
             }
         }
-        // The errors after the last step were not computed yet.
+        // The loop does not compute the errors after its last step.
         self.look_at(q);
         self.keep_best(q);
         Ok(false)
@@ -243,7 +243,7 @@ impl NewtonSearch {
         self.solver.solver_mut().set_eps(&self.eps)
     }
 
-    /// Take one step of `q`, after its Jacobians were computed. Return the largest motion of a joint.
+    /// Take one step from `q`, with the Jacobians of the solver at `q`. Return the largest motion of a joint.
     fn step(&mut self, q: &mut [f64], centring: f64) -> Result<f64> {
         let n = q.len();
         self.held.fill(false);
@@ -282,7 +282,7 @@ impl NewtonSearch {
     }
 }
 
-/// Create a solver for the tasks. Below the tasks, it has a task for the positions of the joints that have a range.
+/// Create a solver for the tasks. If joints have a finite range, their positions are an additional task of the lowest priority.
 fn with_centring(arm: &Arm, tasks: &[TaskFunction], bounds: &[(f64, f64)], mut options: PriorityOptions) -> Result<ArmSolver> {
     let mut functions = tasks.to_vec();
     let joints: Vec<usize> = (0..bounds.len()).filter(|&i| (bounds[i].1 - bounds[i].0).is_finite()).collect();

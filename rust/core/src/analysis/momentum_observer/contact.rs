@@ -5,11 +5,13 @@ use crate::error::{Error, Result, finite, positive};
 use crate::law::touched;
 use crate::linalg::{axpy, clamp_gain, dot};
 
-/// The default `eps` of the clamp of singular values, as a fraction of the largest row norm of `J'`, the transposed Jacobian of the frame.
+/// The default `eps`, as a fraction of the largest row norm of `J'`, the transposed Jacobian of the frame. Singular values of `J'` below
+/// `eps` are clamped.
 const SHARE: f64 = 0.02;
 
 impl MomentumObserver {
-    /// Set the thresholds of contact, `(n,)`, > 0, N m or N. Errors: `WrongShape` for a wrong length, `Input` for other numbers.
+    /// Set the thresholds of contact, `(n,)`, > 0, N m or N. Errors: `WrongShape` for a wrong length, `Input` for a threshold that is not
+    /// positive.
     pub fn set_thresholds(&mut self, thresholds: Vec<f64>) -> Result<()> {
         if thresholds.len() != self.n() {
             return Err(Error::wrong_shape("threshold", &[self.n()], &[thresholds.len()]));
@@ -24,9 +26,9 @@ impl MomentumObserver {
         self.thresholds.as_deref()
     }
 
-    /// Set the thresholds from the residuals of a free motion, rows of `n`: the absolute value of the mean plus `sigmas` standard
-    /// deviations. Errors: `WrongShape` for fewer than two rows or an incomplete row. `Input` for residuals that are not finite or do not
-    /// vary, or a `sigmas` that is not positive.
+    /// Set the thresholds from the residuals of a motion without contact, rows of `n`: the absolute value of the mean plus `sigmas`
+    /// standard deviations. Errors: `WrongShape` for fewer than two rows or an incomplete row. `Input` for residuals that are not finite or
+    /// do not vary, or a `sigmas` that is not positive.
     pub fn calibrate(&mut self, residuals: &[f64], sigmas: f64) -> Result<()> {
         let n = self.n();
         positive("sigmas", sigmas)?;
@@ -48,11 +50,11 @@ impl MomentumObserver {
         self.set_thresholds(thresholds)
     }
 
-    /// Compute the wrench `[f; m]` at a frame, rows of 6, N and N m, and the rest of the residual, rows of `n`.
+    /// Compute the wrench `F = [f; m]` at a frame, rows of 6, N and N m. Also compute the rest `r - J' F` of the residual `r`, rows of `n`.
     ///
-    /// `q` has rows of `n`. `eps` is the clamp of singular values of `J'`, the transposed Jacobian of the frame; `None` uses a default.
-    /// Errors: `Input` for an observer of motors or before the first sample, an `eps` that is not positive, or a `q` that is not finite.
-    /// `Unknown` for the frame, `WrongShape` for `q`.
+    /// `q` has rows of `n`. Singular values of the transposed Jacobian `J'` below `eps` are clamped; `None` uses a default `eps`. Errors:
+    /// `Input` for an observer of motors or before the first sample, an `eps` that is not positive, or a `q` that is not finite. `Unknown`
+    /// for an unknown frame, `WrongShape` for a wrong size of `q`.
     pub fn wrench(&mut self, q: &[f64], frame: &str, eps: Option<f64>, out: &mut [f64], rest: &mut [f64]) -> Result<()> {
         if self.motors.is_some() {
             return Err(Error::input("frame", "is of no use: expected an observer of links, got one of motors"));

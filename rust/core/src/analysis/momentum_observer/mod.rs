@@ -8,7 +8,7 @@
 //!
 //! Here `p` is the momentum, `r` the residual, `tau_f` the known friction, `tau_ext` the external torque, and `'` the transpose. The
 //! observer also applies to the motors of elastic joints. Then the motor inertia `B` replaces `M`, the motor torque minus the joint torque
-//! replaces `tau`, and `C = g = 0`. `r` then follows minus their friction.
+//! replaces `tau`, and `C = g = 0`. In this case, `r` estimates the motor friction with a negative sign.
 //!
 //! A wrench `F` at a frame with the Jacobian `J` has the residual `r = J' F`. From `r`, `F` is computed as a least-squares solution, with
 //! singular values of `J'` below `eps` clamped (`linalg::clamp`). The rest is `r - J' F`. The touched link is the outermost link whose
@@ -239,7 +239,7 @@ impl MomentumObserver {
         let (n, rows) = (self.n(), q.len() / self.n());
         let row = bad / n * n..(bad / n + 1) * n;
         let of_state = row.clone().any(|i| !(state.momentum[i].is_finite() && state.drift[i].is_finite()));
-        // The error names the largest number of this row that contributes to the overflow; among equal numbers, the first.
+        // The error names the largest number of this row among those that can cause the overflow. Among equal numbers, it names the first.
         let sizes = |i: usize| match tau {
             Some((tau, dt)) if !of_state => [((tau[i] * dt).abs(), "tau", tau[i]), (state.momentum[i].abs(), "v", v[i])],
             _ => [(q[i].abs(), "q", q[i]), (v[i].abs(), "v", v[i])],

@@ -71,8 +71,8 @@ pub struct Gained<'a, S> {
 }
 
 impl<S: Real> Gained<'_, S> {
-    /// Update the residual from the last sample to this one, `dt` later. The correction is the gain of momentum that `tau` and the drift do
-    /// not explain.
+    /// Update the residual from the last sample to this one, `dt` later. The correction is the change of momentum that `tau` and the drift
+    /// do not explain.
     ///
     /// `factor` is the diagonal of `I + K dt`, or its Cholesky factor. `work` has `n` numbers.
     pub fn correct(&self, (gain, factor): (&AnyGain<S>, &[S]), (tau, dt): (&[S], S), work: &mut [S], residual: &mut [S]) {

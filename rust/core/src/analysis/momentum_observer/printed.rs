@@ -19,8 +19,7 @@ use crate::trace::{Sym, sym};
 /// The largest number of joints of an arm whose observer is printed.
 const MOST_JOINTS: usize = 60;
 
-/// The functions `init` and `update`, with tokens to replace. `$answers` is the length of the result of `correct`, and `$factor` the length
-/// of `I + K dt`. `$identity` is an entry of `I`, `$gain` a table, and `$definite` a condition.
+/// The C functions `init` and `update`. `print_update` replaces the tokens that start with `$`.
 const UPDATE: &str = "void $prefix_init($prefix_state *state)
 {
     memset(state, 0, sizeof *state);
@@ -85,7 +84,7 @@ $threshold$parent    int inner[$joints] = {0}, found = -1, i, k;
 }
 ";
 
-/// The declarations of the header. The tokens `$parts` and `$torque` are words.
+/// The declarations of the header. `declare` replaces the tokens that start with `$`.
 const HEADER: &str = "
 /* The state of an observer. */
 typedef struct {
@@ -104,13 +103,12 @@ void $prefix_init($prefix_state *state);
 int $prefix_update($prefix_state *state, const double q[$joints], const double v[$joints], const double tau[$joints], double dt, double residual[$joints]);
 ";
 
-/// The declaration of the C function `contact`.
 const CONTACT_HEADER: &str = "
 /* Return the index, from 0, of the outermost joint whose residual exceeds its threshold, or -1. Its link is the touched link. */
 int $prefix_contact(const $prefix_state *state);
 ";
 
-/// The function of a recording, with the tokens `$name`, `$parameters`, `$locals` and `$steps`.
+/// A C function with recorded operations. `print` replaces the tokens that start with `$`.
 const FUNCTION: &str = "static int $prefix_$name($parameters, double *y)
 {
 $locals    int sound = 1;
@@ -181,7 +179,6 @@ impl MomentumObserver {
         source.write(&filled(UPDATE, names, &more));
     }
 
-    /// Write the declarations of the header.
     fn declare(&self, source: &mut CSource, names: &[Filling]) {
         let words = if self.motors.is_some() {
             [("$parts", "positions and velocities of the motors"), ("$torque", "motor torques minus joint torques")]
@@ -241,7 +238,7 @@ fn filled(text: &str, names: &[Filling], more: &[Filling]) -> String {
     more.iter().chain(names).fold(text.to_string(), |text, (token, by)| text.replace(token, by))
 }
 
-/// Print the C function of a recording.
+/// Print recorded operations as a C function.
 fn print(source: &mut CSource, recorded: &Recorded, names: &[Filling], more: &[Filling; 3]) {
     let given = given(recorded);
     let routine = Routine { ops: &recorded.ops, given: &given, answer: &recorded.answer, fused: source.fused() };
