@@ -1,5 +1,5 @@
-//! Forward dynamics by articulated bodies (Featherstone 2008, chapter 7), in world axes. Each body is described about its joint origin.
-//! Accelerations are accelerations of material points, so no linear velocity occurs. Spatial vectors have the linear part first.
+//! Forward dynamics by articulated bodies (Featherstone 2008, chapter 7), in world axes. The quantities of a body refer to its joint
+//! origin. Accelerations are accelerations of material points, so no linear velocity occurs. Spatial vectors have the linear part first.
 //!
 //! ```text
 //! F_i = IA_i A_i + b_i,   A_i = X A_p + c_i + S a_i,   c = (w_p x (w_p x p) [+ 2 w_p x z v], w_p x z v)
@@ -8,10 +8,10 @@
 //! ```
 //!
 //! `F_i` is the spatial force of joint `i` on its body, `A_i` the spatial acceleration of the body, and `a_i` the joint acceleration. The
-//! index `p` is the parent body. The vector `p` is the joint origin relative to the parent's. `S` is the unit motion of the joint, `z` its
-//! axis, `v` its rate, and `w_p` the angular velocity of the parent. `IA` is the articulated inertia, `b` its bias force, and `X` the
-//! change of the reference point by `p`. The prime is the transpose. In `c`, the term in brackets is for prismatic joints, and the angular
-//! part `w_p x z v` for revolute joints. The base has the acceleration `-gravity`.
+//! index `p` is the parent body. The vector `p` is the joint origin relative to the joint origin of the parent. `S` is the unit motion of
+//! the joint, `z` its axis, `v` its rate, and `w_p` the angular velocity of the parent. `IA` is the articulated inertia, `b` its bias
+//! force, and `X` the change of the reference point by `p`. The prime is the transpose. In `c`, the term in brackets is for prismatic
+//! joints, and the angular part `w_p x z v` for revolute joints. The base has the acceleration `-gravity`.
 
 use super::workspace::{Articulated, Handle, Workspace};
 use crate::arm::{BASE, Tree};
@@ -71,7 +71,7 @@ fn place<S: Real>(tree: &Tree<S>, poses: &mut [Pose<S>], bodies: &mut [Articulat
 
 /// Pass inwards: compute the articulated inertia and the bias force of each subtree, about its joint.
 fn gather<S: Real>(tree: &Tree<S>, poses: &[Pose<S>], bodies: &mut [Articulated<S>], tau: &[S]) {
-    // With one lane, the sum of the last subtree is kept in a local variable if its parent is next, so that it can stay in registers.
+    // With one lane, a local variable has the sum for the parent if the parent is the next body. So the sum can stay in registers.
     let (mut carried, mut carried_to) = (Handle::default(), BASE);
     for i in (0..tree.bodies.len()).rev() {
         let body = &tree.bodies[i];

@@ -41,7 +41,7 @@ impl Model {
 }
 
 impl<S: Real> ArmAt<S> {
-    /// Create arms of one geometry, `of(lane)` in each lane. [`ArmAt::move_to`] sets the configuration.
+    /// Create the arm `of(lane)` in each lane. All arms have the same geometry. [`ArmAt::move_to`] sets the configuration.
     pub fn of_lanes<'a>(of: impl Fn(usize) -> &'a Model) -> Self {
         let n = of(0).n();
         let arm = AnyArm::from_lanes(of);

@@ -1,4 +1,4 @@
-//! The analytical derivative of inverse dynamics by positions, in O(n d), with the depth `d` of the tree.
+//! The analytical derivative of inverse dynamics with respect to positions, in O(n d), with the depth `d` of the tree.
 //!
 //! The method follows Carpentier and Mansard 2018, and Singh, Russell and Wensing 2022, in the notation of `coriolis`.
 //!
@@ -14,7 +14,7 @@
 //!
 //! with `B psi = [psi_w x P; (tr K) psi_w - K psi_w]`, and the cross product `x*` of a motion and a force. `V` and `A` are spatial
 //! velocities and accelerations, and `f_k` is the force on body `k`. `F_j`, `I_j^c` and `B_j^c` are sums over the bodies of the subtree of
-//! `j`. Here the velocities in `P` and `K` are those in the world.
+//! `j`. Unlike in `coriolis`, `P` and `K` use velocities relative to the world.
 
 use super::crba::joint_column;
 use super::workspace::{Composite, Slope, Workspace};
@@ -79,7 +79,7 @@ pub(super) fn bodies_by_q<S: Real>(tree: &Tree<S>, ws: &mut Workspace<S>, trig: 
         let (me, z, origin) = (slopes[j], poses[j].z(), poses[j].origin);
         let Composite { inertia: Inertia { mass, moment, inertia }, momentum, k } = composites[j];
         let tr = k[(0, 0)] + k[(1, 1)] + k[(2, 2)];
-        // The change of the wrench on the subtree, about the joint.
+        // `(f, about_joint)` is the wrench `I_j^c phi_j + 2 B_j^c psi_j` about the joint origin.
         let two_psi = me.psi_w + me.psi_w;
         let mut f = me.phi_w.cross_add(moment, two_psi.cross_add(momentum, me.phi_v.scale(mass)));
         let turned = inertia.apply_add(me.phi_w, two_psi.scale(tr) - k.apply(two_psi));

@@ -20,8 +20,8 @@ pub struct BufferedTree<S: Real> {
     pub inputs: [Vec<S>; 4],
     pub out: Vec<S>,
     pub square: Vec<S>,
-    /// The query whose result is in `out`. Entries that the query does not write are zero at every state. So the same query need not set
-    /// `out` to zero again.
+    /// The query whose result is in `out`. Entries that a query does not write are zero at every state, so only a different query sets
+    /// `out` to zero.
     answered: Option<Query>,
 }
 

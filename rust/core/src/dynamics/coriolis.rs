@@ -1,10 +1,11 @@
 //! The Christoffel Coriolis matrix in O(n d), with the depth `d` of the tree, from composite bodies (after Echeandia and Wensing 2021).
 //!
-//! Column `j` is the inverse dynamics in polarised form (bilinear in two velocities, see `newton_euler`), for the velocity and a unit rate
-//! of joint `j`. Let `V_j` be the spatial velocity of body `j`. `S_j = (s, z)` is the unit motion of joint `j`, with the linear part `s`
-//! and the angular part `z`, which is zero for a prismatic joint. A point at `r` with the velocity `u` then has the acceleration
-//! `V_j x S_j = (alpha_v, alpha_w)` (as a rigid field) plus `z x u(r)`. So a subtree contributes with its composite inertia (`m`, first
-//! moment `h`, `I`), its linear momentum `P`, and `K = integral of u r' dm`. Its force `f` and moment `n` are
+//! Column `j` is the inverse dynamics in polarised form (bilinear in two velocities, see `newton_euler`). The two velocities are the joint
+//! velocity and a unit rate of joint `j`. Let `V_j` be the spatial velocity of body `j`. `S_j = (s, z)` is the unit motion of joint `j`,
+//! with the linear part `s` and the angular part `z`, which is zero for a prismatic joint. Let `V_j x S_j = (alpha_v, alpha_w)` be a rigid
+//! acceleration field. A point at `r` with the velocity `u` then has the acceleration of this field plus `z x u(r)`. So a subtree
+//! contributes with its composite inertia (mass `m`, first moment `h`, inertia `I`), its linear momentum `P`, and the matrix
+//! `K = integral of u r' dm`. Its force `f` and moment `n` are
 //!
 //! `f = m alpha_v + alpha_w x h + z x P`,  `n = I alpha_w + h x alpha_v + (tr K) z - K z`.
 //!
@@ -68,7 +69,7 @@ pub fn coriolis_matrix<S: Real>(tree: &Tree<S>, ws: &mut Workspace<S>, trig: &[(
     place(tree, poses, composites, columns, (trig, q), v);
     let n = tree.bodies.len();
     set(c, S::zero());
-    // With one lane, the sum of the last subtree is kept in a local variable if its parent is next, so that it can stay in registers.
+    // With one lane, a local variable has the sum for the parent if the parent is the next body. So the sum can stay in registers.
     let (mut carried, mut carried_to) = (Composite::default(), BASE);
     for j in (0..n).rev() {
         look_at_row(j);

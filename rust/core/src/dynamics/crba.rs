@@ -90,7 +90,7 @@ pub(super) fn mass_matrix_entries<S: Real>(
     let Composites { moments, momenta, rotations } = composites;
     let (bodies, moments, momenta) = (&tree.bodies[..n], &mut moments[..n], &mut momenta[..n]);
     let (rotations, trig, q) = (&mut rotations[..n], &trig[..n], &q[..n]);
-    // With one lane, the sum of the last subtree is kept in a local variable if its parent is next, so that it can stay in registers.
+    // With one lane, a local variable has the sum for the parent if the parent is the next body. So the sum can stay in registers.
     let (mut next, mut next_at) = (Moments::default(), BASE);
     for i in (0..n).rev() {
         look_at_row(i);

@@ -13,8 +13,8 @@ use std::f64::consts::PI;
 
 /// Maximum number of sampled configurations: the zero configuration, and others within the limits.
 const SAMPLES: usize = 8;
-/// Largest product of joints and sampled configurations, for arms with up to this number of joints. For larger arms, only the zero
-/// configuration is sampled. So a chain of thousands of links loads in limited time.
+/// Limit of the number of sampled configurations times the number of joints. It limits the time to load a chain of thousands of links. At
+/// least the zero configuration is sampled.
 const WORK: usize = 20_000;
 /// A `D_i` below this fraction of its scale counts as zero.
 const ROUNDING: f64 = 1e-12;
@@ -82,13 +82,13 @@ fn free_coordinates(tree: &Tree<f64>, ws: &mut Workspace<f64>, q: &[f64]) -> Vec
     free
 }
 
-/// A position of joint `i`, equal in every run. The first sample is zero, and the others are within the limits. An absent limit, or one of
-/// 1000 rad or m and more, is replaced by 180 degrees or 1 m.
+/// A position of joint `i`, equal in every run. The first sample is zero, and the others are within the limits. A limit that is absent, or
+/// at least 1000 rad or m in magnitude, is replaced by 180 degrees or 1 m.
 fn drawn(joint: &Joint, i: usize, sample: usize) -> f64 {
     let far = if joint.kind == JointKind::Prismatic { 1.0 } else { PI };
     let within = |x: f64, other: f64| if x.is_finite() && x.abs() < 1e3 { x } else { other };
     let (low, high) = (within(joint.limits.lower, -far), within(joint.limits.upper, far));
-    // The fractional parts of multiples of the golden ratio are spread evenly. Each joint has another offset.
+    // The fractional parts of multiples of the golden ratio are spread evenly. Each joint has a different offset.
     let share = (0.618_033_988_749_895 * (sample * (i + 1)) as f64 + 0.13 * i as f64).fract();
     if sample == 0 { 0.0 } else { low + share * (high - low) }
 }
@@ -128,19 +128,19 @@ mod tests {
 
     #[test]
     fn joints_without_inertia_are_named() {
-        // In the first case there is no mass beyond j2. In the second, two joints are coaxial, and only their sum moves the body.
+        // In the first case, no body has mass. In the second, the joints are coaxial, and only the sum of their rates moves the body.
         let line = |names: &str| Some(format!("mass matrix not positive definite at 8 of 8 sampled configurations: joints {names}"));
         assert_eq!(indefinite(&two(["0 0 1", "0 1 0"], "0", "0", "0")), line("j1, j2"));
         assert_eq!(indefinite(&two(["0 0 1", "0 0 1"], "1", "0.1", "0")), line("j1"));
         assert_eq!(indefinite(&two(["0 0 1", "0 0 1"], "1", "0.1", "0.01")), None);
         assert_eq!(indefinite(&two(["0 0 1", "0 1 0"], "1", "0.1", "0")), None);
-        // A point mass, 0.3 m from both axes, and on neither.
+        // The body is a point mass, 0.3 m away from both axes.
         assert_eq!(indefinite(&two(["0 0 1", "0 1 0"], "1", "0", "0")), None);
     }
 
     #[test]
     fn some_configurations_can_be_worse_than_others() {
-        // A point mass on the x axis of j2. At j2 = 90 degrees the point mass is on the axis of j1. No sample has exactly this angle.
+        // The body is a point mass on the x axis of j2. At j2 = 90 degrees, it is on the axis of j1. No sample has exactly this angle.
         let arm = two(["0 0 1", "0 1 0"], "1", "0", "0");
         let tree = Tree::<f64>::new(&arm);
         let mut ws = Workspace::new(&tree);

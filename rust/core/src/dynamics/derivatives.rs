@@ -21,8 +21,8 @@ pub fn inverse_dynamics_by_q<S: Real>(tree: &Tree<S>, ws: &mut Workspace<S>, tri
     }
 }
 
-/// Compute `d tau / d v = 2 C(q, v)`, `(n, n)`. With `friction`, the damping is added to the diagonal. Coulomb friction has no derivative
-/// here.
+/// Compute `d tau / d v = 2 C(q, v)`, `(n, n)`. With `friction`, the viscous damping is added to the diagonal. The derivative of Coulomb
+/// friction counts as zero.
 pub fn inverse_dynamics_by_v<S: Real>(
     tree: &Tree<S>,
     ws: &mut Workspace<S>,

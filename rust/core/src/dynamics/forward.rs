@@ -1,7 +1,7 @@
 //! Forward dynamics from the mass matrix: `M a = tau - C v - g`, `M = L' D L` with a unit lower triangular `L`.
 //!
 //! The factorisation goes from the tips to the base. So `L`, like `M`, has entries only between a joint and its ancestors (Featherstone
-//! 2008, section 6.5). In a program (a recorded, compiled loop), operations that also occur in the law are computed only once.
+//! 2008, section 6.5).
 
 use super::workspace::{Factors, Workspace};
 use super::{crba, newton_euler};

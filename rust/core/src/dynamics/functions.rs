@@ -19,7 +19,7 @@ const ROWS_BEFORE_PROGRAM: usize = 256;
 /// Largest number of operations of a program for single calls. It limits the time to make the program.
 const LONGEST_SINGLE: f64 = 3_000.0;
 
-/// Number of queries of one arm whose programs are kept, for single calls and for rows each.
+/// Number of queries of one arm whose programs are kept. It applies separately to single calls and to rows.
 const KEPT_QUERIES: usize = 64;
 
 /// Largest number of operations of a program for rows. It limits the time to make the program.

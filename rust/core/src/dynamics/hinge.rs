@@ -1,6 +1,6 @@
-//! Transforms over a joint, between the axes of a body and the axes of its parent: `x_parent = R_0 Rz(q) x + p`, or for a prismatic joint
-//! `x_parent = R_0 x + p + R_0 e_z q`. `R_0` and `p` are the placement of the joint at `q = 0`. If `R_0` is a quarter turn, only `Rz` takes
-//! products.
+//! Transforms across a joint, between the axes of a body and the axes of its parent: `x_parent = R_0 Rz(q) x + p`, or for a prismatic joint
+//! `x_parent = R_0 x + p + R_0 e_z q`. `R_0` and `p` are the placement of the joint at `q = 0`. If `R_0` is a quarter turn, only `Rz`
+//! requires multiplications.
 
 use crate::arm::Body;
 use crate::scalar::Real;

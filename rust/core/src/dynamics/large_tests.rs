@@ -7,7 +7,7 @@ use crate::interrupt::{Interrupted, Watch, interruptible};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
-/// More joints than the number of rows without a check for an interrupt.
+/// Number of joints. It exceeds 256, because loops over the rows of a matrix check for an interrupt only from row 256 on.
 const JOINTS: usize = 330;
 
 fn with_stop_requested<R>(work: impl FnOnce() -> R) -> Result<R, Interrupted> {
@@ -30,7 +30,7 @@ fn matrices_are_given_up_and_made_again() {
         let mut out = vec![0.0; query.length(arm.size())];
         assert!(evaluator.one(&query, &inputs, &mut out).unwrap(), "{quantity:?}");
         let mut other = vec![0.0; out.len()];
-        // The buffers are now large enough, so the recursion makes the check.
+        // The first call has allocated the buffers. So the interrupt comes from the computation, not from the allocation.
         assert!(with_stop_requested(|| evaluator.one(&query, &inputs, &mut other)).is_err(), "{quantity:?}");
         assert!(evaluator.one(&query, &inputs, &mut other).unwrap(), "{quantity:?}");
         assert!(out.iter().zip(&other).all(|(a, b)| a.to_bits() == b.to_bits()), "{quantity:?}");

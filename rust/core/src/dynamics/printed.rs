@@ -1,6 +1,6 @@
-//! Functions of an arm as C code. Each quantity is recorded once, and [`crate::trace::c`] prints it. The C code has the bits of
-//! [`super::Evaluator`], or of [`PlanarPr::evaluate`], if [`COptions::fused`] equals [`crate::scalar::fuses`] and the compiler fuses only
-//! calls of `fma`.
+//! Functions of an arm as C code. Each quantity is recorded once, and [`crate::trace::c`] prints it. The C code returns the same bits as
+//! [`super::Evaluator`] or [`PlanarPr::evaluate`] under two conditions: [`COptions::fused`] equals [`crate::scalar::fuses`], and the
+//! compiler fuses only calls of `fma`.
 
 use super::{Dynamics, Model, PlanarPr, Quantity, Query, Size};
 use crate::arm::JointKind;
@@ -205,7 +205,7 @@ return {prefix}_refuse({upper}_NOT_FINITE, {answers}, out);\n{calls}    return {
     }
 }
 
-/// The known inputs of a recording: `Some` for set-up parameters (constant numbers, such as masses), `None` for the other inputs.
+/// For each input of a recorded function: its value if it is a set-up parameter (a constant, such as a mass), otherwise `None`.
 pub(crate) fn given(recorded: &Recorded) -> Vec<Option<f64>> {
     recorded.values.iter().map(|&x| Some(x)).chain((0..recorded.inputs).map(|_| None)).collect()
 }

@@ -86,7 +86,7 @@ impl Compute for MassMatrix {
             let n = engine.tree.n();
             return joined.mass_matrix(&mut engine.ws, (&engine.trig, &engine.inputs[0]), &mut engine.out[..n * n]);
         }
-        // `out` is zeroed only before the first of several equal queries, as for the Jacobian.
+        // `out` is set to zero only if the last query was different. Entries that are zero at every state remain zero.
         crba::mass_matrix_on_zeros(&engine.tree, &mut engine.ws.mass, &engine.trig, &engine.inputs[0], &mut engine.out);
     }
     /// Write each entry directly to `out`, not to the buffer `engine.out`, unless joints follow others.

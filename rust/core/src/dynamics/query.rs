@@ -230,7 +230,8 @@ impl Query {
         times * (bodies * (joint + bodies * pair) + n * n * n * solved + joined)
     }
 
-    /// Approximate time for one of many configurations on this machine, ns. It determines how a query is run.
+    /// Approximate time per configuration in a batch, ns, with the instruction set of this machine. Callers use it to divide the work among
+    /// threads.
     pub fn nanoseconds(&self, size: Size) -> f64 {
         let slower = match isa() {
             Isa::Baseline => 4.0,

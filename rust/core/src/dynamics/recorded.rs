@@ -14,7 +14,7 @@ use crate::trace::cache::free;
 use crate::trace::function::{self, Evaluation, Recorded, record};
 use std::sync::Mutex;
 
-/// Number of runs of the program, each for one group of lanes, after which its results are checked.
+/// Number of groups of lanes after which the results of the program are checked.
 const BLOCK: usize = 16;
 
 pub(super) struct ArmFunction {
@@ -53,7 +53,8 @@ pub(super) fn recorded(arm: &Arm, query: &Query, lanes: bool) -> Result<Evaluati
     recorded_by(arm, query, &widths, |inputs, set_up, answer| record(lanes, inputs, set_up, answer))
 }
 
-/// Call `record` with the number of inputs, the function that makes the buffers, and the evaluation.
+/// Record a query with the function `record`. The arguments of `record` are the number of inputs, a function that creates the buffers, and
+/// a function that evaluates the query.
 fn recorded_by<T>(
     arm: &Arm,
     query: &Query,
@@ -87,7 +88,7 @@ impl ArmCall {
         Ok(ArmCall { widths: widths(query, arm.n()), length: query.length(arm.size()), evaluation: recorded(arm, query, false)? })
     }
 
-    /// Compute one configuration. If the result is false, direct evaluation must compute it.
+    /// Compute one configuration. Return false if the program has no valid result. The caller then evaluates the query directly.
     pub fn answer(&mut self, inputs: &[&[f64]], out: &mut [f64]) -> bool {
         if inputs.len() != self.widths.len() || out.len() != self.length {
             return false;

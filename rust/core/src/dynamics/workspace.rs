@@ -36,7 +36,7 @@ pub struct Link<S: Real> {
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Composite<S: Real> {
     pub inertia: Inertia<S>,
-    /// Linear momentum, for velocities relative to that of the joint origin; in `body_derivatives` for velocities in the world.
+    /// Linear momentum. Velocities are relative to the velocity of the joint origin, but in `body_derivatives` relative to the world.
     pub momentum: Vector3<S>,
     /// The matrix `K = integral of u r' dm`, with the velocity `u` of the momentum.
     pub k: Matrix3<S>,
