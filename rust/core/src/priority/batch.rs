@@ -1,7 +1,6 @@
 //! Batches of stacks with equal sizes. A program (the recorded and compiled algorithm `regular`) solves one stack per lane. It reports the
-//! stacks for which its result is not valid. Another algorithm solves each of these stacks alone. Small batches, and large stacks, have no
-//! program, and each stack is solved alone. So every row has the bits, ranks and status of a single solve, and does not depend on other
-//! rows.
+//! stacks for which its result is not valid, and these are solved one by one. For small batches and large stacks there is no program, so
+//! all stacks are solved one by one. Every row has the bits, ranks and status of a single solve, and does not depend on other rows.
 
 use super::method::PriorityMethod;
 use super::regular::regular_ranks;
@@ -20,8 +19,9 @@ const MOST: usize = 12_000;
 pub const FEW: usize = 32;
 
 impl PrioritySolver {
-    /// Record the algorithm `regular` as a program, for one row or for lanes. From the value of `set_up` and `inputs` numbers, `stack`
-    /// computes the relative error of the entries of the Jacobians (`rounding`), the Jacobians, and the command.
+    /// Record the algorithm `regular` as a program, for one row or for lanes. The program has `inputs` numbers as inputs. From the value of
+    /// `set_up` and these numbers, the function `stack` computes `rounding`, the Jacobians, and the command. `rounding` is the relative
+    /// error of the entries of the Jacobians.
     ///
     /// The results are a flag, then `v` and, if requested, the residuals. The flag is one if the results are valid, otherwise zero. The
     /// return value is `None` if the program would be too long.
@@ -49,8 +49,8 @@ impl PrioritySolver {
 
 impl PrioritySolver {
     /// Record the closed-form algorithm (`pairs.rs`) as a program for single stacks. The arguments are Jacobians and command. The results
-    /// are a flag of validity, `v`, residuals, ranks and, for each level, whether a direction is lost. `None` if the program would be too
-    /// long.
+    /// are a flag of validity, `v`, residuals, ranks and, for each level, whether a direction is lost. Return `None` if the program would
+    /// be too long.
     pub(super) fn of_pairs(&self) -> Option<Evaluation> {
         let (n, total, levels) = (self.n(), self.rows().iter().sum::<usize>(), self.rows().len());
         if n * total * (total + levels) > MOST {
@@ -68,8 +68,8 @@ impl PrioritySolver {
 
 impl PrioritySolver {
     /// Record the algorithm `regular` for stacks of plain matrices. The arguments are Jacobians, command, and the relative error `rounding`
-    /// of the entries of the Jacobians. The results are the flag of validity, `v` and the residuals. `None` if the program would be too
-    /// long.
+    /// of the entries of the Jacobians. The results are the flag of validity, `v` and the residuals. Return `None` if the program would be
+    /// too long.
     pub(super) fn of_stacks(&self, lanes: bool) -> Option<Evaluation> {
         let (n, total) = (self.n(), self.rows().iter().sum::<usize>());
         let stack = |(), inputs: &[Sym]| {
@@ -192,7 +192,7 @@ impl StackBatch {
         &self.single
     }
 
-    /// Whether there is a program, and the method does not search over bounds.
+    /// Whether the solver is fast for most stacks: a program exists, and the method does not search over bounds.
     pub fn is_quick(&self) -> bool {
         self.program.is_some() && self.single.method() != PriorityMethod::Sns
     }

@@ -175,7 +175,7 @@ pub fn diagnose(n: usize, rows: &[usize], jacobians: &[&[f64]], velocities: Opti
         full.decompose(jacobians[i], m, n)?;
         let singular_values = full.s().to_vec();
         let rank = full.rank(rounding * singular_values.first().copied().unwrap_or(0.0));
-        // The left singular vectors beyond the rank come from the transpose, because only the right basis is complete.
+        // Only the basis of right singular vectors is complete. So the left singular vectors beyond the rank come from the transpose.
         let transposed: Vec<f64> = (0..freedom).flat_map(|c| (0..m).map(move |r| r * freedom + c)).map(|at| w.a[at]).collect();
         full.decompose(&transposed, freedom, m)?;
         let lost: Vec<Vec<f64>> = (projected_rank..m).map(|j| full.v(j).to_vec()).collect();

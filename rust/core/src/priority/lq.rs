@@ -1,11 +1,12 @@
 //! LQ and QR factorisations for the algorithm `regular` (Golub and Van Loan, Matrix Computations, 5.1 and 5.2).
 //!
-//! Contents: the factorisation `J_E = L Q` of the Jacobian rows of several levels, by Householder reflections of rows. Least squares for a
-//! level with more rows than free directions. Also the norm `|T^-1|_F` of a triangular block `T`.
+//! `Factor` is the factorisation `J_E = L Q` of the Jacobian rows of several levels, by Householder reflections of rows. `tall` solves a
+//! level with more rows than free directions by least squares. `inverse_norm2` computes `|T^-1|_F^2` of a triangular block `T`.
 
 use crate::scalar::Real;
 
-/// An LQ factorisation: `L`, the reflectors `w`, `beta`, the reciprocals of the diagonal, and the coordinates `y` of the solution.
+/// An LQ factorisation: the factor `L`, the reflectors `w` and their factors `beta`, the reciprocal diagonal of `L`, and the coordinates
+/// `y` of the solution.
 #[derive(Debug, Clone)]
 pub(super) struct Factor<S> {
     n: usize,

@@ -54,8 +54,8 @@ impl PriorityMethod {
     pub const ALL: [PriorityMethod; 5] =
         [PriorityMethod::Exact, PriorityMethod::Clamp, PriorityMethod::Damped, PriorityMethod::Chiaverini, PriorityMethod::Sns];
 
-    /// Whether the method keeps joint velocities within bounds. In a law these bounds depend on the state, so that such a law is not
-    /// recorded.
+    /// Whether the method keeps joint velocities within bounds. The active bounds depend on the state, so a law with such a method is not
+    /// compiled.
     pub fn has_bounds(self) -> bool {
         self == PriorityMethod::Sns
     }

@@ -21,7 +21,7 @@ use crate::trace::function::Evaluation;
 /// rounding error divided by the threshold is then about 1e-13 at most.
 const LEAST: f64 = 1e-6;
 
-/// The square of a ratio. If a singular value is below this ratio times the threshold, its direction counts as unused.
+/// If the square of a singular value is below this fraction of the squared threshold, its direction counts as unused.
 const UNUSED: f64 = 1e-16;
 
 /// The number of direct solves after which a program is made.

@@ -1,15 +1,15 @@
 //! The solution of a stack (equation (5) in `mod.rs`) away from singularities. The stack is factored as `J_E = [J1; J2; ..] = L Q` (LQ
 //! factorisation by Householder reflections). The prioritised solution is `v = Q' y` with the transpose `Q'`, where forward substitution
-//! solves `L y = [v1; v2; ..]`. The reason: the diagonal block `T_i` of `L` is `J_i N_{i-1}` in an orthonormal basis of the null space of
-//! the levels above.
+//! solves `L y = [v1; v2; ..]`. This holds because the diagonal block `T_i` of `L` is `J_i N_{i-1}` in an orthonormal basis of the null
+//! space of the levels above.
 //!
 //! The result is valid only if it provably equals the result of the recursion in `levels`. The number `1/|T_i^-1|_F` is a lower bound of
 //! the smallest singular value of `J_i N_{i-1}`. For `clamp` and `damped`, it must reach `eps_i`. For the other methods, it must reach
 //! `1e-6 |J_i|_F` and satisfy the rank rule of `levels`. Otherwise the result is not valid, and another algorithm solves the stack.
 //!
-//! For `sns`, the result is valid if zero velocity is within the bounds, and also the solution of levels 1 to `i` for every `i`. It then
-//! equals the solution of `exact`. For `chiaverini`, it is the sum of `P_{i-1} J_i# v_i` with the ranks of `exact`. `P_{i-1}` removes the
-//! coordinates of the levels above, and `1/|J_i#|_F` must reach `eps_i`.
+//! For `sns`, zero velocity must be within the bounds. For every `i`, the solution of levels 1 to `i` must also be within them. The result
+//! then equals the solution of `exact`. For `chiaverini`, the result is the sum of `P_{i-1} J_i# v_i` with the ranks of `exact`. `P_{i-1}`
+//! removes the coordinates of the levels above, and `1/|J_i#|_F` must reach `eps_i`.
 //!
 //! Direct solves and recordings use the same code, which never branches on numbers. So a program (the recorded and compiled code) and a
 //! direct solve with the same instruction set have the same bits.
@@ -151,7 +151,8 @@ impl<S: Real> Regular<S> {
         }
     }
 
-    /// Return `stands` if the bounds contain zero and the solutions of levels 1 to `i` for every `i`. Otherwise return zero.
+    /// Return `stands`, which is one for a valid result. Return zero instead if zero velocity, or the solution of levels 1 to `i` for some
+    /// `i`, is out of bounds.
     fn stay_within(&mut self, stands: S) -> S {
         let (mut stands, mut used) = (stands, 0);
         self.v.fill(S::zero());
@@ -163,7 +164,7 @@ impl<S: Real> Regular<S> {
         self.within(stands)
     }
 
-    /// Return `stands` if `v` is within the bounds, otherwise zero.
+    /// Return `stands` if `v` is within the bounds, otherwise zero. `stands` is one for a valid result.
     fn within(&self, stands: S) -> S {
         let [lower, upper] = &self.bounds;
         let bounds = lower.iter().zip(upper);
@@ -173,14 +174,13 @@ impl<S: Real> Regular<S> {
             .fold(stands, |stands, (&v, (&lower, &upper))| S::select(v.lt(lower), S::zero(), S::select(upper.lt(v), S::zero(), stands)))
     }
 
-    /// Compute the coordinates of `sum P_{i-1} J_i# v_i`. Return `stands` if every single level is away from its singularities, otherwise
-    /// zero.
+    /// Compute the coordinates of `sum P_{i-1} J_i# v_i`. Return `stands`, or zero if a level alone is close to a singularity.
     fn sum_up(&mut self, mut stands: S, jacobian: &[S], command: &[S]) -> S {
         let Regular { n, rows, eps2, metric, factor, own, .. } = self;
         let (Some(own), mut start) = (own, 0) else { return S::zero() };
         factor.y.fill(S::zero());
         for (i, &m) in rows.iter().enumerate().filter(|(_, m)| **m > 0) {
-            // A level without free directions has no effect in the method `chiaverini` either.
+            // As for the other methods, a level without free directions has no effect.
             if start >= *n {
                 break;
             }
@@ -197,7 +197,7 @@ impl<S: Real> Regular<S> {
         stands
     }
 
-    /// Write the rows in the coordinates of the metric, and the norms, of the levels that have free directions.
+    /// For each level with free directions, write its rows in metric coordinates, and compute its norms.
     fn load(&mut self, jacobian: &[S]) {
         let Regular { n, rows, fitting, metric, factor, tall, most2, norm2, .. } = self;
         let (n, fit) = (*n, factor.l.len());

@@ -17,7 +17,7 @@ use crate::linalg::{axpy, dot};
 const LEAST_MOBILITY: f64 = 1e-10;
 
 /// The relative rounding error of `v(s) = s a + b`. The product of this number and `max |a| + max |b|` is the rounding error of `v(s)`. A
-/// joint's `a`, and its distance from a bound, count as zero if they are smaller.
+/// joint's `a`, and its distance from a bound, count as zero if they are smaller than this error.
 const NOISE: f64 = 64.0 * f64::EPSILON;
 
 /// An excess over a velocity bound counts as a rounding error if it is at most the tolerance `edge`. Such an excess is removed. Divided by

@@ -127,8 +127,8 @@ impl PrioritySolver {
         route
     }
 
-    /// Return the closed-form algorithm for levels of at most two rows, with another number type. The result is `None` if it does not
-    /// apply.
+    /// Return the closed-form algorithm for levels of at most two rows, with another number type. Return `None` if the algorithm does not
+    /// apply to these levels or this method.
     pub(super) fn pairs<S: Real>(&self) -> Option<PairRoute<S>> {
         PairRoute::new(self.work.n, &self.work.rows, self.method, self.work.eps.as_deref(), self.work.metric.as_ref())
     }

@@ -24,8 +24,8 @@ pub(super) struct Workspace {
     pub exponent: Vec<i32>,
     /// The present threshold of each level.
     pub threshold: Vec<f64>,
-    /// The rows are an orthonormal basis of joint space. Higher levels have used the rows before `free`. The rows from `free` on are still
-    /// free, to the fractions `scale` that clamped levels leave.
+    /// The rows are an orthonormal basis of joint space. Higher levels have used the rows before `free`. The other rows are still free, and
+    /// `scale` has the remaining fraction of each.
     pub basis: Vec<f64>,
     /// Whether the basis is still the identity, because no level has rotated it.
     pub identity: bool,
@@ -37,11 +37,9 @@ pub(super) struct Workspace {
     pub r: Vec<f64>,
     pub t: Vec<f64>,
     pub z: Vec<f64>,
-    /// The algorithm `regular`.
     pub regular: Single,
     /// The result in metric coordinates.
     pub y: Vec<f64>,
-    /// The results of the solver.
     pub v: Vec<f64>,
     pub residual: Vec<f64>,
     pub ranks: Vec<usize>,
