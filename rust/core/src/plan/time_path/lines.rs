@@ -17,8 +17,8 @@ use super::tip::{Ball, Tangent};
 use crate::scalar::Real;
 use nalgebra::Vector3;
 
-/// In the middle of a segment, a row is raised by this fraction of its rise above the chord between both ends. If a parabola is within its
-/// limit at both ends and, after the raise, in the middle, it exceeds the limit by at most 0.141 of that rise.
+/// In the middle of a segment, a row is raised by this fraction of its rise above the chord between both ends. A parabola that is within
+/// its limit at both ends and, raised, in the middle exceeds the limit by at most 0.141 of that rise.
 const MIDDLE_MARGIN: f64 = 0.25;
 /// The relative tolerance of the test `L <= U`, for rounding errors.
 const ROUNDING: f64 = 1e-13;
