@@ -25,8 +25,8 @@ pub fn main() -> Result<()> {
         let error = (run.positions().column(run.t.len() - 1) - &q1).amax();
         let missing = run.monitor("energy_balance").unwrap_or_default().iter().fold(0.0f64, |most, x| most.max(x.abs()));
         println!("{name}: final error {error:.1e} rad, open energy balance {missing:.1e} J, {} steps", run.steps);
-        // The law has no integral term, so a payload that its model does not contain leaves a final error. A payload of 1 kg at a few
-        // decimetres needs some N m. The gain is 400 1/s^2.
+        // The law has no integral term, so a payload that its model does not contain leaves a final error. This error is the acceleration
+        // due to the weight of the payload, divided by the gain of 400 1/s^2.
         assert!(if name == "known arm" { error < 1e-9 } else { (1e-4..0.2).contains(&error) }, "{name}: {error}");
     }
     Ok(())

@@ -63,7 +63,7 @@ impl<V: Real> DualSystem<V> for Loop {
     }
 }
 
-/// A run on plain numbers. `V` has the eight rates of a dual number.
+/// A run on plain numbers. `V` is the type of the eight derivatives in a dual number.
 struct Run<V> {
     plant: Loop,
     t_end: f64,

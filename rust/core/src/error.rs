@@ -71,7 +71,7 @@ pub enum Error {
     Solve {
         /// The outcome of the solver.
         status: Status,
-        /// Time of the end, s, or number of the iteration.
+        /// Time at which the solver ended, s, or the number of the iteration.
         t: f64,
         /// The problem that ended the solver.
         problem: String,

@@ -5,7 +5,7 @@
 // `integrate` uses only `error, status, scalar, linalg`. `parallel` knows only threads, and `memory` knows only sizes. Neither knows
 // robots.
 #![deny(missing_docs)]
-// At most seven parameters: further ones are grouped, such as `[v, v_r, a_r]`.
+// A function has at most seven parameters. Related parameters are grouped, for example `[v, v_r, a_r]`.
 #![warn(clippy::too_many_arguments)]
 
 pub mod analysis;

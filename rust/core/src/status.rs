@@ -25,7 +25,8 @@ pub enum Status {
     Interrupted = 4,
     /// An event ended the run.
     Event = 5,
-    /// The result has a residual: a direction is lost, a task is scaled, or a lower task is not reached. Or the run has no derivative.
+    /// The command is fulfilled only in part: a direction is lost, a task is scaled, or a lower task is not reached. For derivatives of a
+    /// run, this status means that the run has no derivative.
     Degraded = 6,
     /// No solution was found, for example because the constraints contradict each other.
     Infeasible = 7,

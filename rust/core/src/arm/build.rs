@@ -72,12 +72,12 @@ pub struct ChainJoint {
     pub xyz: [f64; 3],
     /// Inertial parameters of the body, in the body frame, in the order of [`crate::spatial`]. SI units.
     pub phi: [f64; 10],
-    /// Index of the parent joint in the list, which must be earlier. `Some(None)` is the base. `None` is the previous joint, or the base
-    /// for the first joint.
+    /// Index of the parent joint, which must precede this joint in the list. `Some(None)` selects the base as the parent. `None` selects
+    /// the previous joint of the list, or the base for the first joint.
     pub parent: Option<Option<usize>>,
     /// Limits of position, speed and torque.
     pub limits: Limits,
-    /// Rotor inertia reduced to the joint, kg m^2 or kg.
+    /// Rotor inertia reflected to the joint through its gear, kg m^2, or kg for a prismatic joint.
     pub armature: f64,
     /// Viscous friction, N m s/rad or N s/m.
     pub damping: f64,
@@ -105,7 +105,8 @@ pub(crate) fn require_memory(joints: usize) -> Result<()> {
 
 impl Arm {
     /// Return an arm from a list of joints. `gravity`: world axes, m/s^2. The frames `"link1"`, .. are the body frames, one per list entry,
-    /// including fixed joints. The order of `q` is the order of the list, rearranged depth first. Errors: `Input`, `Memory`.
+    /// including fixed joints. The joints in `q` are in depth-first order, and siblings keep the order of the list. Errors: `Input`,
+    /// `Memory`.
     pub fn from_chain(list: &[ChainJoint], gravity: [f64; 3]) -> Result<Arm> {
         finite("gravity", &gravity)?;
         if list.is_empty() {
@@ -252,6 +253,6 @@ pub(super) fn unit(argument: &str, axis: [f64; 3]) -> Result<[f64; 3]> {
     // Each component is divided, because the reciprocal of a subnormal `largest` can be infinite.
     let scaled = Vector3::from(axis.map(|x| x / largest));
     let unit = Vector3::from(scaled.array().map(|x| x / scaled.norm()));
-    // An axis whose length is 1 up to rounding keeps its bits. So this function does not change its own results.
+    // An axis that is a unit vector up to rounding is returned unchanged. So a second call has the same result as the first call.
     if (Vector3::from(axis).norm() - 1.0).abs() <= 4.0 * f64::EPSILON { Ok(axis) } else { Ok(unit.array()) }
 }

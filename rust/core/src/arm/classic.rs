@@ -79,8 +79,9 @@ pub struct DhRow {
 
 impl Arm {
     /// Return an arm from Denavit-Hartenberg rows. `gravity`: world axes, m/s^2. The frames `"link1"`, .. are the Denavit-Hartenberg
-    /// frames. In the standard convention, this frame is at the far end of the link. `parameters` of the arm are then about the joint, in
-    /// axes with z along the joint axis. Errors: `Input` for no rows or numbers that are not finite, `Memory`.
+    /// frames. In the standard convention, such a frame is at the far end of its link. The `parameters` of the arm then refer to another
+    /// frame of the link. Its origin is on the joint, and its z axis is the joint axis. Errors: `Input` for no rows or numbers that are not
+    /// finite, `Memory`.
     pub fn from_dh(rows: &[DhRow], convention: Convention, gravity: [f64; 3]) -> Result<Arm> {
         finite("gravity", &gravity)?;
         if rows.is_empty() {
@@ -97,7 +98,8 @@ impl Arm {
             let along_x = Placement::from_rpy([row.alpha, 0.0, 0.0], [row.a, 0.0, 0.0]);
             let turn = Placement::from_rpy([0.0, 0.0, row.theta], [0.0; 3]);
             let slide = Placement { rotation: Matrix3::IDENTITY, translation: Vector3::from([0.0, 0.0, row.d]) };
-            // The rotation by theta and the translation by d are about and along z, so that they commute with the motion of the joint.
+            // The rotation by `theta` is about the joint axis z, and the translation by `d` is along z. So both commute with the motion of
+            // the joint.
             let (placement, frame) = match convention {
                 Convention::Standard => (before.then(&turn).then(&slide), along_x),
                 Convention::Modified => (before.then(&along_x).then(&turn).then(&slide), Placement::IDENTITY),

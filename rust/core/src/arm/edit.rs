@@ -23,8 +23,8 @@ impl Arm {
         Ok(arm)
     }
 
-    /// Return the arm with a body fixed to `frame`. `mass`: kg. `com`: centre of mass relative to the frame's origin, m. `inertia`: about
-    /// the centre of mass, kg m^2. Both are in the axes of the frame. A payload on the base has no effect.
+    /// Return the arm with a body fixed to `frame`. `mass`: kg. `com`: centre of mass relative to the origin of the frame, m. `inertia`:
+    /// about the centre of mass, kg m^2. `com` and `inertia` are in the axes of the frame. A payload on the base has no effect.
     /// Errors: `Unknown` for the frame, `Input` for numbers that are not finite or a negative mass. Also `Input` for an inertia that is not
     /// symmetric or has a negative principal moment.
     pub fn with_payload(&self, frame: &str, mass: f64, com: [f64; 3], inertia: [[f64; 3]; 3]) -> Result<Arm> {
@@ -51,8 +51,9 @@ impl Arm {
         Ok(arm)
     }
 
-    /// Return the arm with joints locked at positions, rad or m. They are removed from `q`, and their bodies are merged with their parents.
-    /// Followers of locked joints are locked too. Errors: `Unknown` for a name, `Input` for a position that is not finite.
+    /// Return the arm with joints locked at positions, rad or m. These joints are removed from `q`, and their bodies are merged with their
+    /// parents. Mimic joints that follow a locked joint are locked too. Errors: `Unknown` for a name, `Input` for a position that is not
+    /// finite.
     pub fn locked(&self, joints: &[(&str, f64)]) -> Result<Arm> {
         let (mut held, indices) = (vec![None; self.joints.len()], self.independent_indices());
         for (name, value) in joints {
@@ -90,7 +91,7 @@ impl Arm {
         for frame in &self.frames {
             let (body, place) = frame.body.map_or((None, Placement::IDENTITY), |b| moved[b]);
             let locked = frame.body.is_some_and(|b| moved[b].0.is_none() || moved[b].1 != Placement::IDENTITY);
-            // In the new arm, a frame of a locked joint belongs to a fixed joint with the same name.
+            // A locked joint becomes a fixed joint with the same name. It connects the frame to the body that now contains it.
             let name = frame.body.filter(|_| locked && frame.joint.is_none()).map(|b| self.joints[b].name.clone());
             arm.frames.push(Frame { body, placement: place.then(&frame.placement), joint: name.or(frame.joint.clone()), ..frame.clone() });
         }

@@ -94,7 +94,7 @@ pub struct Joint {
     pub axis: [f64; 3],
     /// Limits of position, speed and torque.
     pub limits: Limits,
-    /// Rotor inertia reduced to the joint, kg m^2, or kg for a prismatic joint. It is added to the diagonal of `M`.
+    /// Rotor inertia reflected to the joint through its gear, kg m^2, or kg for a prismatic joint. It is added to the diagonal of `M`.
     pub armature: f64,
     /// Viscous friction, N m s/rad or N s/m.
     pub damping: f64,

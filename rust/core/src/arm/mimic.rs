@@ -1,18 +1,18 @@
-//! Mimic joints, `q_follower = multiplier q_leader + offset`. A *follower* is a mimic joint. It has one degree of freedom together with its
-//! *leader*.
+//! Mimic joints, `q_follower = multiplier q_leader + offset`. A *follower* is a mimic joint, and its *leader* is the joint that it follows.
+//! Both share one degree of freedom.
 //!
-//! A follower has its own body. Its drive and its limits are combined with the drive and the limits of the leader: `tau = G' tau_joints`
-//! with `q_joints = G q + c`, where the prime is the transpose. The rotor inertia and the viscous friction of the follower, multiplied with
-//! `multiplier^2`, are added to the leader. The Coulomb friction of the follower, multiplied with `|multiplier|`, is added too. The
-//! follower's limits restrict the position range and the speed of the leader. The effort limit of the follower is ignored, because the
-//! motor of the leader moves all joints.
+//! A follower has its own body. Its *drive* is its rotor inertia, viscous friction and Coulomb friction. The torque of a leader and its
+//! followers is `tau = G' tau_joints` with `q_joints = G q + c`, where the prime is the transpose. So the rotor inertia and the viscous
+//! friction of a follower are multiplied by `multiplier^2` and added to the leader. The Coulomb friction of a follower is multiplied by
+//! `|multiplier|` and added to the leader. The follower's limits restrict the position range and the speed of the leader. The effort limit
+//! of the follower is ignored, because the motor of the leader moves all joints.
 
 use super::Arm;
 use super::joint::{Joint, Limits, Mimic};
 use crate::error::{Error, Result, finite, listed};
 use crate::interrupt::look;
 
-/// The map `q_joints = G q + c` from coordinates to joints, in an arm with mimic joints.
+/// The map `q_joints = G q + c` from the coordinates `q` to the positions of all joints, in an arm with mimic joints.
 ///
 /// ```
 /// use armlet_core::arm::Arm;
@@ -32,7 +32,8 @@ pub struct Joining {
     pub leaders: Vec<usize>,
 }
 
-/// The maximum number of bodies of an arm with mimic joints. For such arms, matrices of all joints are computed and projected.
+/// The maximum number of bodies of an arm with mimic joints. The number is limited, because the algorithms compute matrices for all joints,
+/// including followers, and then project them on the coordinates.
 pub const MOST_BODIES: usize = 256;
 
 /// The index of a joint's leader, the multiplier and the offset.
@@ -100,7 +101,7 @@ impl Moved {
         (out, empty)
     }
 
-    /// Return the limits and drive of the leader, converted to the follower's position.
+    /// Return the limits and the drive of this joint for the coordinate `multiplier q + offset` instead of `q`.
     fn counted_by(&self, multiplier: f64, offset: f64) -> Moved {
         let ends = [self.limits.lower, self.limits.upper].map(|end| multiplier * end + offset);
         let size = multiplier.abs();
@@ -145,8 +146,8 @@ impl Arm {
         (0..self.joints.len()).filter(|i| followers.next_if_eq(i).is_none()).collect()
     }
 
-    /// For each coordinate, whether one revolution returns all bodies to their places. Its moving followers must then be angles with
-    /// integer multipliers.
+    /// For each coordinate, whether one revolution returns all bodies to their places. This requires that its joint and all moving
+    /// followers are angles, and that the multipliers of the followers are integers.
     pub fn turns(&self) -> Vec<bool> {
         let mut turns: Vec<bool> = self.joints.iter().map(|joint| joint.kind.is_angle()).collect();
         for mimic in &self.mimics {

@@ -1,6 +1,6 @@
 //! Arms: trees of revolute, continuous, prismatic and fixed joints. [`Arm`] is the model as the user describes it. [`Tree`] is its compiled
-//! form, on which the algorithms run. Readers merge fixed joints into bodies, and keep their links as frames. A mimic joint has one degree
-//! of freedom together with the joint that it follows.
+//! form, on which the algorithms run. Readers merge fixed joints into bodies, and keep their links as frames. A mimic joint shares one
+//! degree of freedom with the joint that it follows.
 
 mod build;
 mod classic;
@@ -70,7 +70,7 @@ pub struct Arm {
 }
 
 impl Clone for Arm {
-    /// Clone the arm. The copy of a large arm takes long. So it checks for an interrupt ([`look`]).
+    /// Clone the arm. The copy of a large arm takes long, so this function checks for an interrupt ([`look`]).
     fn clone(&self) -> Self {
         Arm {
             name: self.name.clone(),
@@ -91,7 +91,7 @@ impl PartialEq for Arm {
 }
 
 impl Arm {
-    /// The number of coordinates, which is the number of joints without mimic joints.
+    /// The number of coordinates: the number of joints that are not mimic joints.
     pub fn n(&self) -> usize {
         self.joints.len() - self.mimics.len()
     }
@@ -106,9 +106,9 @@ impl Arm {
         self.frames.iter().map(|frame| frame.name.as_str())
     }
 
-    /// Return the index of the frame at the tip: the moving frame with the longest path from the base. The length of a path is `sum |p|`
-    /// over the offsets of its joints and of the frame. For equal lengths, it is the last frame. The result is `None` without moving
-    /// frames.
+    /// Return the index of the frame at the tip: the moving frame with the longest path from the base. The length of a path is the sum of
+    /// the distances between its successive origins (base, joints and frame) at `q = 0`. If several paths are longest, the last frame is
+    /// the tip. The result is `None` without moving frames.
     pub fn tip_frame(&self) -> Option<usize> {
         let mut reach = Vec::<f64>::with_capacity(self.joints.len());
         for joint in &self.joints {

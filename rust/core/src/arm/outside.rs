@@ -4,7 +4,7 @@ use super::{Arm, JointKind};
 use crate::interrupt::look;
 use std::f64::consts::TAU;
 
-/// A position may exceed a limit by this number, rad or m, because files and scripts round both.
+/// The tolerance of the comparison with a limit, rad or m. Files and scripts round positions and limits.
 const SLACK: f64 = 1e-9;
 
 /// The first position that is outside of its joint's limits, and the counts of such positions.
@@ -21,7 +21,7 @@ const SLACK: f64 = 1e-9;
 /// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Outside {
-    /// The row of this position.
+    /// The index of the row with this position, in the argument of [`Outside::first`].
     pub row: usize,
     /// The joint of this position, as an index of `q`.
     pub joint: usize,
@@ -40,8 +40,8 @@ pub struct Outside {
 }
 
 impl Outside {
-    /// Return the first row with a position outside of limits. `rows`: pairs of an arm and positions, shape `(n,)`, rad or m. NaN is not
-    /// outside.
+    /// Return the first position that is outside of its limits. `rows`: pairs of an arm and its joint positions, shape `(n,)`, rad or m.
+    /// NaN does not count as outside.
     pub fn first<'a>(rows: impl IntoIterator<Item = (&'a Arm, &'a [f64])>) -> Option<Outside> {
         let (mut found, mut of): (Option<Outside>, usize) = (None, 0);
         for (row, (arm, q)) in rows.into_iter().enumerate() {

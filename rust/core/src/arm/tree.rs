@@ -1,8 +1,9 @@
 //! The compiled form of an arm, on which the algorithms run.
 //!
-//! Each body has a compiled frame, with the origin on the joint and z along the joint axis. So the motion subspace is `e_z`, and a joint
-//! rotation changes two columns of a matrix. `turn` is the rotation from the compiled frame to the body frame of the model. All lanes have
-//! the same geometry. Inertial parameters may differ between lanes.
+//! Each body has a compiled frame, with the origin on the joint and z along the joint axis. So the motion subspace is `e_z`. In a product
+//! with a joint rotation, only the first two columns of the other matrix change. `turn` is the rotation from the compiled frame to the body
+//! frame of the model. A tree can have one arm per lane (entry of a SIMD register). All lanes have the same geometry, but their inertial
+//! parameters may differ.
 
 use super::{Arm, Joining};
 use crate::interrupt::look;
@@ -11,7 +12,7 @@ use crate::scalar::Real;
 use crate::spatial::{Inertia, Lift, Matrix, Matrix3, PARAMETERS, Placement, QuarterTurn, RotationMatrix, Sym3, Vector3};
 use std::sync::Arc;
 
-/// The labels of the first moment of a body in recordings. The label of its mass is `m`.
+/// The labels of the first moment of a body, for listings of recorded computations (`trace`). The label of its mass is `m`.
 const MOMENT: [&str; 3] = ["mx", "my", "mz"];
 const INERTIA: [&str; 6] = ["Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz"];
 const SECOND_MOMENT: [&str; 6] = ["Sxx", "Sxy", "Syy", "Sxz", "Syz", "Szz"];
@@ -34,10 +35,10 @@ pub const BASE: usize = usize::MAX;
 pub struct Body<S: Real> {
     /// The index of the parent body, or [`BASE`]. Parents precede children.
     pub parent: usize,
-    /// The index after the last body that this body moves. This body moves the bodies from the next index up to `end`, because the order is
-    /// depth first.
+    /// The index after the last body that this body moves. This body moves all bodies between itself and `end`, because the order is depth
+    /// first.
     pub end: usize,
-    /// Whether a body other than the next one is a child of this body. Its values must then be stored.
+    /// Whether a body other than the next one is a child of this body. Recursions then store the results of this body for that child.
     pub forks: bool,
     /// Whether the body rotates about its axis. If false, it slides along the axis.
     pub revolute: bool,
@@ -102,8 +103,9 @@ pub struct Tree<S: Real> {
     pub is_shallow: bool,
 }
 
-/// A tree is shallow if it has at most [`MOST_JOINTS`] joints, and at most this mean number of joints on the path to a body. A joint whose
-/// placement is not a quarter turn counts as [`GENERAL`] joints. Forward dynamics with the mass matrix is then faster (`docs/adr/0008`).
+/// The largest mean length of the paths from the base to the bodies of a shallow tree, in joints. A joint whose placement is not a quarter
+/// turn counts as [`GENERAL`] joints. A shallow tree also has at most [`MOST_JOINTS`] joints. For such trees, forward dynamics with the
+/// mass matrix is faster (`docs/adr/0008`).
 const SHALLOW: f64 = 7.0;
 /// The relative computing time of a joint whose placement is not a quarter turn. The unit is the time of a joint with a quarter turn.
 const GENERAL: f64 = 1.25;
@@ -228,8 +230,8 @@ impl Tree<f64> {
 }
 
 impl<S: Real> Tree<S> {
-    /// Compile an arm, with the same parameters in every lane. It is compiled in `f64`, so that every number type starts with the same
-    /// bits.
+    /// Compile an arm, with the same parameters in every lane. The compilation uses `f64`, so that the numbers of the tree are the same for
+    /// every number type.
     pub fn new(arm: &Arm) -> Self {
         Tree::compile(arm).lift()
     }
@@ -267,7 +269,7 @@ impl<S: Real> Tree<S> {
         }
     }
 
-    /// The number of coordinates: the number of bodies without the bodies of mimic joints.
+    /// The number of coordinates: the number of joints that are not mimic joints.
     #[inline]
     pub fn n(&self) -> usize {
         self.joining.as_ref().map_or(self.bodies.len(), |joining| joining.leaders.len())
@@ -306,9 +308,9 @@ impl<S: Real> Tree<S> {
     }
 }
 
-/// Return the axes of a body's compiled frame, as the columns of a rotation matrix `turn`. Its z axis is `axis`. If possible, `before turn`
-/// is a quarter turn, where `before` is the rotation of the joint frame in the parent's compiled frame. If `axis` is the z axis of the
-/// model, the result is the identity.
+/// Return the axes of a body's compiled frame in the joint frame, as the columns of a rotation matrix. The third column is `axis`. `before`
+/// is the rotation of the joint frame in the parent's compiled frame. If possible, the product of `before` and the result is a quarter
+/// turn. If `axis` is the z axis, the result is the identity.
 fn compiled_axes(before: &Matrix3<f64>, axis: Vector3<f64>) -> Matrix3<f64> {
     let mut turn = Matrix3::taking_z_to(axis);
     let first = turn;

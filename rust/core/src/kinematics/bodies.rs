@@ -65,7 +65,7 @@ impl<S: Real> Bodies<S> {
         self.q.len()
     }
 
-    /// Number of leading bodies that must be placed for a frame.
+    /// Number of bodies, from the first on, that must be placed for a frame.
     pub(super) fn below(tree: &Tree<S>, frame: usize) -> usize {
         tree.frames.get(frame).map_or(0, |at| if at.body == BASE { 0 } else { at.body + 1 })
     }

@@ -1,9 +1,9 @@
 //! Poses of frames, geometric Jacobians in world axes at the frame origin `p`, and the centre of mass.
 //!
-//! The column of a revolute joint is `[z x (p - o); z]`, and the column of a slide is `[z; 0]`. Here `z` is the joint axis and `o` the
-//! origin of the joint. Time derivatives of the columns use `z' = w x z`, where `w` is the angular velocity of the body. They also use the
-//! velocities `o'` and `p'` of the joint origin and of the frame origin. Matrices are `(6, n)` or `(3, n)`, row-major. If a joint follows
-//! another joint, its leader, then its column times the multiplier is added to the leader's column.
+//! The column of a revolute joint is `[z x (p - o); z]`, and the column of a prismatic joint is `[z; 0]`. Here `z` is the joint axis and
+//! `o` the origin of the joint. Time derivatives of the columns use `z' = w x z`, where `w` is the angular velocity of the body. They also
+//! use the velocities `o'` and `p'` of the joint origin and of the frame origin. Matrices are `(6, n)` or `(3, n)`, row-major. If a joint
+//! follows another joint, its leader, then its column times the multiplier is added to the leader's column.
 
 use super::Pose;
 use crate::arm::{BASE, Tree};
@@ -59,8 +59,8 @@ pub fn jacobian_on_zeros<S: Real>(
     p
 }
 
-/// Write the column of a body to the column of its coordinate in `j`. If joints follow others, add it instead; then this column of `j` must
-/// first contain zeros.
+/// Write the column of a body to the column of its coordinate in `j`. With mimic joints, add it to this column, which must first contain
+/// zeros.
 fn write<S: Real>(tree: &Tree<S>, j: &mut [S], body: usize, linear: Vector3<S>, angular: Vector3<S>) {
     let (n, (i, multiplier)) = (tree.n(), tree.mover(body));
     for k in 0..3 {
@@ -75,7 +75,8 @@ pub(super) fn put<S: Real>(tree: &Tree<S>, multiplier: f64, entry: &mut S, value
     *entry = if tree.joining.is_some() { S::splat(multiplier).mul_add(value, *entry) } else { value };
 }
 
-/// The rate of a joint's column: `z' x (p - o) + z x (p' - o')` and `z'`, or `z'` and 0 for a slide. `velocity` is `p'`, and `u` is `o'`.
+/// The rate of a joint's column. It is `z' x (p - o) + z x (p' - o')` and `z'`, or `z'` and 0 for a prismatic joint. `velocity` is `p'`,
+/// and `u` is `o'`.
 pub(super) fn column_rate<S: Real>(
     revolute: bool,
     joint: &Pose<S>,

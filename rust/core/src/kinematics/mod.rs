@@ -1,6 +1,6 @@
 //! Poses of bodies and frames, and their motion with the joints.
 //!
-//! A revolute joint with the parent `p` has `R_i = R_p R_0 Rz(q)`, `o_i = o_p + R_p p_0`. A slide has `R_i = R_p R_0`,
+//! A revolute joint with the parent `p` has `R_i = R_p R_0 Rz(q)`, `o_i = o_p + R_p p_0`. A prismatic joint has `R_i = R_p R_0`,
 //! `o_i = o_p + R_p p_0 + z_i q`. `R_0` and `p_0` are the placement of the joint in the parent's frame at `q = 0`. `z_i` is the third
 //! column of `R_i`. The recursion goes from the base outwards.
 
@@ -53,8 +53,8 @@ impl<S: Real> Pose<S> {
     }
 }
 
-/// Compute the pose of a body from the pose of its parent. Unless the placement is a quarter turn, the joint's rotation is first applied to
-/// the placement, so that only one product waits for the parent.
+/// Compute the pose of a body from the pose of its parent. If the placement is not a quarter turn, it is first multiplied by the joint's
+/// rotation. This product does not depend on the parent, so that the processor can compute it in advance.
 pub(crate) fn place_body<S: Real>(body: &Body<S>, parent: &Pose<S>, trig: (S, S), q: S) -> Pose<S> {
     if body.parent == BASE {
         // The base has no rotation.
@@ -81,8 +81,8 @@ pub(crate) fn place_body<S: Real>(body: &Body<S>, parent: &Pose<S>, trig: (S, S)
     }
 }
 
-/// The value of the parent of body `i` in a pass from the base outwards. Along a chain it stays in registers (`last`), so that the code
-/// does not wait for a recent store.
+/// Return the result of the parent of body `i`, in a recursion from the base outwards. `last` is the result of body `i - 1`, which is the
+/// parent in a chain. It is still in registers, so that the code does not wait for a recent store.
 pub(crate) fn from_parent<T: Copy>(parent: usize, i: usize, last: T, stored: impl Fn(usize) -> T, base: impl Fn() -> T) -> T {
     // The comparison is also true for the first body: i - 1 wraps to BASE, and `last` starts with the value of the base.
     if parent == i.wrapping_sub(1) {

@@ -90,7 +90,7 @@ impl Gain {
         Gain::unchecked(n, (0..n * n).map(|k| entry(k / n, k % n)).collect())
     }
 
-    /// Return a gain from any matrix. It need not be symmetric, such as `Kd^-1 Kp`.
+    /// Return a gain from a matrix without checks. The matrix may be unsymmetric, for example `Kd^-1 Kp`.
     pub(crate) fn unchecked(n: usize, values: Vec<f64>) -> Self {
         Gain { n, values }
     }
@@ -135,7 +135,7 @@ impl Gain {
         self.times(x).iter().zip(x).map(|(y, x)| y * x).sum()
     }
 
-    /// Return `self^-1`. `self` is as in [`Gain::solve`].
+    /// Return `self^-1` for a symmetric positive definite `self`.
     pub fn inverse(&self) -> Gain {
         self.solve(&Gain::unchecked(self.n, vec![1.0; self.n]))
     }
@@ -252,7 +252,7 @@ impl<S: Real, B: AsRef<[S]>> Multiply<S> for Full<B> {
     }
 }
 
-/// A gain per lane. All gains are diagonal, or all are full, which is known only at run time.
+/// One gain per lane. If all gains are diagonal, they are stored as diagonals, otherwise as full matrices.
 #[derive(Clone, Debug)]
 pub enum AnyGain<S> {
     Diagonal(Diagonal<Vec<S>>),
@@ -260,7 +260,7 @@ pub enum AnyGain<S> {
 }
 
 impl<S: Real> AnyGain<S> {
-    /// Return the gains `of(i)` of all lanes `i`, with the label `name` in recordings.
+    /// Return the gains `of(i)` of all lanes `i`. Listings of recordings (`trace`) show them with the label `name`.
     pub fn labelled<'a>(name: &'static str, of: impl Fn(usize) -> &'a Gain) -> Self {
         S::labelled(name, 1, || Self::from_lanes(of))
     }

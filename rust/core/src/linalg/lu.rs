@@ -87,8 +87,8 @@ const LONG: usize = 200;
 
 /// Decompose `a`, shape `(n, n)`, in place. `pivots[k]` is the index of the row that is exchanged with row `k`.
 ///
-/// The result is `false` if `a` is not finite, has a pivot that is zero, or after `stopped` returned true. A long decomposition calls
-/// `stopped` once per column. After `false`, the content of `a` is undefined.
+/// The result is `false` if `a` is not finite, if a pivot is zero, or if `stopped` returned true. A long decomposition calls `stopped` once
+/// per column. After `false`, the content of `a` is undefined.
 #[inline]
 pub fn decompose<E: Entry>(n: usize, a: &mut [E], pivots: &mut [usize], mut stopped: impl FnMut() -> bool) -> bool {
     let (a, pivots) = (&mut a[..n * n], &mut pivots[..n]);

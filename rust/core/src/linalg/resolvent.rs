@@ -7,7 +7,8 @@
 use super::lu::{self, Entry};
 use crate::scalar::Real;
 
-/// The positions and rates in a state. It begins with `count` blocks of `joints` positions, each followed by the block of their rates.
+/// The positions and rates in a state that begins with `count` blocks of `joints` positions. The block of their rates follows each block of
+/// positions.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Pairs {
     pub joints: usize,
@@ -39,7 +40,8 @@ impl Pairs {
         }
     }
 
-    /// Call `each(k, i)` for each position `i`. `k` counts the calls. The rate of the `k`-th position is the `k`-th component that remains.
+    /// Call `each(k, i)` for each position `i`. `k` counts the calls. The rate of this position is number `k` of the components that are
+    /// not positions.
     #[inline]
     fn positions_each(self, mut each: impl FnMut(usize, usize)) {
         for block in 0..self.count {
@@ -78,7 +80,7 @@ impl Pairs {
     #[inline]
     pub fn solve<E: Entry>(self, n: usize, s: E, j: &[E::Real], (lu, pivots): (&[E], &[usize]), b: &mut [E], work: &mut [E]) {
         let m = n - self.positions();
-        // `inverse` is `-1/s`. With this sign, `less`, which subtracts a product, computes every sum below.
+        // `inverse` is `-1/s`, because `less` subtracts a product, and the sums below add these products.
         let (j, b, work, inverse) = (&j[..n * n], &mut b[..n], &mut work[..m], s.times(E::real(E::Real::splat(-1.0))).inverse());
         self.positions_each(|_, column| b[column] = b[column].times(inverse));
         self.kept(n, |r, row| {

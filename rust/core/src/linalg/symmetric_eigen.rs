@@ -33,8 +33,8 @@ pub fn symmetric_eigen(a: &[f64], n: usize) -> Result<(Vec<f64>, Vec<f64>)> {
             look();
             for q in p + 1..n {
                 let (app, aqq, apq) = (s[p * n + p], s[q * n + q], s[p * n + q]);
-                // The entry is negligible compared with both diagonal entries (relative accuracy of graded matrices), or with the rounding
-                // error of the matrix.
+                // Skip an entry that is negligible compared with both diagonal entries, or with the rounding error of the matrix. The first
+                // condition preserves the relative accuracy of graded matrices.
                 if apq.abs() <= f64::EPSILON * (app.abs() * aqq.abs()).sqrt() || apq.abs() <= 1e-3 * f64::EPSILON * size {
                     continue;
                 }

@@ -55,7 +55,7 @@ impl Wall {
     }
 }
 
-/// The walls in the lanes, all touched by the same frame.
+/// One wall per lane. All walls act on the same frame.
 pub struct LaneWall<S: Real> {
     /// Index of the frame.
     pub frame: usize,

@@ -44,7 +44,7 @@ pub trait Definition {
         None
     }
 
-    /// Whether the viscous and Coulomb friction of the model's joints acts on a rigid arm.
+    /// Whether the plant is a rigid arm with the viscous and Coulomb friction of the model's joints.
     fn has_friction(&self) -> bool {
         false
     }
@@ -99,11 +99,11 @@ pub trait Plant<S: Real> {
     /// `trig` has (sin, cos) of each joint position. The wrench acts at the frame with which the plant was built.
     fn rates(&mut self, trig: &[(S, S)], x: &[S], tau: &[S], wrench: &[S], dx: &mut [S]) -> Power<S>;
 
-    /// Hold every contact in a mode, independent of the state: first the wall, then the stops. Without modes, the state decides again.
+    /// Hold every contact in its mode of `contacts`, independent of the state. The mode of the wall is the first, and the modes of the
+    /// stops follow. If `contacts` is empty, the state determines the modes.
     fn hold(&mut self, _contacts: &[Touch]) {}
 
-    /// Return the depth `d` and the push `k d + c d_dot` of contact `i`. The other arguments have the meaning of the arguments of
-    /// [`Plant::rates`].
+    /// Return the depth `d` and the push `k d + c d_dot` of contact `i`. The other arguments are as in [`Plant::rates`].
     fn contact(&mut self, _i: usize, _trig: &[(S, S)], _x: &[S]) -> [S; 2] {
         [S::zero(); 2]
     }
@@ -113,8 +113,8 @@ pub trait Plant<S: Real> {
         None
     }
 
-    /// Write the torques on the joints or motors, except stick-slip friction, into [`Plant::stick_slip`], and the loads of this friction.
-    /// The arguments have the meaning of the arguments of [`Plant::rates`].
+    /// Write the torques and the loads to the stick-slip friction [`Plant::stick_slip`]. The torques are the sums of all other torques on
+    /// the joints or motors. The arguments are as in [`Plant::rates`].
     fn load_friction(&mut self, _trig: &[(S, S)], _x: &[S], _tau: &[S], _wrench: &[S]) {}
 }
 

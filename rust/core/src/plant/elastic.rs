@@ -7,8 +7,8 @@
 //! Jacobian of its frame. A wall and stops add their forces to the links. Units are those of revolute joints; for a prismatic joint,
 //! replace rad by m, N m by N and kg m^2 by kg.
 //!
-//! The state is `x = [q, v, theta, theta_dot]`, then the bristles of LuGre friction of the motors. The load `L` of dry friction is the
-//! joint torque `tau_J`.
+//! The state is `x = [q, v, theta, theta_dot]`. The deflections of the bristles follow, if the motors have LuGre friction. The load `L` of
+//! dry friction is the joint torque `tau_J`.
 
 use super::definition::fields;
 use super::lugre::LaneLuGre;
@@ -154,7 +154,7 @@ impl Build for ElasticSpec {
     }
 }
 
-/// Set the matrix `A` of the stick-slip friction to the motor inertia `B`, which is constant.
+/// Copy the motor inertia `B`, which is constant, to the mass matrix of the stick-slip friction.
 fn with_inertia<'a, S: Real>(mut sticking: LaneStickSlip<S>, of: impl Fn(usize) -> &'a Gain) -> LaneStickSlip<S> {
     let n = of(0).n();
     for (k, entry) in sticking.matrix.iter_mut().enumerate() {

@@ -60,7 +60,7 @@ pub(super) struct Rubbing<S> {
     pub torque: S,
     /// Rate `z'` of the deflection, rad/s or m/s.
     pub z_dot: S,
-    /// The power lost, W, without the power that the bristles store.
+    /// The power that friction loses, W. It excludes the power that the bristles store.
     pub lost: S,
 }
 

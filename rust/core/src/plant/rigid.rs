@@ -1,8 +1,8 @@
 //! A rigid arm driven by joint torques: `M(q) a + C(q, v) v + g(q) + friction = tau + J' W`.
 //!
-//! `W` is an external wrench, and `J'` the transposed Jacobian of its frame. A wall and stops add their forces. The state is `x = [q, v]`,
-//! then the bristles `z` of LuGre friction. The load `L` of this friction is `tau - sigma_0 z`, with the stiffness `sigma_0` of the
-//! bristles.
+//! `W` is an external wrench, and `J'` the transposed Jacobian of its frame. A wall and stops add their forces. The state is `x = [q, v]`.
+//! With LuGre friction, the deflections `z` of the bristles follow. The load `L` of this friction is `tau - sigma_0 z`, with the stiffness
+//! `sigma_0` of the bristles.
 
 use super::contact::LaneWall;
 use super::definition::fields;
@@ -110,7 +110,7 @@ pub(super) struct Links<S: Real> {
     /// The modes in which contacts are held, the wall first; empty if the modes follow the state.
     held: Vec<Touch>,
     jacobian: Vec<S>,
-    /// Sum of the torques on the joints, without `C v + g`, `(n,)`, N m or N.
+    /// Sum of the torques on the joints, except `C v + g`, `(n,)`, N m or N.
     pub effort: Vec<S>,
 }
 
@@ -217,8 +217,8 @@ fn moving_frame<S: Real>(
     (p, p_dot)
 }
 
-/// Set the inputs of the stick-slip friction under the plant's input `tau`: the matrix `A = M`, the torques `b = effort - (C v + g)`, and
-/// the loads.
+/// Set the data of the stick-slip friction under the plant's input `tau`: the mass matrix `A = M`, the torques `b = effort - (C v + g)`,
+/// and the loads.
 fn load<S: Real>(links: &mut Links<S>, sticking: &mut LaneStickSlip<S>, trig: &[(S, S)], (q, v): (&[S], &[S]), tau: &[S]) {
     links.arm.mass_matrix(&mut links.ws, trig, q, &mut sticking.matrix);
     links.arm.bias(&mut links.ws, trig, q, v, &mut sticking.drive);
@@ -334,7 +334,7 @@ mod tests {
     use crate::arm::Arm;
     use crate::plant::{FrictionCurve, StickSlip};
 
-    /// The friction of the model and stick-slip friction act together: modes and motion are computed from the same torques.
+    /// The friction of the model and stick-slip friction act together. `rates` and `load_friction` must then compute the same torques.
     #[test]
     fn both_evaluations_have_the_same_torques() {
         let mut arm = Arm::planar(&[0.5, 0.4], None, None, None, [0.0, -9.81]).unwrap();

@@ -5,8 +5,8 @@
 //! with the filtered torque `tau_f`, its time derivative `tau_f'`, the bandwidth `w_c` and the resolution `step`. Units are those of
 //! revolute joints; for a prismatic joint, replace N m by N.
 //!
-//! Light-weight arms have torque sensors and motor encoders. Their controllers compute the link positions from both,
-//! `q = theta - K^-1 reading`. So in the controller, `K (theta - q)` is the reading.
+//! Controllers of light-weight arms measure joint torques and motor positions. They compute the link positions as
+//! `q = theta - K^-1 reading`.
 
 use crate::error::{Error, Result, finite};
 

@@ -74,7 +74,7 @@ const SLIPS: f64 = 1e-9;
 pub struct LaneStickSlip<S> {
     curve: LaneCurve<S>,
     breakaway: Vec<S>,
-    /// The mode of each joint: 0 is stuck. 1 or -1 slides, or is about to slide, in the positive or negative direction.
+    /// The mode of each joint. It is 0 for a stuck joint. For a joint that slides, or is about to slide, it is the direction 1 or -1.
     sides: Vec<i8>,
     before: Vec<i8>,
     /// The mass matrix `A` of the joints, or of the motors, `(n, n)`, which the plant writes.
@@ -83,10 +83,8 @@ pub struct LaneStickSlip<S> {
     factor: Vec<S>,
     /// The sum `b` of all torques except friction, `(n,)`, N m or N, which the plant writes.
     pub(super) drive: Vec<S>,
-    /// The load of each joint.
     pub(super) loads: Vec<Load<S>>,
     torque: Vec<S>,
-    /// Whether each joint is at rest.
     resting: Vec<bool>,
     /// Memory for accelerations.
     rates: Vec<S>,

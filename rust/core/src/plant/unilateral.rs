@@ -1,7 +1,7 @@
 //! A spring and a damper that only push: `f = max(0, k d + c d_dot)` at the depth `d > 0`, and no force outside.
 //!
-//! The formula of the force changes where `d` or `k d + c d_dot` changes its sign. A run that locates these instants holds the formula
-//! between them, so that no step contains a change.
+//! The formula of the force changes where `d` or `k d + c d_dot` changes its sign. A run can locate these instants. Between them it keeps
+//! the mode of the contact ([`Touch`]), so that the formula does not change within a step.
 
 use crate::error::{Error, Result, positive};
 use crate::scalar::Real;

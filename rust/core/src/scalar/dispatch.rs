@@ -9,7 +9,7 @@ use super::{
     lanes,
 };
 
-/// Code that is generic over [`Real`], before the instruction set is selected. `run` must be `#[inline(always)]`.
+/// Code that is generic over [`Real`]. [`run_lanes`] selects the number type at run time. `run` must be `#[inline(always)]`.
 ///
 /// ```
 /// use armlet_core::scalar::{GenericKernel, Real, run_lanes};

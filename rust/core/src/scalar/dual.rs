@@ -1,5 +1,5 @@
-//! Dual numbers `a + sum b_k eps_k` with `eps_i eps_k = 0`. They compute derivatives without truncation error along one direction or along
-//! several, where the prime is the derivative: `f(x + v eps) = f(x) + f'(x) v eps`.
+//! Dual numbers `a + sum b_k eps_k` with `eps_i eps_k = 0`. They compute derivatives without truncation error, along one or several
+//! directions: `f(x + v eps) = f(x) + f'(x) v eps`. The prime is the derivative.
 //!
 //! The derivatives `b_k` are the lanes of a number, and share the value `a`. A Jacobian of `n` columns takes `ceil(n / lanes)` evaluations.
 
@@ -44,8 +44,8 @@ impl<V: Real> Dual<V> {
     }
 }
 
-/// Return `along` where `rate` is below or above zero, otherwise `rate`, which is zero or NaN. Where the slope is infinite, the product of
-/// zero rate and slope would be NaN.
+/// Return `along`, the product of `rate` and a slope, unless `rate` is zero or NaN. Then return `rate`. So a zero rate remains zero where
+/// the slope is infinite.
 #[inline(always)]
 fn unless_still<V: Real>(rate: V, along: V) -> V {
     V::select(rate.lt(V::zero()), along, V::select(V::zero().lt(rate), along, rate))

@@ -1,9 +1,9 @@
 //! The hyperbolic tangent and the decaying exponential, without a library call and without a branch. The bits depend only on whether
 //! multiply-add operations are fused ([`fuses`](super::fuses)).
 //!
-//! `tanh r = r / (1 + r^2 / (3 + r^2 / (5 + ..)))` for `|r| <= 20/64`, where the last denominator is 13. Then
-//! `tanh 2r = 2 tanh r / (1 + tanh^2 r)`, six times. `1 - exp(-r) = 2 t / (1 + t)` with `t = tanh(r/2)`. Then `1 - exp(-2r) = u (2 - u)`
-//! with `u = 1 - exp(-r)`, six times.
+//! `tanh r = r / (1 + r^2 / (3 + r^2 / (5 + ..)))` for `|r| <= 20/64`, where the last denominator is 13. Six doublings
+//! `tanh 2r = 2 tanh r / (1 + tanh^2 r)` follow. For the exponential, `1 - exp(-r) = 2 t / (1 + t)` with `t = tanh(r/2)`. Six doublings
+//! `1 - exp(-2r) = u (2 - u)` with `u = 1 - exp(-r)` follow.
 
 use super::Real;
 

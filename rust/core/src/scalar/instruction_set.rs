@@ -65,7 +65,7 @@ pub fn isa() -> Isa {
     }
 }
 
-/// Return whether multiply-add operations are fused. The result applies to direct evaluation and to programs.
+/// Return whether multiply-add operations are fused. The result applies to direct evaluation and to programs (recorded machine code).
 #[inline(always)]
 pub fn fuses() -> bool {
     cfg!(target_arch = "aarch64") || CHOSEN.load(Ordering::Relaxed) >= Isa::Avx2 as u8 || fuses_after_all()
@@ -86,7 +86,8 @@ fn choose() -> Isa {
     isa
 }
 
-/// Return the value of `ARMLET_ISA`. The result is an error if it is not an instruction set, or one that this processor lacks.
+/// Return the instruction set that `ARMLET_ISA` requests, or `None` if this variable is not set. The result is an error if its value is not
+/// an instruction set, or if the processor lacks this set.
 pub fn isa_request() -> Result<Option<Isa>, String> {
     let Ok(name) = std::env::var("ARMLET_ISA") else { return Ok(None) };
     let best = Isa::best();
@@ -110,7 +111,7 @@ pub(super) fn enter_avx2<K: Kernel>(kernel: K) -> K::Output {
     unsafe { region(kernel) }
 }
 
-/// Run `kernel`. It is never called, because [`isa`] is the baseline for this target.
+/// Run `kernel`. This function is never called, because [`isa`] is the baseline for this target.
 #[cfg(not(target_arch = "x86_64"))]
 #[inline(always)]
 pub(super) fn enter_avx2<K: Kernel>(kernel: K) -> K::Output {

@@ -1,10 +1,10 @@
 //! The number types of algorithms: one number ([`Float`]) for one run, or several numbers ([`lanes`]) for several independent runs. A
 //! *lane* is one of these numbers.
 //!
-//! Algorithms are generic over [`Real`]. They use `select` instead of branches on the data of lanes. Planners and sinusoidal motions run on
-//! the lane types of this module. Plants and laws run in lanes as programs (`trace`). Functions of planners are `#[inline(always)]`, so
-//! that they are compiled for the instruction set of the calling function. Lanes of AVX2 with FMA or AVX-512 run only inside
-//! [`Real::enter`].
+//! Algorithms are generic over [`Real`]. They use `select` instead of branches on the data of lanes. Planners and sinusoidal motions run
+//! directly on the lane types of this module. Plants and laws are recorded (`trace`), and the recorded machine code, a *program*, runs in
+//! lanes. Functions of planners are `#[inline(always)]`, so that they are compiled for the instruction set of the calling function. Lanes
+//! of AVX2 with FMA or AVX-512 run only inside [`Real::enter`].
 
 mod atan;
 mod dispatch;
@@ -81,18 +81,18 @@ pub trait Real:
     fn splat(x: f64) -> Self;
     /// Return the number `f(i)` in each lane `i`.
     fn from_lanes(f: impl FnMut(usize) -> f64) -> Self;
-    /// Return a parameter of an arm, `f(i)` in each lane `i`. A loop may contain several copies of it, in its plant and in its law.
+    /// Return a parameter of an arm, `f(i)` in each lane `i`. In a recording (`trace`), parameters of equal value share one input.
     #[inline(always)]
     fn parameter(f: impl FnMut(usize) -> f64) -> Self {
         Self::from_lanes(f)
     }
-    /// Return a set-up parameter: a number that is constant in a run, such as a mass. It is a constant of recordings, unless its derivative
-    /// is required.
+    /// Return a set-up parameter: a number that is constant in a run, such as a mass. A recording (`trace`) contains it as a constant,
+    /// unless its derivative is required.
     #[inline(always)]
     fn fixed(x: f64) -> Self {
         Self::splat(x)
     }
-    /// Label the numbers that `f` creates with `name` and indices from `first` on. Listings of recordings show these labels.
+    /// Label the numbers that `f` creates with `name` and indices from `first` on. Listings of recordings (`trace`) show these labels.
     #[inline(always)]
     fn labelled<T>(_name: &'static str, _first: u32, f: impl FnOnce() -> T) -> T {
         f()
@@ -113,9 +113,9 @@ pub trait Real:
         }
     }
 
-    /// Return `self * b + c`. It is fused if the instruction set has fused multiply-add.
+    /// Return `self * b + c`, fused if the instruction set has fused multiply-add.
     fn mul_add(self, b: Self, c: Self) -> Self;
-    /// Return `c - self * b`. It is fused if the instruction set has fused multiply-add.
+    /// Return `c - self * b`, fused if the instruction set has fused multiply-add.
     fn neg_mul_add(self, b: Self, c: Self) -> Self;
     /// Return `1 / self` to 1 ulp, for normal numbers.
     fn recip(self) -> Self;

@@ -11,7 +11,7 @@ fn infinite(x: f64) -> u64 {
     u64::from(x.to_bits() & INFINITE == INFINITE)
 }
 
-/// Copy a row to numbers with one lane. Return whether all numbers are finite. The loop has blocks of four numbers, because rows are short.
+/// Copy a row to numbers with one lane. Return whether all numbers are finite.
 #[inline(always)]
 pub fn read_one<S: Real>(given: &[f64], to: &mut [S]) -> bool {
     let ((fours, rest), (to_fours, to_rest)) = (given.as_chunks::<4>(), to.as_chunks_mut::<4>());

@@ -1,5 +1,5 @@
-//! The two types with one number: `f64` for the construction of plants and laws, which never fuses multiply-add operations, and [`Float`]
-//! for runs.
+//! The two types with one number: `f64` and [`Float`]. Plants and laws are constructed with `f64`, which never fuses multiply-add
+//! operations. Runs use [`Float`].
 
 use super::instruction_set::fuses;
 use super::{Kernel, Real, trig};

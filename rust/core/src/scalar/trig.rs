@@ -1,9 +1,9 @@
-//! Sine and cosine for `|x|` below [`REDUCTION_LIMIT`], without a library call, so that they vectorise.
-//! There, the bits depend only on whether multiply-add operations are fused ([`fuses`](super::fuses)).
+//! Sine and cosine for `|x|` below [`REDUCTION_LIMIT`], without a library call, so that they vectorise. Below this limit, the bits depend
+//! only on whether multiply-add operations are fused ([`fuses`](super::fuses)).
 //!
 //! The argument is `x = k pi/2 + r`, where pi/2 is the sum of three parts with at most 33, 33 and 53 bits (Cody and Waite, fdlibm's parts).
 //! The product of `k` and each of the first two parts is exact for `|k| < 2^20`. Minimax polynomials for `|r| <= pi/4` follow (fdlibm's
-//! coefficients). From `|x| = REDUCTION_LIMIT` on, and for NaN, the library function is called for each such lane.
+//! coefficients). A lane with NaN or with `|x| >= REDUCTION_LIMIT` calls the library function.
 
 /// Below this `|x|`, rad, sine and cosine have an error of at most 1.5 units in the last place.
 pub const REDUCTION_LIMIT: f64 = 1.0e6;

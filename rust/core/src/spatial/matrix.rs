@@ -225,7 +225,8 @@ impl<S: Real> Sym3<S> {
     /// Return `r self r'`.
     #[inline]
     pub fn rotated(&self, r: Matrix3<S>) -> Sym3<S> {
-        // The product is t = r self, and then the lower triangle of t r': row i of t with row j of r.
+        // With `t = r self`, the result is the lower triangle of `t r'`. Its entry `(i, j)` is the product of row `i` of `t` and row `j` of
+        // `r`.
         let t = r.times(self.full());
         let entry = |i: usize, j: usize| t[(i, 0)].mul_add(r[(j, 0)], t[(i, 1)].mul_add(r[(j, 1)], t[(i, 2)] * r[(j, 2)]));
         Sym3([entry(0, 0), entry(1, 0), entry(1, 1), entry(2, 0), entry(2, 1), entry(2, 2)])
@@ -258,7 +259,8 @@ impl Sym3<f64> {
             for (p, q) in [(0, 1), (0, 2), (1, 2)] {
                 let off = a[(q, p)];
                 if off != 0.0 {
-                    // `t` is the root of t^2 + 2 theta t - 1 = 0 of smaller magnitude: the tangent of the angle that makes the entry zero.
+                    // `t` is the root of smaller magnitude of the equation t^2 + 2 theta t - 1 = 0. It is the tangent of the angle that
+                    // makes the entry zero.
                     let theta = (a[(q, q)] - a[(p, p)]) / (2.0 * off);
                     let t = theta.signum() / (theta.abs() + theta.hypot(1.0));
                     let c = 1.0 / t.hypot(1.0);

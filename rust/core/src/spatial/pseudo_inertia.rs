@@ -6,11 +6,11 @@
 //! d(P || Q) = log(|Q| / |P|) + tr(Q^-1 P) - 4 >= 0
 //! ```
 //!
-//! Here `h'`, `r'` and `Y'` are transposes, `c` is the centre of mass, and `|P|` is the determinant. A body is physically possible if
-//! `P > 0`, and only then. In this case, a mass distribution without negative density and not on one plane has these parameters. Let `L` be
-//! the dual of `y = Y' s`, with the regressor `Y` of the body and the sliding variable `s`, so that `tr(P(pi) L) = pi . y` for every `pi`.
-//! The adaptation law `d P_hat / dt = gamma P_hat L P_hat` then has the property `d/dt d(P || P_hat) / gamma = (pi_hat - pi) . y`. Slotine
-//! and Li's proof requires this property of an adaptation law. `P_hat` remains positive definite.
+//! Here `h'`, `r'` and `Y'` are transposes, `c` is the centre of mass, and `|P|` is the determinant. A body is physically possible if and
+//! only if `P > 0`. Then some mass distribution with these parameters has no negative density and is not on one plane.
+//! Let `Y` be the regressor of the body, `s` the sliding variable, and `y = Y' s`. The dual `L` of `y` satisfies `tr(P(pi) L) = pi . y` for
+//! every `pi`. The adaptation law `d P_hat / dt = gamma P_hat L P_hat` has the property `d/dt d(P || P_hat) / gamma = (pi_hat - pi) . y`.
+//! Slotine and Li's proof requires this property of an adaptation law. `P_hat` remains positive definite.
 
 use super::{PARAMETERS, parameter::INERTIA};
 use crate::scalar::Real;
@@ -58,8 +58,8 @@ pub fn dual<S: Real>(y: &[S; PARAMETERS]) -> Pseudo<S> {
     l
 }
 
-/// Return `g` with `g . pi = tr(W P(pi))` for every `pi`, the symmetric matrix `W` and the pseudo-inertia `P(pi)`.
-/// It is the inverse of [`dual`].
+/// Return `g` with `g . pi = tr(W P(pi))` for every `pi`. `W` is a symmetric matrix, and `P(pi)` is the pseudo-inertia. This function is
+/// the inverse of [`dual`].
 #[inline]
 pub fn adjoint<S: Real>(w: &Pseudo<S>) -> [S; PARAMETERS] {
     let half = S::splat(0.5);

@@ -1,6 +1,6 @@
 //! The identity, and rotations by 90, 180 or 270 degrees about x, and by 90 or 270 degrees about y. With z along the joint axis, the joint
-//! placements of many robots are of this kind. They take no product, because components only change their places and signs. Example with
-//! `R = Rx(90)`:
+//! placements of many robots are of this kind. A product with such a rotation needs no multiplications, because components only change
+//! their places and signs. Example with `R = Rx(90)`:
 //!
 //! `R (x, y, z) = (x, -z, y)`, and `M R` has the columns `(m_x, m_z, -m_y)`.
 

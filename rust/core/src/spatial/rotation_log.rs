@@ -118,7 +118,8 @@ mod tests {
                     let got = turned[(k, column)];
                     assert_eq!(got.value, plain.axis(column)[k]);
                     // At its threshold t = 1e-4, the series has an error below t^4. The closed form divides 1 - cos t, which has the
-                    // rounding error 1e-16, by t^2. The quotient is multiplied with a factor t, so that the error of the rate is 1e-16 / t.
+                    // rounding error 1e-16, by t^2. The quotient is multiplied by terms of size t, so that the rate has the error 1e-16 /
+                    // t.
                     assert!((got.rate - expected[k]).abs() < 1e-12, "{angle}: {} against {}", got.rate, expected[k]);
                 }
             }

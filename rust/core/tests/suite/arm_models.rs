@@ -203,7 +203,7 @@ fn evaluator_options() {
     pi.extend(arm.joints.iter().map(|j| j.friction));
     let y_pi: Vec<f64> = (0..n).map(|i| (0..pi.len()).map(|k| y[i * pi.len() + k] * pi[k]).sum()).collect();
     close("Y pi", &y_pi, &with, 1e-13, 1.0);
-    // Compare a wrench with its torque J' F, in inverse and in forward dynamics.
+    // A wrench and its joint torque J' F must have the same effect, in inverse and in forward dynamics.
     let frame = arm.frames.len() - 1;
     let wrench = rng.vector(6, 2.0);
     let pushed = Query { wrench: Some(frame), ..Quantity::InverseDynamics.into() };

@@ -46,8 +46,8 @@ fn long_chains_take_time_in_proportion() {
 /// The longest time in which a mutant must be read.
 const LONGEST: Duration = Duration::from_secs(1);
 
-/// Bytes are changed, removed or duplicated, and words are replaced by difficult ones. The reader must soon return an arm or a
-/// `ModelError`.
+/// Bytes are changed, removed or duplicated, and words are replaced by unusual ones. The reader must return an arm or a `ModelError` within
+/// [`LONGEST`].
 #[test]
 fn mutants_do_no_harm() {
     // With optimisation, as in `make test`, there are 100,000 mutants. ARMLET_URDF_MUTANTS sets another number.

@@ -63,7 +63,8 @@ fn rounding(monitor: &str) -> f64 {
 }
 
 /// A wrong derivative would change a run of a Rosenbrock method by its tolerance of 1e-6. With correct derivatives, only rounding errors
-/// remain. They grow over the steps, more for rates. The law multiplies the rounding error of spring torques by B/B0 = 5000.
+/// remain, which grow from step to step. The rounding errors of velocities are larger than those of positions. The law multiplies the
+/// rounding errors of spring torques by B/B0 = 5000.
 #[test]
 fn forces_in_steps_and_as_functions_give_the_same_steps() {
     for relative in [false, true] {

@@ -18,7 +18,7 @@ use armlet_core::trace::{Engine, Frame, Part, Program, Scratch};
 use std::sync::Arc;
 
 const STEP: f64 = 1e-3;
-/// The number of iterations of a program along a stream of inputs.
+/// The number of iterations of a program that reads new inputs in every iteration.
 const TURNS: usize = 3;
 
 fn gain(n: usize, k: f64) -> Gain {
@@ -87,8 +87,8 @@ fn number(k: usize) -> f64 {
     (0.7 * k as f64 + 0.3).sin()
 }
 
-/// Add a program with a frame (the memory of the program) that starts with `inputs`. The emulator must reproduce the result of portable
-/// evaluation.
+/// Add a program to the cases. Its frame (the memory of the program) starts with `inputs`. The emulator must reproduce the result of
+/// portable evaluation.
 fn add(cases: &mut Cases, (program, scratch): (&Straight, Scratch), form: Form, inputs: &[f64]) {
     let (emitted, portable) = (emit::<Assembler>(program, form, scratch.free), Program::of(program, scratch.free, form, Engine::Portable));
     let [mut frame, mut expected] = [emitted.slots, portable.slots()].map(|slots| Frame::new(slots.max(scratch.free), form.lanes()));

@@ -165,7 +165,8 @@ fn ros2_damps_what_it_cannot_resolve() {
     assert!((x[0] - 1f64.cos()).abs() < 1e-5, "{}", x[0] - 1f64.cos());
 }
 
-/// A right-hand side by `KIND`. It is never finite (0), or not finite after 0.5 s (1, 2). Or its solution is infinite at 1 s (3).
+/// A right-hand side with a fault that `KIND` selects. 0: it is never finite. 1 and 2: it is not finite after 0.5 s. 3: the solution is
+/// infinite at 1 s.
 struct Bad<const KIND: u8>;
 impl<const KIND: u8> Problem for Bad<KIND> {
     const N: usize = 2;
@@ -254,8 +255,7 @@ fn events_stop_and_runs_go_on_after_jumps() {
             assert!((hit - expected).abs() < 1e-12 * (k + 1) as f64, "{name} {k}: {:e}", hit - expected);
             method.interpolate(&mut system, hit, &mut at);
             assert!(at[0] <= 0.0 && at[0] > -1e-13, "{name}: {:e}", at[0]);
-            // Rounding may leave the state below the floor. Until the height is positive, the event detection stores no sign or the sign
-            // from before the bounce.
+            // The height is set to zero, because rounding may leave it below the floor.
             method.x_mut().copy_from_slice(&[0.0, -at[1]]);
             t = hit;
         }
@@ -295,8 +295,8 @@ fn ros2_takes_elastic_joints_at_a_millisecond() {
         distance(&x[..2], &exact.x()[..2])
     };
     let errors = [1e-3, 5e-4, 2.5e-4].map(error);
-    // The motion has 1 rad and 5 rad/s. At 1 ms the error is about (10 h)^2 of the motion. It decreases almost with order 2, although the poles
-    // are faster.
+    // The motion has an amplitude of about 1 rad and a speed of about 5 rad/s. At 1 ms, the error is about (10 h)^2 of the amplitude. It
+    // decreases almost with order 2, although the poles are much faster than the steps.
     assert!(errors[0] < 5e-4, "{errors:?}");
     assert!((errors[0] / errors[2]).log2() > 3.0, "{errors:?}");
 }

@@ -136,7 +136,8 @@ fn steps_allocate_nothing() {
                 // rounding. So the runs are short.
                 let steps = match method {
                     _ if *what == "accelerations in priority" && sample.is_some() => [20, 60],
-                    // Loops of Dop853 are compiled to programs (machine code) after some hundred evaluations. Both runs are longer.
+                    // Loops of Dop853 are compiled to programs (machine code) after some hundred evaluations. Each run has more
+                    // evaluations.
                     Method::Dop853 => [4000, 6000],
                     _ => [100, 1000],
                 };

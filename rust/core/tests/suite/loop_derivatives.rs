@@ -26,8 +26,8 @@ const H: f64 = 2e-3;
 /// The step of differences in an estimated parameter. The rate of the estimate has a kink at a boundary, which a larger step may cross. The
 /// rate is a polynomial of low degree, so that the truncation error is small.
 const H_PARAMETER: f64 = 1e-5;
-/// The step of differences in an estimated parameter below the parameters of the smallest body (1e-5 kg m^2). The rounding error is 2e-16 /
-/// `H_BELOW` of a row.
+/// The step of differences in an estimated parameter, if the estimates are below those of the smallest body (1e-5 kg m^2). The rounding
+/// error is 2e-16 / `H_BELOW`, relative to the size of a row.
 const H_BELOW: f64 = 1e-8;
 
 fn six_axis() -> Model {
@@ -56,7 +56,7 @@ fn moving(offset: Vec<f64>) -> Motion {
 /// Return the flange's pose at `q`, `[p; log R]`, rotated by the rotation vector `turn` in world axes.
 fn pose(model: &Model, q: &[f64], turn: [f64; 3]) -> Vec<f64> {
     let coordinates = Coordinates::new(model.tree("arm").unwrap(), FRAME, "xyz rx ry rz").unwrap();
-    // The error of the flange relative to the base frame is the negative pose.
+    // For the target zero, the error of the flange is its negative pose.
     let (mut e, mut j) = (vec![0.0; N], vec![0.0; N * N]);
     model.at(q).error_and_jacobian(&coordinates, &[0.0; N], &mut e, &mut j);
     let vector = rotation_log(&rotation_exp(turn).times(rotation_exp([-e[3], -e[4], -e[5]])));
@@ -179,7 +179,8 @@ fn cases(at: &[f64]) -> Vec<Case> {
         all.push(Case { estimate, ..below });
     }
 
-    // A wall at a point 0.1 m above the flange, upper stops alternately 0.05 below and above the joint positions (rad), and friction.
+    // The flange is inside a wall, 0.1 m below a point of the surface. The upper stops are alternately 0.05 rad below and above the joint
+    // positions. The joints have friction.
     let frame = model.tree("arm").unwrap().frame_index(FRAME).unwrap();
     let wall = Wall::new(frame, [pose[0], pose[1], pose[2] + 0.1], [0.1, 0.0, 1.0], 5e3, 30.0).unwrap();
     let bound = |by: f64| at.iter().enumerate().map(|(i, q)| q + by * if i % 2 == 0 { 1.0 } else { -1.0 }).collect::<Vec<f64>>();

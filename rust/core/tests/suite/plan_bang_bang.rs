@@ -107,7 +107,7 @@ fn random_problems_against_a_sampling_checker() {
             if r.t_max.is_finite() {
                 assert!(excess(&p, r.t_max) <= 1e-9 * scale, "{p:?} {r:?}");
             }
-            // The limit must be active where the report states it.
+            // At the reported angle, the torque must equal the reported limit.
             let bind = r.active_upper();
             let sign = if (bind.phase == 1) == (p.thetaf > p.theta0) { 1.0 } else { -1.0 };
             let tau = sign * r.a_max + p.gravity * bind.theta.sin();

@@ -18,7 +18,7 @@ fn without_viscous_friction_the_bounds_are_shifted() {
         assert_eq!(f.feasible, o.feasible, "{p:?} {c} {f:?} {o:?}");
         if f.feasible {
             compared += 1;
-            // Near an unstable equilibrium of torque and gravity, both errors grow with exp(t sqrt(|G|/I)).
+            // Near an unstable equilibrium of torque and gravity, the rounding errors of both solutions grow with exp(t sqrt(|G|/I)).
             let growth = (o.t * (p.gravity.abs() / p.inertia).sqrt()).exp();
             assert!(near(f.t, o.t, 1e-13 * growth + 1e-12), "{p:?} {c} {} {}", f.t, o.t);
             assert!((f.theta_switch - o.theta_switch).abs() <= 1e-12 * growth, "{p:?} {c}");
@@ -73,8 +73,8 @@ fn swings_without_friction_are_the_exact_ones() {
         assert_eq!(f.best.kind, o.best.kind, "{p:?} {f:?} {o:?}");
         if f.best.switches == 2 {
             swings += 1;
-            // Near an unstable equilibrium of torque and gravity, both errors grow with exp(t sqrt(|G|/I)). An error of the turning point
-            // has only a second-order effect on the time.
+            // Near an unstable equilibrium of torque and gravity, the rounding errors of both solutions grow with exp(t sqrt(|G|/I)). An
+            // error of the turning point has only a second-order effect on the time.
             let growth = (o.best.t * (p.gravity.abs() / p.inertia).sqrt()).exp();
             assert!(near(f.best.t, o.best.t, 1e-13 * growth + 1e-11), "{p:?} {f:?} {o:?}");
         }

@@ -70,8 +70,8 @@ fn random_problems_against_a_sampling_checker() {
                 // torque by 1e-16 of its value.
                 assert!(excess(&p, r.t_min, ramp, shape) <= 1e-9 * scale, "{j} {p:?} {r:?} {}", excess(&p, r.t_min, ramp, shape));
                 assert!(r.t_max.is_infinite() || excess(&p, r.t_max, ramp, shape) <= 1e-9 * scale, "{j} {p:?} {r:?}");
-                // The duration must be minimal: a slightly faster motion must violate a limit. If gravity equals the torque, k is a
-                // rounding error and is not checked.
+                // The duration must be minimal: a slightly faster motion must violate a limit. If gravity equals the torque limit, `k_max`
+                // is a rounding error, and the duration is not checked.
                 assert!(
                     r.k_max < 1e-3 * scale
                         || excess(&p, 0.99 * r.t_min, ramp, shape) > 0.0
@@ -82,7 +82,8 @@ fn random_problems_against_a_sampling_checker() {
                 assert!(r.missing >= 0.0 && r.t_min.is_nan(), "{j} {p:?} {r:?}");
                 let base = (p.inertia * (p.thetaf - p.theta0).abs() / scale).sqrt();
                 for e in 0..50 {
-                    // Between two samples, a maximum may exceed them by (s' D/900)^2/8 of the scale, where `s' = ds/du <= 2`.
+                    // Between two samples, a maximum of the torque may exceed the samples by (s' D/900)^2/8 of the scale. `D` is the
+                    // distance from start to end, and `s' = ds/du <= 2`.
                     let hidden = 1e-6 * (1.0 + (p.thetaf - p.theta0).powi(2)) * scale;
                     assert!(excess(&p, base * 10f64.powf(-0.5 + 0.1 * e as f64), ramp, shape) > -hidden, "{j} {p:?} {r:?}");
                 }

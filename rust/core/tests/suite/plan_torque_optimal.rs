@@ -75,7 +75,7 @@ fn a_swing_can_win_and_can_make_feasible() {
 
 #[test]
 fn equal_ends_take_no_time_where_the_torque_holds_the_pose() {
-    // With G sin(pi/6) = 1/2, the torque is exactly at the limit. Then it is beyond the limit by more than the tolerance.
+    // The gravity torque G sin(pi/6) = 1/2 equals the first limit. It exceeds the second limit by more than the tolerance.
     let at = |limit: f64| torque_optimal_time(PI / 6.0, PI / 6.0, 1.0, 1.0, -2.0, limit).unwrap();
     let o = at(0.5);
     assert!(o.feasible && o.t == 0.0 && o.certified_global && o.reason == MonotoneReason::Feasible, "{o:?}");
@@ -194,7 +194,8 @@ fn random_problems_arrive_at_rest() {
 
 #[test]
 fn no_detour_beats_the_best() {
-    // T(a, z) + T(z, b) is the time of two monotone motions, for turning points z outside of the path on a separate grid.
+    // T(a, z) + T(z, b) is the time of two monotone motions with the turning point z. The points z are outside of the path, on a separate
+    // grid.
     let mut random = Random::new(31);
     let mut detours = 0;
     for k in 0..random_count() / 80 {

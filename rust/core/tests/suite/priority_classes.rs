@@ -34,7 +34,7 @@ fn all_sign_patterns() {
                 let angle = if s == 0.0 { PI * random.below(2) as f64 } else { s * (0.3 + 2.5 * random.uniform()) };
                 q.push(angle + 2.0 * PI * (turns * (2.0 * random.uniform() - 1.0)).round());
             }
-            // If lengths cancel, a degenerate arm that is folded back to its base has another rank. Random lengths do not cancel.
+            // The lengths are random, because special lengths could cancel in a folded arm, and so change the ranks.
             let j1 = planar_jacobian(&lengths, &q, 4);
             let j2 = planar_jacobian(&lengths, &q, 2);
             let rounding = 8.0 * f64::EPSILON * (1.0 + q.iter().map(|q| q.abs()).sum::<f64>());

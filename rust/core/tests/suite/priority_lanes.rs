@@ -144,7 +144,7 @@ fn the_number_of_threads_and_of_rows_changes_no_bit() {
     }
     let fewer = solved(&b, &solver, 1237, 2);
     assert_eq!(fewer.v[..], one.v[..1237 * b.n]);
-    // The request must stop the work after the first waiting period.
+    // `poll` requests a stop. The work must end before the last row.
     let many = StackRows { jacobians: &[&[1.0, 0.0]], velocities: &[&[1.0]] };
     let small = PrioritySolver::new(2, &[1], &PriorityOptions::new(PriorityMethod::Chiaverini)).unwrap();
     let rows = 200_000;

@@ -138,7 +138,8 @@ fn check(s: &Stack, method: PriorityMethod) {
             let peak = if method == PriorityMethod::Clamp { 1.0 } else { 1.2072 };
             let step = norm(&difference(&prefixes[i].v, &before));
             let e = eps(s, i);
-            // For rows of size 1e-16, eps is also of this size, and velocities are very large. The last term is their rounding error.
+            // For rows of size 1e-16, eps is also of this size, and velocities are very large. The last term is the rounding error of these
+            // velocities.
             let most = peak / e * rest * (1.0 + 1e-9) + 1e-12 * (1.0 + norm(&prefixes[i].v).max(norm(&before)));
             assert!(e == 0.0 || step <= most, "{method:?}: level {i} moves {step} for {rest}, eps {e}, |v| = {:e}", norm(&before));
         }

@@ -106,7 +106,7 @@ fn the_balance_holds_through_a_damped_stop() {
         let run = thrown(8.0, method, None);
         let (_, balance) = run.monitors.iter().find(|(name, _)| *name == "energy_balance").unwrap();
         let worst = balance.iter().fold(0.0f64, |most, x| most.max(x.abs()));
-        // The link exchanges 2 J with the stop. The quadratures use the steps of the state, without error control for the quadratures.
+        // The link exchanges 2 J with the stop. The step-size control considers only the state, and not the energy integrals.
         assert!(worst < 2e-8, "{method:?}: {worst}");
         assert!(run.v.last().unwrap() < &-1.0 && run.v.last().unwrap() > &-1.9, "the damper took its part: {:?}", run.v.last());
     }

@@ -24,8 +24,8 @@ pub fn arm(source: &Source, mut robot: Robot, options: &UrdfOptions) -> Result<A
         Arm { name: robot.name.clone(), joints: Vec::new(), mimics: Vec::new(), frames: Vec::new(), gravity, report: robot.report.clone() };
     let mut index = vec![None; robot.joints.len()];
     let (mut cut, mut on_base) = (Vec::new(), Vec::new());
-    // Each entry has a link, the joint that leads to it, the moving joint whose body contains this joint, and the placement of the parent
-    // link in this body.
+    // Each entry has a link, the joint that leads to it, the last moving joint before that joint, and the placement of the parent link in
+    // the body of the moving joint.
     let mut stack: Vec<(usize, Option<usize>, Option<usize>, Placement)> = vec![(base, None, None, Placement::IDENTITY)];
     while let Some((link, through, carrier, parent)) = stack.pop() {
         look();

@@ -28,8 +28,8 @@ fn late(text: &str) -> Option<usize> {
     }
 }
 
-/// Return the text with `.` instead of `:` in the names of elements and attributes with this prefix. Lines and columns do not change. URDF
-/// has no such names.
+/// Return the text with `.` instead of `:` in the names of elements and attributes with this prefix. URDF has no names with a dot, so the
+/// reader ignores these elements and attributes. Lines and columns do not change.
 pub fn without_prefix(text: &str, prefix: &str) -> String {
     let mut plain = String::with_capacity(text.len());
     let mut rest = text;

@@ -1,13 +1,13 @@
 //! Reader and writer of URDF.
 //!
-//! The reader uses links as frames, inertia, and joints with limits (revolute, continuous, prismatic, fixed, mimic). It uses damping,
-//! Coulomb friction, and the rotor inertia `armature` of `<dynamics>`, an extension of URDF. The report counts all other elements. Meshes
-//! are never opened.
+//! The reader reads links (as frames), the inertia of links, and joints with limits (revolute, continuous, prismatic, fixed, mimic). From
+//! `<dynamics>` it reads damping, Coulomb friction, and the rotor inertia `armature`, which is an extension of URDF. The report counts all
+//! other elements. Meshes are never opened.
 //!
-//! In an arm, a body has a rotation matrix and ten inertial parameters. Angles and centres of mass in a file may round them. Then the
-//! writer adds the attribute `rotation` to `<origin>`, and `parameters` to `<inertial>`. These two attributes are also extensions of URDF.
-//! The reader uses them if they agree with the rounded numbers. So an arm that URDF can represent has the same bits after it is written and
-//! read again. A number changed by hand is effective.
+//! In an arm, a body has a rotation matrix and ten inertial parameters. The angles and the centre of mass in a file may round them. In this
+//! case, the writer adds the attribute `rotation` to `<origin>`, and `parameters` to `<inertial>`. These two attributes are also extensions
+//! of URDF. The reader uses them if they agree with the rounded numbers. So an arm that URDF can represent has the same bits after it is
+//! written and read again. If a user changes a rounded number in the file, the reader uses the changed number.
 //!
 //! Numbers beyond the limits of `plausible` are refused, because rounding errors would dominate the dynamics of such an arm.
 
@@ -21,7 +21,7 @@ mod element;
 mod followers;
 #[cfg(feature = "urdf")]
 mod options;
-// Without the feature `urdf`, only the writer uses the limits of this module, and not all of them.
+// Without the feature `urdf`, only the writer uses this module, and some of its functions are unused.
 #[cfg_attr(not(feature = "urdf"), allow(dead_code))]
 mod plausible;
 #[cfg(feature = "urdf")]

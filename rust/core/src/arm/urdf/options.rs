@@ -17,7 +17,7 @@ use crate::error::{Error, Result};
 /// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum MimicMode {
-    /// A mimic joint has one degree of freedom together with its leader.
+    /// A mimic joint shares one degree of freedom with its leader.
     #[default]
     Joined,
     /// Every joint moves independently.

@@ -5,8 +5,8 @@ use crate::spatial::{Sym3, Vector, Vector3};
 
 /// A negative principal moment counts as a rounding error down to this fraction of the largest entry.
 const NEGATIVE: f64 = 1e-9;
-/// A negative principal moment down to this value, kg m^2, also counts as a rounding error, because files print seven or eight decimals.
-/// (An antenna of one milligram in a public robot has -3.5e-8.) Such violations can cause a warning about the triangle inequality.
+/// A negative principal moment of at most this magnitude, kg m^2, also counts as a rounding error, because files print seven or eight
+/// decimals. An example is -3.5e-8 for an antenna of one milligram. Such a moment can cause a warning about the triangle inequality.
 const DIGITS: f64 = 1e-7;
 
 /// The largest magnitude of a kind of number, and its unit.

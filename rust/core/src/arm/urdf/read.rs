@@ -67,7 +67,7 @@ impl Arm {
     }
 }
 
-/// Read the elements of a text. It may use up to `undeclared` more undeclared prefixes.
+/// Read the elements of a text. `undeclared`: the number of undeclared prefixes that are still allowed.
 fn robot(source: &Source, text: &str, undeclared: usize) -> Result<element::Robot> {
     let parsing = roxmltree::ParsingOptions { nodes_limit: MAX_NODES, ..Default::default() };
     match roxmltree::Document::parse_with_options(text, parsing) {
@@ -86,8 +86,8 @@ fn too_large() -> String {
     format!("is too large: expected at most {MAX_BYTES} bytes")
 }
 
-/// Refuse texts that slow the parser: too many namespaces, attributes in one tag, or nested elements. Except for `xmlns`, the scan skips
-/// comments and quoted text. The parser reports malformed text.
+/// Refuse texts that slow the parser: too many namespaces, attributes in one tag, or nested elements. The scan skips comments and quoted
+/// text, except when it counts `xmlns`. The parser reports malformed text.
 fn scan(source: &Source, text: &str) -> Result<()> {
     if let Some((at, _)) = text.match_indices("xmlns").nth(MAX_NAMESPACES) {
         return Err(source.error(source.line(at), format!("declares too many namespaces: expected at most {MAX_NAMESPACES}")));

@@ -30,7 +30,7 @@ pub struct Written {
 }
 
 impl Arm {
-    /// Return the arm as URDF: one link per frame, and one for the base and each body without a frame at its origin.
+    /// Return the arm as URDF. Each frame becomes a link. The base and each body also become a link, unless a frame is at their origin.
     pub fn to_urdf(&self) -> Written {
         let mut report = Vec::new();
         let mut taken: HashSet<String> =

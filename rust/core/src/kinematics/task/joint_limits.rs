@@ -1,5 +1,5 @@
-//! A task that keeps chosen joints within narrowed limits. The error leads back into these limits, and is zero inside. The Jacobian has
-//! rows of the identity.
+//! A task that keeps chosen joints within narrowed limits. The error of a joint is the nearest position within these limits, minus its
+//! present position. The Jacobian has rows of the identity.
 
 use super::TaskFunction;
 use super::kind::{TaskKind, chosen};

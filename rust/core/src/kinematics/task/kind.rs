@@ -20,7 +20,7 @@ pub(crate) trait TaskKind {
         Ok(())
     }
 
-    /// Number of leading bodies that must be placed for the task.
+    /// Number of bodies, from the first on, that must be placed for the task.
     fn bodies<S: Real>(&self, tree: &Tree<S>) -> usize;
 
     /// The error `e` `(rows,)` to a target.

@@ -1,8 +1,8 @@
 //! Task functions of an arm: the error `e(q)`, the feed-forward velocity `w`, the Jacobian `J(q)` and its rate `dJ/dt`. With joint
 //! velocities `v` that satisfy `J v = w + K e`, `K > 0`, the error decays (closed-loop inverse kinematics, `siciliano1990kinematic`).
 //!
-//! A kind of task is declared in a file and in the macro `tasks!`. The two errors of a frame are those of rows of position and of rows of
-//! orientation:
+//! Each kind of task has a file and an entry in the macro `tasks!`. Where the table has two errors or Jacobians, the first is for rows of
+//! position and the second for rows of orientation:
 //!
 //! | task | error | Jacobian |
 //! |---|---|---|
@@ -11,7 +11,7 @@
 //! | centre of mass | `c_d - c` | `sum m_b J_b / m_total` over the bodies `b` |
 //! | axis | rotation vector from `a` to `a_d`, along two directions `b` of the frame perpendicular to `a` | rows `b' R' J_w` |
 //! | relative | `x_d - R_r'(p - p_r)`, `log(R_d (R_r' R)')` | `R_r'(J_v - J_v,r + [p - p_r]x J_w,r)`, `R_r'(J_w - J_w,r)` |
-//! | joint limits | back into the narrowed limits, zero inside | rows of the identity |
+//! | joint limits | nearest position within the narrowed limits, minus `q` | rows of the identity |
 //!
 //! `p` and `R` are the position and the rotation matrix of the frame, and `'` is the transpose. `J_v` and `J_w` are the linear and angular
 //! rows of the geometric Jacobian. The index `r` means the reference frame. `[p]x` is the cross-product matrix.

@@ -1,11 +1,13 @@
-//! Jacobians and their rates compared with central differences, on a serial arm and on an arm with branches, a slide and oblique axes.
+//! Jacobians and their rates compared with central differences, on a serial arm and on an arm with branches, a prismatic joint and oblique
+//! axes.
 
 use super::{Axis, JointLimits, TaskFunction};
 use crate::arm::{Arm, STANDARD_GRAVITY, example_urdf};
 use crate::kinematics::{Pose, TaskStack, frame_pose};
 use crate::spatial::{Matrix, Vector};
 
-/// A central difference has the error h^2/6 times a third derivative, at most 10 here, plus the rounding error over h.
+/// The step `h` of central differences. The truncation error is `h^2/6` times a third derivative, which is at most 10 here. The rounding
+/// error is proportional to `1/h`.
 const STEP: f64 = 1e-5;
 const CLOSE: f64 = 1e-8;
 

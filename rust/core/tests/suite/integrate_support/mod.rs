@@ -106,7 +106,7 @@ pub fn distance(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum::<f64>().sqrt()
 }
 
-/// A point on a circle with varying speed. Its rate depends on time, and not linearly.
+/// A point on a circle with varying speed. Its rate is a nonlinear function of time.
 pub struct Circle;
 impl Problem for Circle {
     const N: usize = 2;
@@ -169,7 +169,7 @@ impl Exact for Oscillator {
     }
 }
 
-/// The oscillator in reversed time: its position changes with minus its velocity.
+/// The oscillator in reversed time: the rate of its position is minus its velocity.
 pub struct Rewound;
 impl Problem for Rewound {
     const N: usize = 2;
