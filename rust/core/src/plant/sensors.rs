@@ -53,7 +53,7 @@ impl TorqueSensor {
         Ok(TorqueSensor { noise, bias, resolution, bandwidth })
     }
 
-    /// The filter's state, N m, after the time `dt`, s. It is exact for a torque that changes linearly from `before` to `now`.
+    /// The filter's state, N m, after the time `dt`, s. The state is exact for a torque that changes linearly from `before` to `now`.
     pub fn filtered(&self, state: f64, before: f64, now: f64, dt: f64) -> f64 {
         let turn = self.bandwidth * dt;
         if !turn.is_finite() {

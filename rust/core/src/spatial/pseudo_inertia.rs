@@ -198,7 +198,7 @@ mod tests {
         assert_eq!(divergence(&BODY, &BODY), 0.0);
         assert!(divergence(&BODY, &OTHER) > 0.1 && divergence(&OTHER, &BODY) > 0.1);
         // If all parameters of a body are scaled by `1 / x`, the divergence is `4 (x - 1 - log x)`. The argument of `excess` is then
-        // `sqrt(x)`. It uses its series for `|sqrt(x) - 1| < 0.01`, that is for `h` from -0.0197 to 0.0203.
+        // `sqrt(x)`. `excess` uses its series for `|sqrt(x) - 1| < 0.01`, that is for `h` from -0.0197 to 0.0203.
         for h in [1e-6, 4e-3, 5e-3, 6e-3, 0.0202, 0.0204, 0.05, 0.2, -5e-3, -0.0196, -0.0198, -0.05, -0.2] {
             let scaled = BODY.map(|x| x * (1.0 + h));
             let x: f64 = 1.0 / (1.0 + h);

@@ -14,7 +14,7 @@ fn vectors() -> Value {
     serde_json::from_str(&std::fs::read_to_string(path).expect("vectors are in the repository")).expect("vectors are JSON")
 }
 
-/// Return all numbers of nested arrays in one list. They are written as numbers or as decimal strings.
+/// Return all numbers of nested arrays in one list. The arrays contain numbers or decimal strings.
 fn numbers(value: &Value) -> Vec<f64> {
     match value {
         Value::Array(items) => items.iter().flat_map(numbers).collect(),

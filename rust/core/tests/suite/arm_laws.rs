@@ -1,5 +1,5 @@
-//! Tests of identities of rigid-body dynamics on seeded random trees. They have 1 to 30 joints, with branches, prismatic joints and fixed
-//! bodies.
+//! Tests of identities of rigid-body dynamics on seeded random trees. The trees have 1 to 30 joints, with branches, prismatic joints and
+//! fixed bodies.
 
 use crate::arm_common::{Rng, close, largest, on_every_number, random_tree, sin_cos};
 use armlet_core::arm::{Arm, Tree};
@@ -156,7 +156,7 @@ fn recursions_agree() {
 }
 
 /// Return the central difference of `f` along `v`, with one extrapolation. Its error is `h^4` (1e-12 for h = 1e-3) and the rounding error
-/// `eps / h` (2e-13). Both are multiplied with the growth of higher derivatives in long chains.
+/// `eps / h` (2e-13). Both errors are larger for long chains, whose higher derivatives are large.
 fn slope(f: &mut dyn FnMut(f64) -> Vec<f64>) -> Vec<f64> {
     let h = 1e-3;
     let at: Vec<Vec<f64>> = [-h, h, -2.0 * h, 2.0 * h].into_iter().map(f).collect();

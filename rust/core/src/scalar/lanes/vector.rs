@@ -196,8 +196,8 @@ macro_rules! vector {
 }
 pub(super) use vector;
 
-/// Defines sine and cosine within the range of the reduction, without a branch. It uses register operations of the calling file. The method
-/// is described in [`super::super::trig`].
+/// Defines sine and cosine within the range of the reduction, without a branch. The macro uses register operations of the calling file. The
+/// method is described in [`super::super::trig`].
 macro_rules! sin_cos_near {
     ($register:ident, $set1:ident, $sub:ident, $mul:ident, $xor:ident, $swap:ident, $sign_of_bit_1:ident, $next:ident) => {
         #[inline(always)]

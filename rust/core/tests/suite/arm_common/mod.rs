@@ -49,7 +49,7 @@ pub fn vectors(file: &str) -> Value {
     serde_json::from_str(&std::fs::read_to_string(&path).unwrap()).unwrap()
 }
 
-/// Return all numbers of nested arrays in one list. They are written as numbers or as decimal strings.
+/// Return all numbers of nested arrays in one list. The arrays contain numbers or decimal strings.
 pub fn numbers(value: &Value) -> Vec<f64> {
     match value {
         Value::Array(items) => items.iter().flat_map(numbers).collect(),
