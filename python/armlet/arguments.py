@@ -1,6 +1,6 @@
 """Checks of arguments: `number(function, name, value)` returns a float, or raises an InputError that names the function and the argument.
 
-A message has the form `function: name problem: expected .., got ..`. Some messages have no actual value.
+A message has the form `function: name problem: expected .., got ..`. Some messages omit the part `got ..`.
 """
 
 from __future__ import annotations
@@ -181,7 +181,10 @@ def file_path(function: str, value: object, name: str = "path") -> str:
 
 
 def require_shallow(function: str, name: str, value: object, depth: int = DEPTH) -> None:
-    """Refuse lists, tuples and mappings that are nested deeper than `depth` or contain themselves, for later recursive functions."""
+    """Refuse lists, tuples and mappings that are nested deeper than `depth` or contain themselves.
+
+    Recursive functions can process the accepted values without a RecursionError.
+    """
     level: list[object] = [value]
     for _ in range(depth):
         below: dict[int, object] = {}

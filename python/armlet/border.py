@@ -24,7 +24,7 @@ C = TypeVar("C", bound=type)
 PASS = (ArmletError, TypeError, MemoryError, OSError, ImportError, Warning)
 # Packages whose interfaces armlet implements. Their errors pass unchanged.
 THEIRS = {"gymnasium"}
-# Packages that armlet calls. An error of one of them, other than `PASS`, means that armlet called it with invalid arguments.
+# Packages that armlet calls. If one of them raises an error that is not in `PASS`, armlet called it with invalid arguments.
 OURS = sys.stdlib_module_names | {"armlet", "numpy", "matplotlib", "scipy", "pandas", "pyarrow", "xarray", "control"}
 
 

@@ -6,8 +6,9 @@
 A segment whose error exceeds the tolerance is halved. Where the curve is smooth, the spline's error is of the order h^4.
 
 Here X(q) is the pose of the frame, or the chosen coordinates of this pose. X_d(s) is the desired pose at the path position s. A segment of
-length h is between two knots. The error is the distance and the angle between X(q(s)) and X_d(s). Inverse kinematics starts from the
-solution of the previous knot, and in a halved segment from the spline. So the path stays on one branch of solutions, such as elbow up.
+length h is between two knots. The error is the distance and the angle between X(q(s)) and X_d(s). For each initial knot, inverse kinematics
+starts from the solution at the previous knot. For a knot that halves a segment, it starts from the spline. So the path stays on one branch
+of solutions, such as elbow up.
 """
 
 from __future__ import annotations
@@ -51,9 +52,9 @@ class _Problem(NamedTuple):
     limits: bool
 
     def solve(self, s: _Array, q: _Array, **options: Any) -> tuple[_Array, _Array]:
-        """Search joint positions at the path positions s (M,), from q (M, n).
+        """Search for joint positions at the path positions s (M,), with the initial guesses q (M, n).
 
-        Return them, (M, n), and for each whether it is a solution.
+        Return the joint positions, (M, n), and whether each row is a solution, (M,).
         """
         task = Task(self.frame, self.axes, target=self.curve.at(s))
         accuracy = max(1e-11, min(1e-9, 1e-3 * float(self.tolerance.min())))
@@ -175,7 +176,10 @@ def _rows(poses: ArrayLike, m: int, columns: list[int]) -> _Array:
 
 
 def _middles(arcs: ArrayLike, new: _Array, columns: list[int], kind: str) -> tuple[int, ...]:
-    """Check the argument `arcs` and convert its indices. The result counts only poses that differ from the previous pose (`new`)."""
+    """Check the argument `arcs`, and convert its indices to indices of the poses without repetitions.
+
+    `new` is True for each pose that differs from the previous pose.
+    """
     given = _core.numbers(_NAME, "arcs", arcs, ("K",))
     if given.size and kind != "lines":
         raise InputError(f"{_NAME}: arcs is not used: expected none with kind {kind!r}")
@@ -219,8 +223,8 @@ def cartesian_path(
         tolerance: largest error between knots: one number for m and rad, or `(2,)`.
         axes: letters such as "xyz" or "x y rz"; None: the whole pose. It contains none, one, or all of rx, ry, rz.
         kind: "lines": straight lines in position and geodesics in rotation; "spline": one smooth curve through all poses.
-        blend: length of the curve, m, over which a corner between two lines is rounded before and after the corner. It is limited to half
-            of each line. `CartesianPath.length` defines the length. With 0 a corner is rounded only within the tolerance.
+        blend: a corner between two lines is rounded from this length before it to the same length after it, m. The length is at most half
+            of each line, and is measured as in `CartesianPath.length`. With 0 a corner is rounded only within the tolerance.
         arcs: indices of poses in the middle of an arc, only for "lines". The arc is on the circle through the previous, this and the next
             position.
         limits: whether the path must respect the joint limits of the arm.
@@ -279,7 +283,7 @@ def cartesian_path(
         raise InputError(f"{_NAME}: arcs has no circle at pose {at}: expected three positions that are not on one line") from None
     found = _followed(_Problem(arm, frame, letters, curve, bound, bool(limits)), start)
     if found.shortfall is None:
-        # A repeated pose has the knot of its first occurrence.
+        # For a repeated pose, the index is that of the knot of its first occurrence.
         found.corners = [found.corners[k] for k in np.cumsum(new) - 1]
     return found
 

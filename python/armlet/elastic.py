@@ -35,10 +35,11 @@ class Equilibrium:
         x: the controlled coordinates, (m,), m or rad; joint positions for a law of joints.
         theta: motor positions of elastic joints, (n,), rad or m; None for a rigid arm.
         estimate: the law's integral wrench, (m,), N and N m; None without `integral_gain`.
-        reachable: whether the arm can reach x_d + K^-1 F, or x_d with an integral. x_d is the law's target and K its stiffness. False if a
-            wall, a joint stop or a limit of the law holds the arm.
-        spurious: whether the spring is unbalanced: J'(K (x_d - x) + F) = 0 with K (x_d - x) + F != 0, det J ~ 0. For `MotorPD` and
-            `StateFeedback` with exact plant parameters: an equilibrium that is not the target, without force and contact.
+        reachable: whether the arm can reach x_d + K^-1 F, or x_d if the law has an integral. x_d is the law's target and K its stiffness.
+            False if a wall, a joint stop or a limit of the law holds the arm.
+        spurious: for an impedance law, whether the spring force does not balance F, although the joint torques are balanced. Then
+            J'(K (x_d - x) + F) = 0 with K (x_d - x) + F != 0, which requires a singular J. For `MotorPD` and `StateFeedback` with exact
+            plant parameters, whether the equilibrium is not the target although no force and no contact acts.
         wall_force: force of the plant's wall on its frame, (3,), world axes, N; None without a wall.
         stable: whether all eigenvalues except those of free motions have negative real parts, up to rounding.
         eigenvalues: eigenvalues of the closed loop, linearised at the equilibrium, complex, 1/s, sorted by real part.
@@ -91,11 +92,11 @@ def equilibrium(
     """Find the equilibrium near `q0` under a constant force F: u(q) + J'F = g(q), tau = g(q) - J'F, theta = q + K_J^-1 tau.
 
     Here u is the torque of the law, J the Jacobian of the frame of F, and g the gravity torque. tau is the input of the plant, theta are
-    the motor positions, and K_J is the stiffness of elastic joints. A wall and joint stops add their forces.
+    the motor positions, and K_J is the stiffness of elastic joints. The forces of a wall and of joint stops act in addition to F.
 
     The equilibrium of an impedance law with the target x_d and the stiffness K is x_d + K^-1 F if that pose is reachable and regular. At a
-    singular pose with an unbalanced spring, `spurious` is true. If small deviations from the equilibrium grow, `stable` is false. A law
-    with a null space, an integral or limits has no potential. The search then follows the motion of the loop without velocities,
+    singular pose with an unbalanced spring, `spurious` is true. If small deviations from the equilibrium grow, `stable` is false. For a law
+    with a null space, an integral or limits, u(q) is not the gradient of a potential. The search then follows a slow motion of the loop,
     M dq/dt = u(q) + J'F - g(q), with the mass matrix M.
 
     A redundant arm without a posture task can move without moving its frame. `free_motions` counts these motions, and `stable` ignores

@@ -9,7 +9,8 @@
     ├── FormatError (ValueError)      stored data is damaged or in another format
     └── InternalError (RuntimeError)  a bug of armlet, see armlet/border.py
 
-Messages of InputError have the form ``function: argument problem: expected .., got .. (first bad index ..)``. Some lack the last parts.
+Messages of InputError have the form ``function: argument problem: expected .., got .. (first bad index ..)``. Some messages omit the last
+parts.
 """
 
 from __future__ import annotations
@@ -28,11 +29,11 @@ class ArmletError(Exception):
 class InputError(ArmletError, ValueError):
     """An argument is not valid: its type, shape, sign or range is wrong, or it is not finite.
 
-    The message is complete. An error of the core also has the parts of its message as attributes.
+    The message names the argument and the problem. If the Rust core raises the error, the attributes contain parts of the message.
 
     Attributes:
-        argument: the name of the argument; None if only the message has it.
-        problem: the problem of the argument, without name and index; None if only the message has it.
+        argument: the name of the argument; None if only the message contains it.
+        problem: the problem of the argument, without name and index; None if only the message contains it.
         index: the first bad index, one number per axis; empty if there is no index.
         available: the valid names, if a name is unknown.
     """

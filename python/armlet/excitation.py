@@ -6,8 +6,8 @@
 Here `Y_b(t)` is the regressor of the base parameters at `q(t), v(t), a(t)`, `noise` the standard deviation of the torques, and `'` the
 transpose. Each joint's series is divided by a smooth maximum of position, speed and acceleration, each relative to its limit. So for all
 coefficients the samples respect these limits. Torque limits enter the cost as a penalty. For arms without mimic joints, the gradient is
-exact: `Y_b` is linear in `a`, and quadratic in `v` (except Coulomb friction) and in the position of a prismatic joint. In the angle of a
-revolute joint it is a trigonometric polynomial of degree two, whose derivative follows from four values (Riesz 1914).
+exact: `Y_b` is linear in `a`, and quadratic in `v` (except Coulomb friction) and in the position of a prismatic joint. As a function of the
+angle of a revolute joint, `Y_b` is a trigonometric polynomial of degree two. Its derivative follows from four values (Riesz 1914).
 """
 
 from __future__ import annotations
@@ -115,7 +115,7 @@ def _limits(arm: Arm, given: Any) -> _Limits:
         found[name] = np.broadcast_to(array, (n,)).copy()
     lower, upper = found["q_min"], found["q_max"]
     whole = np.isfinite(lower) & np.isfinite(upper)
-    # A joint with one or no position limit moves about zero. If its limit excludes zero, `half` is zero, and the check below refuses it.
+    # A joint with fewer than two position limits moves about zero. If its only limit excludes zero, `half` is zero, which is refused below.
     middle = np.where(whole, 0.5 * (np.where(whole, lower, 0.0) + np.where(whole, upper, 0.0)), np.clip(0.0, lower, upper))
     half = np.minimum(upper - middle, middle - lower)
     for k in range(n):
@@ -131,9 +131,9 @@ def _limits(arm: Arm, given: Any) -> _Limits:
 
 
 class _Series(NamedTuple):
-    """Fourier series with N harmonics at times of one period, `(K, 2 N + 1)` each.
+    """The terms of a Fourier series with N harmonics at K times of one period, and their derivatives, `(K, 2 N + 1)` each.
 
-    The position is `terms @ c`, the speed `rates @ c`, and the acceleration `accelerations @ c`.
+    For the coefficients `c`, the position is `terms @ c`, the speed `rates @ c`, and the acceleration `accelerations @ c`.
     """
 
     terms: _Array
@@ -159,18 +159,18 @@ class _Problem:
         self.base = arm.base_parameters(armature=armature, friction=friction)
         self.slides = [kind == "prismatic" for kind in arm.joint_types]
         self.power = _POWERS[0]
-        # A closed-form arm has neither friction nor limits.
+        # A closed-form arm has no friction. It is recognised by its missing limits.
         self.rubs = bool(arm.limits)
 
     def scaled(self, c: _Array) -> tuple[_Array, Any]:
         """Scale the coefficients `c` so that the samples respect the limits of position, speed and acceleration.
 
-        The second result maps a gradient with respect to scaled coefficients to one with respect to `c`.
+        Also return a function that converts a gradient with respect to scaled coefficients to a gradient with respect to `c`.
         """
         limits, p = self.limits, self.power
         weights = [np.where(np.isfinite(limit), 1.0 / limit, 0.0)[:, None] for limit in (limits.half, limits.speed, limits.acceleration)]
         shares = np.hstack([weight * (c @ rows.T) for weight, rows in zip(weights, self.series, strict=True)])
-        # Division by the largest share prevents overflow of the powers.
+        # `shares` are values relative to their limits. Division by the largest one prevents overflow of their powers.
         peak = np.abs(shares).max(axis=1, keepdims=True)
         parts = np.abs(shares / peak)
         size = np.sum(parts**p, axis=1, keepdims=True)
@@ -195,7 +195,10 @@ class _Problem:
         return found
 
     def slopes(self, G: _Array, q: _Array, v: _Array, a: _Array) -> tuple[_Array, _Array, _Array]:
-        """Derivatives of the inner product `<G, Y_b / noise>` with respect to `q`, `v` and `a`, each `(K, n)`."""
+        """For each time, the derivatives of the inner product of a constant `G` and `Y_b / noise`.
+
+        They are derivatives with respect to `q`, `v` and `a`, `(K, n)` each.
+        """
         out = np.zeros((3, *q.shape))
         for k, unit in enumerate(np.eye(q.shape[1])):
             by_position = sum(w * self.regressor(q + step * unit, v, a) for w, step in (_SLIDE if self.slides[k] else _TURN))
@@ -207,7 +210,7 @@ class _Problem:
     def _by_speed(self, q: _Array, v: _Array, a: _Array, unit: _Array) -> _Array:
         """Derivative of the weighted regressor, `(..., n, b)`, with respect to the speed of the joint with the unit vector `unit`.
 
-        The other columns than those of Coulomb friction are quadratic in speed. Those of Coulomb friction have the derivative zero.
+        The columns of Coulomb friction have the derivative zero. All other columns are quadratic in the speed.
         """
         difference = 0.5 * (self.regressor(q, v + unit, a) - self.regressor(q, v - unit, a))
         if self.base.friction:

@@ -1,4 +1,4 @@
-"""Write files that are complete or absent, and archives of arrays with a checksum, for runs, tables, figures and sweeps."""
+"""Write files of runs, tables, figures and sweeps so that no incomplete file remains, and archives of arrays with a checksum."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def unpack(file: IO[bytes]) -> tuple[dict[str, NDArray[Any]], bool]:
     try:
         with np.load(file, allow_pickle=False) as container:
             return {key: container[key] for key in container.files}, sealed
-    # A damaged archive can raise various errors in zipfile and numpy, for example for sizes beyond the memory.
+    # For a damaged archive, zipfile and numpy can raise various errors, such as MemoryError for a wrong size.
     except Exception as error:
         problem = f"is not a run of armlet or is damaged: expected an npz container, got {error or type(error).__name__}"
         raise FormatError(problem) from None

@@ -53,7 +53,8 @@ class BaseParameters:
     #: Whether the parameters include rotor inertias (`armature`), and damping and Coulomb friction (`friction`).
     armature: bool
     friction: bool
-    #: Relative distances of a column from the span of the earlier columns: the smallest of a kept column, and the largest of a dropped one.
+    #: A column of the regressor is dropped if its relative distance from the span of the earlier columns is zero up to rounding. These are
+    #: the smallest distance of a kept column, and the largest distance of a dropped column.
     smallest_kept: float
     largest_dropped: float
 
@@ -159,7 +160,8 @@ class Identification:
     singular_values: _Array
     #: Root mean square of the torque that the model does not explain, for each joint, (n,), N m or N.
     residuals: _Array
-    #: The vector of all parameters with these base parameters that is nearest to the arm's parameters, (p,), in the order of `base.names`.
+    #: All parameters, (p,), in the order of `base.names`. Of all vectors with these base parameters, this one is nearest to the arm's
+    #: parameters.
     parameters: _Array
 
     @property

@@ -73,7 +73,7 @@ class Integration:
         status: the `armlet.Status` with which the run ended: SUCCESS, EVENT if an event ended it, or a failure.
         ended: the time reached.
         stats: numbers of evaluations of f (including evaluations for differences), steps, rejections, jacobians (0 for a constant one) and
-            factorisations. With the status EXCESS_ACCURACY also `coarsen`, the factor that makes both tolerances feasible.
+            factorisations. With the status EXCESS_ACCURACY, `stats["coarsen"]` is the factor by which both tolerances must be multiplied.
         t_events, y_events: for each event, the times (m,) and states (m, n) of its zero crossings.
         dense: the solution between the steps, if `dense_output=True`; else None.
     """

@@ -26,8 +26,8 @@ class NullSpace:
 
     Here `J` is the Jacobian of the law's task, `M` the mass matrix, `'` the transpose and `#` the pseudo-inverse. With both projections,
     the motion in the null space moves the frame through the Coriolis torque and `J_dot v`, unless the law compensates the coupling. Near
-    singularities, `L` and `(J')#` are clamped. Along a task direction whose singular value is below `eps` of the law, the projection keeps
-    a fraction of the torque.
+    singularities, `L` and `(J')#` stay bounded, because singular values below `eps` of the law are not inverted exactly. Along such a task
+    direction, the projection keeps a fraction of the torque.
 
     Args:
         q_d: `q_n`, the posture, (n,), rad or m, or a motion of the joints.

@@ -1,7 +1,7 @@
 """Curves through poses: straight lines, arcs and geodesics, with rounded corners, or one smooth spline.
 
 length of a segment:  l = sqrt(|dp|^2 + (0.1 m/rad angle)^2),   s = (sum of the lengths before) / (total length)
-arc through a, b, c:  p = m + r (cos phi e_1 + sin phi e_2),   |a - m| = |b - m| = |c - m| = r;   r times its angle replaces |dp|
+arc through a, b, c:  p = m + r (cos phi e_1 + sin phi e_2),   |a - m| = |b - m| = |c - m| = r;   in l, the arc length replaces |dp|
 corner between lines: lerp(lerp(A, C, t), lerp(C, B, t), t),   A and B on the lines at the length h before and after the corner C,
                       h = min(blend, l/2 of both segments),   t from 0 to 1
 spline:               natural cubic of positions and quaternions over s, quaternions normalised
@@ -109,7 +109,7 @@ class PoseCurve:
         turns: columns of all three parts of the rotation vector; an empty list if the poses have no rotation vector.
         single: columns of single angles, rad.
         smooth: whether the curve is a spline; otherwise it consists of lines and arcs.
-        blend: length h of the curve from the beginning of a rounding to its corner, m, where half of each segment is longer.
+        blend: largest length h of the curve from the beginning of a rounding to its corner, m. h is also at most half of each segment.
         arcs: indices of poses in the middle of arcs.
     """
 

@@ -65,14 +65,15 @@ def export_c(
             N m. None: the equations of motion.
         prefix: first part of all names in C, and name of the files and of the CMake target; None: "law", "observer" or "arm".
         dt: step of the sampled loop, s, for a law with a state (an estimate, an integral). Calls at multiples of `dt` advance the state
-            to the same bits as `simulate(.., dt=dt, sample_time=..)`. None: one step from call to call.
+            to the same bits as `simulate(.., dt=dt, sample_time=..)`. None: each call advances the state by one step, whose length is the
+            time since the previous call.
         method: integration method of the law's state: "rk4", "euler" or "semi_implicit", as for `simulate`. Only for laws.
         sample_time: time between calls, s, of a `Guarded` law, whose observer depends on it. None: `dt`.
         tau_max: limits of the torque (or velocity), as for `simulate`: a number > 0 or (n,). None: no limits. The observer of a `Guarded`
             law receives limited torques.
-        friction: whether functions of an arm include friction, as their argument of this name.
+        friction: whether functions of an arm include friction, as with the argument `friction` of the methods of `Arm`.
         armature: whether the regressor has columns of armature.
-        fused: whether products and sums are fused by `fma`. None: as armlet does on this machine; only None guarantees equal bits.
+        fused: whether a product and a sum are one operation `fma`. None: as armlet does on this machine. Only None guarantees equal bits.
         overwrite: overwrite files with these names that armlet did not write.
 
     Returns:
@@ -128,7 +129,7 @@ def _is_default(method: object) -> bool:
 
 
 def _require_unused(of: str, arguments: Mapping[str, object]) -> None:
-    """Refuse arguments that are not for `of`."""
+    """Raise an InputError if one of `arguments` is set, because they have no effect for an object of the kind `of`."""
     for name, value in arguments.items():
         if value is not None and value is not False:
             raise InputError(f"export_c: {name} is not used: expected none for {of}, got {shown(value)}")

@@ -28,13 +28,17 @@ _NAME = "point_to_point"
 _Array = NDArray[np.float64]
 # Number of coefficients per piece and joint of a path, lowest power first.
 _TERMS = 6
-# Largest limits of speed, acceleration and jerk, in three stages. In scaled units, larger limits shorten the motion by at most 2e-6, 2e-4
-# and 7e-3. With larger limits Ruckig may find no motion, because its phases are too short compared with rounding.
+# Largest limits of speed, acceleration and jerk, in scaled units, that are passed to Ruckig. With larger limits, phases can be shorter than
+# rounding errors, and Ruckig may find no motion. If Ruckig finds none with the first row, it is called with the second row, and so on. The
+# limits of the three rows lengthen the motion by at most 2e-6, 2e-4 and 7e-3 scaled units of time.
 _CAPS = (1e6, 1e9, 1e12), (1e4, 1e6, 1e8), (1e3, 1e4, 1e5)
 
 
 def _vector(name: str, value: ArrayLike, n: int | None, positive: bool) -> _Array:
-    """Check numbers and return them as `(n,)`. If `n` is not None, one number is also valid if `positive`."""
+    """Check numbers and return them as `(n,)`. If `positive`, one number for all joints is also valid.
+
+    `n` is None for the first argument, whose length is the number of joints.
+    """
     shapes: tuple[tuple[int | str, ...], ...] = (("n",),) if n is None else ((n,),) if not positive else ((), (n,))
     array = finite(_NAME, name, _core.numbers(_NAME, name, value, *shapes))
     if n is None and not array.size:
@@ -122,7 +126,7 @@ def _phases(ruckig: Any, displacement: _Array, limits: _Array) -> tuple[_Array, 
             continue
         t, coefficients = _pieces(answer)
         reached = coefficients[-1].sum(axis=0)
-        # Ruckig guarantees an accuracy of about 1e-8. A phase that `_pieces` drops although it changes the motion has a larger error.
+        # Ruckig guarantees an accuracy of about 1e-8. The error is larger if `_pieces` drops a phase that changes the motion.
         if (np.abs(reached - displacement) < 1e-6).all():
             # Scaling makes the end exact to rounding.
             moving = displacement != 0.0

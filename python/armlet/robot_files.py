@@ -32,7 +32,7 @@ _XACRO = threading.Lock()
 def robot_file(source: str, is_xml: bool, search_path: SearchPath, xacro_arguments: Mapping[str, object] | None) -> tuple[str, str | None]:
     """Return the path of the file that `source` names, and the URDF text if xacro expanded it; otherwise None.
 
-    If `is_xml`, `source` is the text of a robot, and is returned in place of the path.
+    If `is_xml`, `source` is the XML text of a robot. Then the first result is this text instead of a path.
     """
     folders = _folders(search_path)
     path = source if is_xml else _located(source, folders)

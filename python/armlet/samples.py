@@ -34,7 +34,7 @@ class Samples:
     tau: _Array
     #: Indices of the selected records or windows, (N,).
     indices: NDArray[np.int64]
-    #: Singular value number `rank` of the stacked rows of all `W_j`: the smallest one that is not zero up to rounding.
+    #: Smallest nonzero singular value of the stacked rows of all `W_j`. Values that are zero up to rounding count as zero.
     singular_value: float
     #: Number of directions of the parameters that the record determines.
     rank: int

@@ -2,8 +2,8 @@
 
     M(q) a + C(q, v) v + g(q) = tau,   Y(q, v, v_r, a_r) pi = M a_r + C v_r + g
 
-Y is the regressor. In the second equation, M is without the rotor inertia. Without it, M is linear in the inertial parameters pi:
-`M = sum_k pi_k M_k`, and likewise C and g. The factor of each pi_k is a polynomial in sines and cosines of angles, and in positions of
+Y is the regressor. In the second equation, M excludes the rotor inertia. So M is linear in the inertial parameters pi,
+`M = sum_k pi_k M_k`, and so are C and g. The factor of each pi_k is a polynomial in sines and cosines of angles, and in positions of
 prismatic joints. `armlet.trigonometric` writes each polynomial in the shortest of several forms.
 """
 

@@ -31,7 +31,7 @@ WHOLE = 1e-15
 MOST_FACTORED = 12
 #: Polynomials with longer coefficients (bits of numerator and denominator together) are not factored.
 MOST_BITS = 64
-#: Denominators that are printed as fractions. Other rational numbers are printed as decimals.
+#: Rational numbers with these denominators are printed as fractions. All others are printed as decimals.
 FRACTIONS = (1, 2, 4, 8)
 
 
@@ -115,7 +115,7 @@ class Polynomials:
         return self._known[key]
 
     def collected(self, terms: Sequence[tuple[Any, Any]]) -> Any:
-        """The sum of `rate p` over the pairs (product of velocities, polynomial), in the shorter of two forms."""
+        """The sum over pairs (rate, p) of `rate` times `p`, in the shorter of two forms. A rate is a product of velocities."""
         by_polynomial = self._grouped(terms, self.readable)
         if not all(self._short(p) for _, p in terms):
             return self._decimals(by_polynomial)
@@ -184,7 +184,7 @@ class Polynomials:
         return self.sympy.Mul(self.domain.to_sympy(content), *expressions)
 
     def _waves(self, p: Any) -> Waves:
-        """The waves of `p = sum_k X_k exp(i k.q)`: real and imaginary part of `X_k` for each `k`, polynomials in the other generators."""
+        """The waves of `p = sum_k X_k exp(i k.q)`. The real and imaginary part of each `X_k` are polynomials in the other generators."""
         half = self.domain(1, 2)
         found: Waves = {}
         for monomial, coefficient in p.terms():

@@ -1,7 +1,7 @@
 """The command line: `armlet demo`, `armlet info`, and the commands for scenario files (`scenarios.py`).
 
-Each command is a function that takes the parsed arguments and returns the exit code. 0: success. 1: a check failed, or
-the reader of the output has ended. 2: the command could not run; standard error states the reason. 130: interrupted by the user.
+Each command is a function that takes the parsed arguments and returns the exit code. 0: success. 1: a check failed, or the program that
+reads the output has ended. 2: the command could not run; standard error states the reason. 130: interrupted by the user.
 """
 
 from __future__ import annotations
@@ -97,7 +97,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _line(error: BaseException) -> str:
-    """Return an error as one line. Errors of the operating system have the file and the problem, without the error number."""
+    """Return an error as one line. For an error of the operating system, the line names the file and the problem."""
     if isinstance(error, OSError) and error.strerror:
         return one_line((f"{error.filename}: " if error.filename else "output: ") + error.strerror.lower())
     return one_line(str(error)) or type(error).__name__

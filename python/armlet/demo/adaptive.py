@@ -3,9 +3,11 @@
     tau = Y a_hat + Kp e + Kd e_dot,   a_hat_dot = Gamma Y's,   Y (A, B, C)' = M a_r + S v_r
 
 Here ' is the transpose, Y the regressor, S the Coriolis matrix, s the sliding variable, a = (A, B, C) the parameters and a_hat their
-estimate. e is the tracking error, v_r and a_r are reference velocity and acceleration, and Kp, Kd and Gamma the gains. The checks are
-results of the theory. dM/dt - 2S is skew-symmetric. V1 = s'Ms/2 + (a - a_hat)'Gamma^-1(a - a_hat)/2 never increases. V1(0) - V1(t) is the
-integral of s'Kd s. The error e goes to zero from every initial state and every initial estimate, also from zero.
+estimate. e is the tracking error, v_r and a_r are reference velocity and acceleration, and Kp, Kd and Gamma the gains.
+
+The checks compare the simulation with these results of the theory. dM/dt - 2S is skew-symmetric. The Lyapunov function
+V1 = s'Ms/2 + (a - a_hat)'Gamma^-1(a - a_hat)/2 never increases. V1(0) - V1(t) is the integral of s'Kd s. The error e goes to zero from
+every initial state and every initial estimate, even if the initial estimate is zero.
 """
 
 from __future__ import annotations
@@ -27,7 +29,7 @@ A, B, C = 2.0, 0.5, 0.5
 KP, KD, GAMMA = (40.0, 20.0), (20.0, 10.0), 5.0
 Q0 = (0.2, -0.3)
 
-# At each time t: (q1, q2, v1, v2, a_hat), from rest in Q0 with a_hat = 0. The values were integrated with 25 digits and rounded to 13.
+# The state (q1, q2, v1, v2, a_hat) by time t, from rest in Q0 with a_hat = 0. The values were integrated with 25 digits and rounded to 13.
 ORACLE = {
     0.25: (0.2600272316271, 0.2955772120178, 0.6692427878501, 2.635724070174, 0.563398733585, -0.1024356686385, -0.2466599487647),
     1.0: (0.5205529425694, 1.268307483847, -0.1470997213416, 0.07134418422685, 0.9123593755904, 1.040728065069, 0.4407824091997),
@@ -58,9 +60,9 @@ def run(report: Report) -> None:
 
 
 def identities(report: Report, arm: al.Arm) -> None:
-    """Check Y (A, B, C)' = M a_r + S v_r with the Coriolis matrix S, and the Christoffel matrices and Y as printed in the exam.
+    """Check that Y (A, B, C)' = M a_r + S v_r, with the Coriolis matrix S.
 
-    Parameters with A C = B^2 must raise an error.
+    Also check that the Christoffel matrices and Y are as printed in the exam, and that parameters with A C = B^2 raise an error.
     """
     q, v, v_r, a_r = np.random.default_rng(10062022).uniform(-3.0, 3.0, (4, 1000, 2))
     left = arm.regressor(q, v, v_r, a_r) @ arm.parameters

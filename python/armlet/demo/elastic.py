@@ -36,7 +36,7 @@ Q0, FORCE = (0.3, 1.2), np.array([10.0, -15.0])
 FRAME: dict[str, Any] = {"frame": "link2", "axes": "xy"}
 TIGHT: dict[str, Any] = {"method": "dop853", "rtol": 1e-12, "atol": 1e-12}
 
-# At each time t: (q, v, theta, theta_dot) under FORCE from rest in Q0. The values were integrated with 25 digits and rounded to 13.
+# The state (q, v, theta, theta_dot) by time t, from rest in Q0 under FORCE. The values were integrated with 25 digits and rounded to 13.
 ORACLE = {
     0.02: (
         0.2982878554708,
@@ -286,14 +286,14 @@ def distances(arm: al.Arm, plant: al.ElasticArm, shares: Array, **options: Any) 
 
 
 def reduction(report: Report, arm: al.Arm, plant: al.ElasticArm) -> dict[str, Array]:
-    """Erratum E12: a small B0 is not sufficient; D0 must decrease with it. Damping of theta_dot - v gives smaller errors."""
+    """Erratum E12: to approach the motion of the rigid arm, D0 must decrease with B0. Damping of theta_dot - v reduces the error."""
     text = "a small B0 suffices"
     tied = distances(arm, plant, SHARES)
     # If D0 is fixed, the motors' rate D0/B0 is proportional to 1/B0. The two smallest B0 are left out, because they require short steps.
     fixed = distances(arm, plant, SHARES[:6], motor_damping=2.0 * np.sqrt(B0 * K_J))
     relative = distances(arm, plant, SHARES, relative_damping=True)
     orders = np.diff(np.log(tied)) / np.log(0.25)
-    # The largest distance is that of samples 1 ms apart, as for the expected values.
+    # Both the expected and the actual maxima are over samples at intervals of 1 ms.
     report.near(
         "D0 from zeta and B0: max |x - x_rigid| at B0/B = 1/4, 1/64, 1/65536 (m)", (0.0399765, 0.0220352, 0.00115615), tied[[0, 2, 7]], 1e-5
     )
@@ -307,7 +307,7 @@ def reduction(report: Report, arm: al.Arm, plant: al.ElasticArm) -> dict[str, Ar
 
 
 def sampled(report: Report, arm: al.Arm, plant: al.ElasticArm, law: al.ElasticImpedance) -> None:
-    """Check the limit of the reduction by the sample time: B0 > K_J dt^2."""
+    """Check the smallest reduced inertia B0 for a sample time, and the largest sample time for a B0."""
     smallest = al.smallest_reduced_inertia(B, K_J, 1e-3)
     report.near("smallest B0 at 1 ms, near K_J dt^2 (kg m^2)", (0.0008002667422419266, 0.0005001667139012043), smallest, 1e-10)
     limit = al.elastic_limits(plant, law, q0=Q0).sample_time_max
@@ -327,8 +327,8 @@ def draw(
 ) -> None:
     """Draw a force step: the tip position and the joint torques over time, and two comparisons.
 
-    The first comparison has the distance of the tip from x_E, under the correct law and under the law as printed in the exam. The second
-    has the deviation from the motion with rigid joints over B0.
+    The first comparison shows the distance of the tip from x_E over time, under the correct law and the law that the exam prints. The
+    second comparison shows the deviation from the motion with rigid joints as a function of B0.
     """
     from ..figures.style import COLOURS
 

@@ -4,8 +4,9 @@
     M_x x'' + (S_x + D_m) x' + K_m (x - x_d) = F             the target model
     M_x = J^-T M J^-1,   S_x = J^-T C(q, v) J^-1 - M_x J-dot J^-1
 
-' is the time derivative, and ^-T the transposed inverse. F is the force at the tip x with the Jacobian J and the target x_d, and (7) the
-number in the exam. M, C and g are mass matrix, Coriolis matrix and gravity torque, and K_m and D_m Cartesian stiffness and damping.
+' is the time derivative, and ^-T the transposed inverse. F is the force at the tip x with the Jacobian J and the target x_d. (7) is the
+number of the equation in the exam. M, C and g are mass matrix, Coriolis matrix and gravity torque. K_m and D_m are Cartesian stiffness and
+damping.
 
 The equation `B theta_ddot + tau_J = tau` of the elastic arm is also checked.
 """

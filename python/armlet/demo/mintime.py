@@ -2,10 +2,10 @@
 
     I theta_ddot + G sin theta = tau,   |tau| <= tau_max,   theta from -pi/2 to pi/2 in the exam of `armlet demo`
 
-The checks are results of the theory. For this motion, the shortest duration of the symmetric bang-bang profile is
-T = sqrt(4 pi I / tau_max) for every G <= 2 tau_max. For larger G no T is feasible. The fastest monotone motion under full torque is
-shorter, and its advantage grows with gravity. If it is not certified as the global optimum (`certified_global`), a motion that swings back
-first or overshoots can be faster.
+The checks compare armlet with these results of the theory. The symmetric bang-bang profile has constant acceleration and then the opposite
+acceleration. For this motion, its shortest duration is T = sqrt(4 pi I / tau_max) for every G <= 2 tau_max. For larger G no T is feasible.
+The fastest monotone motion under full torque is shorter, and its advantage grows with gravity. If it is not certified as the global optimum
+(`certified_global`), a motion that swings back first or overshoots can be faster.
 """
 
 from __future__ import annotations
@@ -28,8 +28,8 @@ if TYPE_CHECKING:
 TITLE = "System 4: minimum time of one link under gravity, rest to rest"
 
 START, END = -math.pi / 2, math.pi / 2
-# Shortest duration of the profile divided by the duration of the fastest monotone motion, for each G / tau_max, with the digits of the
-# exam's corrected solution.
+# For each G / tau_max: the shortest duration of the profile divided by the duration of the fastest monotone motion. The values have the
+# digits of the exam's corrected solution.
 RATIOS = {0.5: 1.2084, 1.0: 1.3853, 2.0: 1.6837}
 # Tolerance: a few rounding errors of square roots and quotients of order one.
 ROUNDING = 4e-15
@@ -135,7 +135,7 @@ def from_mass(report: Report) -> None:
     q, rest = theta - math.pi / 2, np.zeros((25, 1))
     inertia = float(link.mass_matrix([0.0])[0, 0])
     report.near("link of 3 kg, d = 0.25 m, I_c = 0.06 kg m^2: I = I_c + m d^2 (kg m^2)", I_c + m * d**2, inertia, 1e-15)
-    # The tolerance is a few rounding errors of G = 7.4 N m.
+    # G is 7.4 N m, and the tolerance is a few rounding errors of this value.
     report.bound(
         "link of 3 kg: gravity torque minus G sin theta, G = m g0 d, largest (N m)",
         np.abs(link.gravity(q) - m * 9.81 * d * np.sin(theta)).max(),
@@ -158,9 +158,9 @@ def opposes(start: float, end: float) -> bool:
 
 
 def opposition(report: Report) -> None:
-    """Check that gravity always opposes the inertial torque iff the motion has two properties.
+    """Check for which motions gravity opposes the inertial torque at every instant.
 
-    It is symmetric about the downward vertical, and at most 2 pi long.
+    These are the motions that are symmetric about the downward vertical and at most 2 pi long.
     """
     report.equal("from -pi/2 to pi/2: gravity always opposes the inertial torque", True, opposes(START, END))
     report.equal("from 0 to pi/2: gravity always opposes the inertial torque", False, opposes(0.0, END))

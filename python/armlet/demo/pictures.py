@@ -1,4 +1,4 @@
-"""Pictures of the exam: the PR robot of exercise 1, and figures 2 and 4 of exercise 4 with acceleration and gravity over time."""
+"""Pictures of the exam: the PR robot of exercise 1, and figures 2 and 4 of exercise 4, which show acceleration and gravity over time."""
 
 from __future__ import annotations
 

@@ -3,8 +3,8 @@
     v = J1# v1 + (J2 P1)# (v2 - J2 J1# v1),   P1 = I - J1# J1                                                    (5)
 
 The links are L, L, L/4, L/4. The primary task moves the tip of link 4 with the Jacobian J1 and the velocity v1, the secondary the tip of
-link 2. J_E has the rows of J1 and J2, and det J_E = L^4/16 sin q2 sin q4. `#` is the pseudo-inverse, and (5) the number in the exam
-(docs/exam.md), as are errata such as E1.
+link 2. J_E has the rows of J1 and J2, and det J_E = L^4/16 sin q2 sin q4. `#` is the pseudo-inverse. (5) is the number of the equation in
+the exam. Numbers such as E1 are errata of the exam (docs/exam.md).
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ ONES = (np.ones(2), np.ones(2))
 # |v|/sigma.
 TOLERANCE = 1e-14
 
-# Name; whether the sines s2, s3, s4 of q2, q3, q4 are different from zero (None: either); kind; ranks of J1, J2, J_E, J2 P1.
+# For each class: its name, whether each of sin q2, sin q3, sin q4 is nonzero (None: either), its kind, and the ranks of J1, J2, J_E, J2 P1.
 CLASSES = (
     ("any s3", (True, None, True), "regular", (2, 2, 4, 2)),
     ("any s3, case a", (True, None, False), "algorithmic", (2, 2, 3, 1)),
@@ -115,9 +115,9 @@ def wrong_column(report: Report) -> None:
 
 
 def compatibility(report: Report) -> None:
-    """Erratum E3: in case a both tasks are exact iff n.(p1 - p2) = 0, n = (c123, s123). p1, p2 are the commanded velocities of the tips.
+    """Erratum E3: in case a both tasks are exact if and only if n.(p1 - p2) = 0, with n = (c123, s123).
 
-    Otherwise the secondary task has the error n n'(p2 - p1).
+    p1 and p2 are the commanded velocities of the tips. If the condition is false, the secondary task has the error n n'(p2 - p1).
     """
     n = np.array([np.cos(np.pi), np.sin(np.pi)])
     text = "both tasks exact because rank J2 = 2"
@@ -140,7 +140,10 @@ def imposed(report: Report) -> None:
 
 
 def trap(report: Report) -> None:
-    """Check a pitfall: numpy's default cut-off is relative to the norm of J2 P1. If J2 P1 is zero, numpy's pinv inverts rounding errors."""
+    """Check a pitfall: numpy's pinv neglects only singular values that are small relative to the largest one.
+
+    In case b the exact J2 P1 is zero, and the computed one consists of rounding errors. pinv inverts these errors.
+    """
     q = CASE_B + np.array([0.3, 0.0, 0.0, 0.0])
     J1, J2 = stack(q)
     inverse = np.linalg.pinv(J1)
@@ -157,7 +160,8 @@ def trap(report: Report) -> None:
 def near(report: Report) -> None:
     """Check the velocities near the algorithmic singularity of case a, at q4 = 1e-12.
 
-    With "exact" they are huge. With "clamp" they are near the exact velocities at q4 = 0, and the primary task is exact.
+    The method "exact" of `al.solve_priority` returns very large velocities. The default method "clamp" returns velocities near the exact
+    ones at q4 = 0, and the primary task is exact.
     """
     q = CASE_A + np.array([0.0, 0.0, 0.0, 1e-12])
     velocities = [ONES[0], np.zeros(2)]
@@ -169,7 +173,7 @@ def near(report: Report) -> None:
 
 
 def classification(report: Report) -> None:
-    """Check the classification of 27 patterns: each of joints 2, 3, 4 is at a free angle, stretched (0) or folded (pi)."""
+    """Check the classification of 27 patterns: each of the joints 2, 3, 4 is stretched (0), folded (pi), or at a third angle."""
     turns = (None, 0.0, np.pi)
     found: dict[int, list[tuple[str, tuple[int, ...]]]] = {i: [] for i in range(len(CLASSES))}
     for pattern in product(turns, repeat=3):

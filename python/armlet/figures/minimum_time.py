@@ -75,9 +75,10 @@ class MinimumTime:
         return result
 
     def _motions(self) -> list[tuple[str, str, tuple[Array, Array, Array, Array]]]:
-        """The name, the colour, and the arrays (t, theta, theta_dot, tau), s, rad, rad/s and N m, of each drawn motion.
+        """For each drawn motion: its name, its colour, and the arrays (t, theta, theta_dot, tau), in s, rad, rad/s and N m.
 
-        These are the symmetric bang-bang profile and the monotone optimum, if they are feasible, and a swing if it is the fastest motion.
+        The symmetric bang-bang profile and the monotone optimum are drawn if they are feasible. A back-swing or an overshoot is drawn if
+        it is the fastest motion.
         """
         given = (self.theta0, self.thetaf, self.inertia, self.gravity_moment, self.tau_max)
         found = []
@@ -144,7 +145,7 @@ class MinimumTime:
         curves = ((right, -low * (self.thetaf - right), 1.0), (left, high * (left - self.thetaf), -1.0))
         for k, (theta, work, side) in enumerate(curves):
             energy = work + self.gravity_moment * (np.cos(theta) - np.cos(self.thetaf))
-            # Going away from the goal, the curve ends where the kinetic energy is zero. Motions from further away stop before the goal.
+            # The curve ends at the angle at which the kinetic energy is zero. A motion from further away stops before the goal.
             stalled = np.flatnonzero(energy[1:] <= 0.0)
             stop = int(stalled[0]) + 1 if stalled.size else theta.size
             v = side * np.sqrt(2.0 * np.maximum(energy[:stop], 0.0) / self.inertia)

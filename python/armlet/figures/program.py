@@ -124,7 +124,7 @@ def _heights(flow: Flow) -> list[float]:
 
 
 def _apart(wanted: list[float]) -> list[float]:
-    """The positions nearest to the increasing positions `wanted` whose distances are at least one.
+    """Positions as near as possible to the increasing positions `wanted`, with distances of at least one between neighbours.
 
     Neighbours that are too close form a block, which moves as a whole (isotonic regression).
     """

@@ -22,7 +22,7 @@ __all__ = ["plot"]
 
 Panel: TypeAlias = Callable[["Axes", "Recorded"], None]
 
-#: The largest number of joints in a panel. So each joint of a panel has a different colour.
+#: The largest number of joints in a panel. There are more colours, so each joint of a panel has a different colour.
 MOST = 7
 #: The ten parameters of a link by kind: their indices, the name and unit of the kind, and the line style of each component.
 KINDS = (
@@ -51,7 +51,7 @@ def plot(run: Recorded, fig: Figure | None = None) -> NDArray[Any]:
         for ax in axes.flat[len(panels) :]:
             ax.set_visible(False)
         for last in range(max(0, len(panels) - columns), len(panels)):
-            # The lowest panel of every column has the label, also if the last row is not full.
+            # The lowest panel of every column has the label, even if the last row is not full.
             axes.flat[last].set_xlabel("time (s)")
             axes.flat[last].tick_params(labelbottom=True)
         if run.q.shape[-1] <= MOST:
@@ -215,7 +215,7 @@ def _estimates(run: Recorded) -> list[Panel]:
     assert run.estimate is not None
     if run.law_name in ("PID", "CartesianImpedance"):
         return [_integral]
-    # The state of a composite law is the estimate and then the filters. Only the estimate is drawn.
+    # The state of a composite law consists of the estimate and then of filter states. Only the estimate is drawn.
     count = run.estimate[..., : run._estimated].shape[-1]
     links = _links(run)
     if count <= 12 or count < 10 * links:
@@ -227,7 +227,7 @@ def _estimates(run: Recorded) -> list[Panel]:
 def _integral(ax: Axes, run: Recorded) -> None:
     assert run.estimate is not None
     wrench = run.law_name == "CartesianImpedance"
-    # The state of a PID law is the integral and then the filters. Only the integral is drawn.
+    # The state of a PID law consists of the integral and then of filter states. Only the integral is drawn.
     integral = run.estimate if wrench else run.estimate[..., : run.q.shape[-1]]
     _lines(ax, run.t, integral, [f"$w_{{{i + 1}}}$" for i in range(integral.shape[-1])])
     ax.set_ylabel("N, N m" if wrench else ", ".join(dict.fromkeys(run.input_units)))
@@ -236,7 +236,7 @@ def _integral(ax: Axes, run: Recorded) -> None:
 
 
 def _links(run: Recorded) -> int:
-    """The number of bodies of the arm: a tenth of the true parameters, if the run has them.
+    """The number of bodies of the arm. If the run has true parameters, it is a tenth of the number of these parameters.
 
     Otherwise it follows from the number of estimated parameters. There are ten per body, and then one per coordinate for each kind of joint
     parameter, such as damping.

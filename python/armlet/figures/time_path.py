@@ -30,7 +30,7 @@ __all__ = ["PathTiming"]
 
 LIMIT = "0.25"
 Array = NDArray[Any]
-# A jump of the path acceleration that is larger than this fraction of its largest value is marked as a switch.
+# A jump of the path acceleration is marked as a switch if it exceeds this fraction of the largest path acceleration.
 JUMP = 0.1
 
 
@@ -153,7 +153,7 @@ class PathTiming:
         return np.asarray(most - least)
 
     def switches(self) -> Array:
-        """The indices of grid points at which the path acceleration jumps by more than JUMP times its largest value."""
+        """The indices of grid points at which the path acceleration jumps by more than JUMP times the largest path acceleration."""
         p = self.motion
         u = np.diff(p.s_dot**2) / (2.0 * np.diff(p.s))
         jumps = np.abs(np.diff(u))
@@ -164,7 +164,7 @@ class PathTiming:
     def _phase_plane(self, ax: Axes) -> None:
         p = self.motion
         s = np.linspace(p.s[0], p.s[-1], 500)
-        # The axis ends at 1.35 times the largest path speed, or at 3 times if no infeasible region is below 1.35 times.
+        # The axis ends at 1.35 times the largest path speed. If this range has no infeasible region, it ends at 3 times that speed.
         for height in (1.35, 3.0):
             top = height * float(p.s_dot.max())
             r = np.linspace(0.0, top, 400)

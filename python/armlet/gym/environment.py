@@ -33,10 +33,9 @@ class ArmEnv(gymnasium.Env[Array, Array]):
     Args:
         plant: a plant; an arm (then `RigidArm(arm)`); or a `Scenario`, which gives the plant, `tau_max`, `dt`, `t_end` and the
             joint motion. None: a planar arm of two joints in a horizontal plane, and a target for its tip.
-        task: `Reach`, `Track`, or a subclass of `Task`. None: `Track` with the joint motion of a `Scenario`, otherwise `Reach()`. tau_max:
-        torque of an action of 1, a number or (n,), N m or N; None: that of a `Scenario`, or the arm's effort limits. For a `VelocityArm` it
-        is a velocity,
-            rad/s or m/s.
+        task: `Reach`, `Track`, or a subclass of `Task`. None: `Track` with the joint motion of a `Scenario`, otherwise `Reach()`.
+        tau_max: torque of an action of 1, a number or (n,), N m or N; None: that of a `Scenario`, or the arm's effort limits. For a
+            `VelocityArm` it is a velocity, rad/s or m/s.
         dt: step of the integration by rk4, s; None: that of a `Scenario`, or 2 ms.
         period: time for which an action is held, s; a multiple of `dt`.
         horizon: length of a run, s, a multiple of `period`; None: `t_end` of a `Scenario`, or 5 s.
@@ -123,8 +122,8 @@ class ArmEnv(gymnasium.Env[Array, Array]):
     def render(self) -> NDArray[np.uint8] | None:
         """Return a picture of the present state, (480, 480, 3), 0 to 255, if `render_mode` is "rgb_array"; else None.
 
-        Lines are links, dots are joints, and the green ring is the target of the task, for `Track` the target of the tip. A planar arm is
-        drawn in its plane.
+        Lines are links, dots are joints, and the green ring is the target of the task. For `Track`, the ring is the desired position of the
+        tip. A planar arm is drawn in its plane.
 
         Raises:
             gymnasium.error.ResetNeeded: `render` was called before `reset`.

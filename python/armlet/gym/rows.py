@@ -103,7 +103,7 @@ class Rows:
         # One row of bounds per arm, so that numpy combines arrays of equal shape without broadcasting.
         self._each = _Bounds(*(np.tile(side, (rows, 1)) for side in (self.low, self.high, low, high, self.v_limit, self.tau_max)))
         self._apart = works_row_by_row(self.task)
-        # Task errors after the last step and later resets; None if they are unknown.
+        # Task errors of the present states. They are None before the first step, and for a task that may use other rows' data.
         self._errors: Array | None = None
 
     def reset(self, rows: NDArray[np.int64], rngs: list[np.random.Generator]) -> None:

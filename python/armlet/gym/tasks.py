@@ -129,7 +129,7 @@ class Reach(Task):
 
     Args:
         frame: the frame that moves to the target; None: `arm.tip_frame`.
-        axes: the axes of the error, some of "xyz", world axes.
+        axes: the world axes of the error, one or more letters of "xyz".
         reach: the configuration of the target is within `q0 +- reach`, rad or m.
         within: distance to the target, m, at which a run ends if all joints are slower than `at_rest`. None: a run ends at its horizon.
         at_rest: largest joint velocity at which a run can end, rad/s or m/s.
@@ -187,7 +187,7 @@ class Reach(Task):
         return error
 
     def points(self, k: NDArray[np.int64], q: Array, goal: Array) -> Array:
-        # Along axes that are not in the task, the target is drawn at the frame's position.
+        # Along an axis that is not in the task, the picture shows the target at the frame's position.
         targets = np.array(self.arm.position(q, self.tip))
         targets[..., self.rows] = goal
         return targets[:, None]

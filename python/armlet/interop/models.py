@@ -88,7 +88,7 @@ def _build(name: str, joints: list[dict[str, Any]], frames: list[dict[str, Any]]
 
 
 def _followed(mimic: Mimic | None, place: Mapping[int, int | None]) -> tuple[int, float, float] | None:
-    """The mimic joint's leader by its index in the arm, the multiplier and the offset; None for other joints."""
+    """For a mimic joint: the index of its leader in the arm, the multiplier and the offset. None for other joints."""
     if mimic is None:
         return None
     leader = place[mimic[0]]
@@ -147,7 +147,7 @@ def from_pinocchio(model: Any) -> Arm:
         placement = model.jointPlacements[i] if within is None else model.jointPlacements[i] * within
         at, row = joint.idx_q, joint.idx_v
         if mimic is not None:
-            # A mimic joint has neither a drive nor limits. The drive and the limits of its leader apply.
+            # A mimic joint gets no armature, damping, friction or limits, because those of its leader apply.
             own = {"name": name, "type": "prismatic" if slide else "continuous", "parent": model.parents[i] - 1, "mimic": mimic}
             axis = _unit("from_pinocchio", subspace[:3] if slide else subspace[3:], name)
             pose, phi = (placement.rotation, placement.translation), model.inertias[i].toDynamicParameters()
@@ -214,7 +214,7 @@ def _followed_motion(model: Any, joint: Any, multiplier: float) -> tuple[_Array,
 
 
 def _row(model: Any, names: tuple[str, ...], row: int) -> float:
-    """Return entry `row` of the first attribute of `model` in `names` that exists (it depends on the version of Pinocchio), or 0."""
+    """Return entry `row` of the first attribute in `names` that `model` has, or 0. The names depend on the version of Pinocchio."""
     for name in names:
         if hasattr(model, name):
             return float(getattr(model, name)[row])

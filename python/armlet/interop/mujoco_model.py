@@ -36,9 +36,9 @@ def motors(model: Any) -> tuple[_Array, _Array]:
 def followers(model: Any) -> dict[int, tuple[int, float, float]]:
     """Joints that follow a leader, `q = multiplier q_leader + offset`: for each index, the leader's index, multiplier and offset.
 
-    An equality constraint of joints is `y - y0 = a0 + a1 (x - x0) + a2 (x - x0)^2 + ..`, for the positions `y` of a
-    joint and `x` of its leader, with the references `y0` and `x0`. armlet uses it if
-    it is active and linear. If several constraints have one joint `y`, the first counts. Constraints that close a circle are dropped.
+    An equality constraint of joints is `y - y0 = a0 + a1 (x - x0) + a2 (x - x0)^2 + ..`, for the positions `y` of a joint and `x` of its
+    leader, with the references `y0` and `x0`. armlet uses a constraint that is active and linear. If several constraints have the same
+    joint `y`, only the first one is used. A constraint by which a joint would follow itself through other joints is dropped.
     """
     kind = int(import_module("mujoco").mjtEq.mjEQ_JOINT)
     found: dict[int, tuple[int, float, float]] = {}

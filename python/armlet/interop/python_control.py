@@ -35,7 +35,8 @@ __all__ = ["to_control"]
 
 Array: TypeAlias = NDArray[np.float64]
 
-#: Step h of the five-point difference, for numbers of size 1. Its truncation error h^4 and its rounding error eps / h are both about 1e-12.
+#: Step h of the five-point difference, for numbers of magnitude 1. The truncation error h^4 is 1e-12, and the rounding error eps / h is
+#: about 2e-13.
 STEP = 1e-3
 
 
@@ -133,7 +134,7 @@ class _Loop:
         self.m = len(parts) * n
         self.p = 0
         if law is not None:
-            # One evaluation raises the law's errors and gives its number of states.
+            # One evaluation raises the errors of invalid arguments, and shows the number of the law's states.
             state, others = self._given(np.zeros(self.m))
             self.p = len(law.terms(0.0, *state, **others).get("estimate_rate", ()))
         self.states = [f"{part}{i + 1}" for part in parts for i in range(n)] + [f"estimate{i + 1}" for i in range(self.p)]

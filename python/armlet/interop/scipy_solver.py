@@ -37,7 +37,7 @@ def scipy_method(name: str) -> Any:
     Returns:
         A subclass of `scipy.integrate.OdeSolver`. It accepts the arguments of scipy's own solvers: rtol and atol (numbers or (n,)),
         max_step, first_step and vectorized. "radau5" and "rodas4" also accept jac (a matrix, a sparse matrix, or a callable) and
-        jac_sparsity. The bound of time may be infinite. The counters follow scipy: nfev does not count evaluations for differences, njev
+        jac_sparsity. The end time may be infinite. The counters follow scipy: nfev does not count evaluations for differences, njev
         does not count constant Jacobians. Options of scipy's other solvers raise scipy's UserWarning, and unknown options raise InputError.
         Complex states raise ValueError. Other errors of the class are InputErrors.
 
@@ -92,8 +92,7 @@ def _polynomial() -> Any:
     class Polynomial(_scipy().DenseOutput):  # type: ignore[misc]
         """The polynomial of one step, given by its values at the Chebyshev points.
 
-        Beyond the step it is extrapolated, as scipy's polynomials are. The extrapolation is its Chebyshev series without the coefficients
-        that are as small as rounding errors.
+        For times beyond the step, its Chebyshev series is evaluated, without the coefficients that are as small as rounding errors.
         """
 
         def __init__(self, t_old: float, t: float, nodes: NDArray[np.float64]) -> None:
@@ -119,7 +118,7 @@ def _polynomial() -> Any:
             degree = len(self._nodes) - 1
             x = -np.cos(np.pi * np.arange(degree + 1) / degree)
             series = np.linalg.solve(np.polynomial.chebyshev.chebvander(x, degree), self._nodes)
-            # Noise: the rounding error of the values, and the slope times the rounding error of the times. The solve above doubles both.
+            # `noise` estimates the rounding errors of the values, plus the rounding errors of the times multiplied by the slope.
             shift = max(abs(self.t_old), abs(self.t)) / abs(self.t - self.t_old)
             noise = 4.0 * np.finfo(np.float64).eps * (np.abs(self._nodes).max(axis=0) + shift * np.ptp(self._nodes, axis=0))
             return np.where(np.abs(series) > noise, series, 0.0)

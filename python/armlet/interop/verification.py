@@ -97,7 +97,7 @@ class _Pinocchio:
     def __init__(self, arm: Arm, model: Any) -> None:
         self.pin, self.model, self.data = import_module("pinocchio"), model, model.createData()
         joints = {model.names[i]: model.joints[i] for i in range(1, model.njoints) if model.joints[i].nv == 1}
-        # A model with mimic joints has one degree of freedom per leader, as the arm has. Any other model has all joints of the robot file.
+        # A model with mimic joints has the degrees of freedom of the arm. In another model, every joint of the robot file is independent.
         self.mimics = any("Mimic" in joint.shortname() for joint in model.joints)
         names = arm.joint_names if self.mimics else arm.file_joint_names
         _match(names, joints, "pinocchio")
@@ -238,7 +238,10 @@ class _MuJoCo:
 
 
 class _Joined:
-    """A model with independent joints that are mimic joints in the arm, `q_joints = G q + c`. Its quantities are projected, `G' M G`."""
+    """A model with independent joints that are mimic joints in the arm, `q_joints = G q + c`.
+
+    Its quantities are converted to the arm's coordinates. For example, its mass matrix `M` becomes `G' M G`.
+    """
 
     def __init__(self, arm: Arm, peer: Peer) -> None:
         self.peer, self.arm, self.n = peer, arm, arm.n
@@ -300,9 +303,9 @@ def verify(arm: Arm, *, against: Any, samples: int = 5, seed: int = 0, rtol: flo
         arm: an arm whose joints have the names of joints of the model.
         against: the model (keyword only).
         samples, seed: number of random states, and seed of their generator (keyword only).
-        rtol: largest difference that counts as agreement, relative to the size of the quantity, for poses and Jacobians absolute (keyword
-            only). Gravity vectors and armatures must be equal. Accelerations of forward dynamics are multiplied by `M` and compared as
-            torques.
+        rtol: largest difference that counts as agreement, relative to the size of the quantity (keyword only). Differences of poses and
+            Jacobians are not divided by this size. Gravity vectors and armatures must be equal. Accelerations of forward dynamics are
+            multiplied by `M` and compared as torques.
 
     Returns:
         A `Verification`, true if all numbers agree, with `.rows` and `.conventions`. Its text is a table.

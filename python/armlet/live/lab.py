@@ -25,8 +25,8 @@ from .words import Words
 __all__ = ["LabPage", "lab"]
 
 DRAW_EVERY, PLOT_EVERY, TEXT_EVERY = 2, 16, 16  # periods, in frames, of drawing, curves and text
-# The charts show the last WINDOW seconds. Zero is always in view, so rounding errors of a constant curve are not magnified. The range
-# ends beyond the mark at 0.01, whose text would be cut off at the edge.
+# The vertical axis of a chart contains at least the range from -EDGE to EDGE, so that rounding errors of a constant curve are not
+# magnified. EDGE exceeds 0.01, because the label at 0.01 would be cut off at the edge.
 EDGE = 1.2e-2
 SOFT = {"pad": 0.1, "soft": EDGE, "mode": 1}
 SCALES = {"x": {"time": False, "range": (-WINDOW, 0.0)}, "y": {"range": {"min": SOFT | {"soft": -EDGE}, "max": SOFT}}}
@@ -149,7 +149,7 @@ class LabPage:
     def _pullable(self, frame: str, body: Any) -> None:
         turn, model = self.scene.rotation.T, self.model
 
-        # A coroutine, so that start, updates and end of a drag arrive in order.
+        # This function is a coroutine, so that start, updates and end of a drag arrive in order.
         @body.on_drag  # type: ignore[untyped-decorator]
         async def _(event: Any) -> None:
             if event.phase == "start":

@@ -26,7 +26,7 @@ __all__ = ["Lab"]
 
 WINDOW = 8.0  # length of the curves, s
 FRAME = 0.016  # time between two frames, and between two points of a curve, s
-# Largest number of steps in a frame that is late. On a slower machine, simulated time is slower than the clock.
+# Largest number of steps per frame. If the time between two frames is longer, simulated time is slower than the clock.
 MOST_STEPS = 200
 
 

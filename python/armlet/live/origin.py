@@ -22,7 +22,7 @@ STRANGER = "http://stranger.invalid"
 
 
 def allowed(headers: Any, host: str) -> bool:
-    """Whether the server at `host` allows a request with these headers: the rule above. `headers.get_all(name)` returns a list."""
+    """Whether the server at `host` allows a request with these headers, by the rule in the docstring of this module."""
     hosts, origins = headers.get_all("Host"), headers.get_all("Origin")
     if len(hosts) != 1 or len(origins) > 1:
         return False

@@ -20,7 +20,7 @@ from .shapes import Array, Shape
 __all__ = ["ArmScene"]
 
 GREEN, RED = (0, 158, 115), (213, 94, 0)
-# Each arm has nodes with new names. Otherwise a page that has not yet removed an old node would use its pose for a new node of that name.
+# Each arm has nodes with new names. Otherwise a page that has not yet removed an old node would show a new node at the pose of the old one.
 ROOTS = count()
 
 
@@ -113,7 +113,7 @@ class ArmScene:
         self.server.scene.add_icosphere(f"{self.root}/target {name}/ball", radius=0.02 * self.reach, color=RED)
         self.server.scene.add_label(f"{self.root}/target {name}/label", name, position=(0.0, 0.05 * self.reach, 0.0))
 
-        # A coroutine, so that the positions of a drag arrive in order.
+        # This function is a coroutine, so that the positions of a drag arrive in order.
         @gizmo.on_update  # type: ignore[untyped-decorator]
         async def _(event: Any) -> None:
             moved(np.array(event.target.position))

@@ -75,7 +75,7 @@ class ViewPage:
         # A joint without limits has the range +-pi rad or +-1 m.
         far = 1.0 if self.arm.joint_types[i] == "prismatic" else np.pi
         low, high = low if np.isfinite(low) else -far, high if np.isfinite(high) else far
-        # The lower and the upper limit may be equal.
+        # Both limits may be equal, but a slider requires a range.
         high = max(high, low + 1e-6)
         return self.server.gui.add_slider(self.arm.joint_names[i], low, high, (high - low) / 1000, float(self.start[i]))
 

@@ -11,7 +11,7 @@ transpose.
 
 Gamma and gamma are adaptation gains. P is the pseudo-inertia of a body with the estimated parameters a_hat; for the planar PR arm it is
 [[A, B], [B, C]]. E_j is the P of a body whose parameter j is 1 and whose others are 0. P_k^min is the pseudo-inertia of the smallest body
-k. An estimate that starts above it may fall below it, but stays above half of it.
+k that the projection allows. If P_k >= P_k^min at the start, then P_k >= P_k^min / 2 at all times.
 """
 
 from collections.abc import Callable
@@ -70,7 +70,7 @@ def divergence(pi: Array, estimate: Array) -> Array:
 
 
 def least_bodies(projection: ArrayLike, p: int) -> Array:
-    """The parameters (p,) of the smallest bodies P^min, from these parameters or from one mass in kg."""
+    """The parameters (p,) of the smallest allowed bodies. `projection` contains these parameters, or it is one mass in kg."""
     given = np.asarray(projection, dtype=np.float64)
     if given.ndim:
         return given
@@ -95,9 +95,9 @@ def nearest_start(estimate: Array, least: Array) -> Array:
 
 
 def projected_rate(gamma: Array, estimate: Array, y: Array, least: Array) -> Array:
-    """The rate Gamma (y - c g) of the estimate, with y = Y's. The correction c g keeps the estimate near or above the smallest bodies.
+    """The rate Gamma (y - c g) of the estimate, with y = Y's. The correction c g limits how far P falls below P^min.
 
-    `least` has the parameters of the smallest bodies. An estimate that starts above them stays above half of them.
+    `least` contains the parameters of the smallest bodies, with the pseudo-inertias P^min.
     """
     beside = np.zeros(y.size - least.size)
     estimate = estimate[: least.size]

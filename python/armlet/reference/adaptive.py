@@ -12,10 +12,9 @@
     Lyapunov function   -V1_dot = s'(tau - (M a_r + C v_r + g + tau_f(v))) + (a - a_hat)'w,  without projection and external force
 
 q_d, v_d, a_d are the desired motion, and Kp and Kd the gains. Y is the regressor of the estimated parameters a_hat. Gamma is the adaptation
-gain, sigma the leakage, and v_s the friction speed. R is a weight, one for composite and one for concurrent adaptation. lambda is the rate
-of the filters, and v_dot the acceleration of the plant. If armature is not estimated, tau in the filter is without armature v_dot. In the
-last row, M, C, g, the friction torque tau_f and the true parameters a are those of the plant. ' is the transpose, and _dot the time
-derivative.
+gain, sigma the leakage, and v_s the friction speed. Composite and concurrent adaptation have separate weights R. lambda is the rate of the
+filters, and v_dot the acceleration of the plant. If armature is not estimated, the filter of tau receives tau - armature v_dot. In the last
+row, M, C, g, the friction torque tau_f and the true parameters a are those of the plant. ' is the transpose, and _dot the time derivative.
 """
 
 from collections.abc import Iterable

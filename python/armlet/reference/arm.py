@@ -9,8 +9,8 @@ pseudo-inertia of body i (see `inertia`), linear in its ten parameters. A link b
 and the pseudo-inertia P, adds X P X' to this body. ' is the transpose. The exponential uses the half angle. It is analytic in q, so that
 every derivative can be a complex step.
 
-A coordinate of the centre of mass is the potential energy under unit gravity against its axis, divided by the mass. The gravity torque
-under this gravity, divided by the mass, is its row of the Jacobian.
+Under a gravity of 1 m/s^2 against a coordinate axis, the potential energy divided by the mass is this coordinate of the centre of mass. The
+gravity torque divided by the mass is the row of this coordinate in the Jacobian.
 """
 
 from collections.abc import Mapping, Sequence
@@ -261,8 +261,8 @@ def planar_arm(
 ) -> Arm:
     """A planar arm of n revolute joints in the x-y plane, with q1 measured from the x axis. Its frames are at the link tips.
 
-    `coms` are distances from the joints, m, and `inertias` are about the centres of mass, kg m^2. Without them, the links are uniform rods;
-    without `masses`, they have 1 kg per metre.
+    `coms` are distances from the joints, m, and `inertias` are about the centres of mass, kg m^2. By default, the links are uniform
+    rods with 1 kg per metre.
     """
     L = np.asarray(lengths, dtype=np.float64)
     m = L if masses is None else np.asarray(masses, dtype=np.float64)

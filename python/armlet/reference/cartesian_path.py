@@ -2,14 +2,14 @@
 
     lines:    p = p_0 + u dp,   R = R_0 (R_0' R_1)^u by the eigenvalues of R_0' R_1
     arcs:     p = m + turn(n, phi) (a - m), a turn by the angle phi about the normal n of the plane, a the start, m the centre
-    corners:  p = C + (1 - t)^2 (A - C) + t^2 (B - C), t from 0 to 1, rotations along two geodesics and along one between them
-    spline:   natural cubic of positions and of quaternions, each the eigenvector of a matrix of R (Bar-Itzhack 2000)
+    corners:  p = C + (1 - t)^2 (A - C) + t^2 (B - C), R = lerp(lerp(R_A, R_C, t), lerp(R_C, R_B, t), t), t from 0 to 1
+    spline:   natural cubic of positions and of quaternions, which are eigenvectors of a matrix of R (Bar-Itzhack 2000)
     q <- q + J^+ e
 
 p and R are position and rotation matrix at the fraction u of a segment from p_0, R_0 to p_1, R_1, and dp = p_1 - p_0. ' is the transpose. C
-is a corner between two lines. A and B are the points at the length r before and after C. r is the blend, but at most half the length of
-each line. The length of a line is (distance^2 + (ARM angle)^2)^1/2. e is the error of position and rotation, and J^+ the pseudo-inverse of
-the Jacobian.
+is a corner between two lines. A and B are the points at the length r before and after C. lerp interpolates rotations along a geodesic. r is
+the blend, but at most half the length of each line. The length of a line is (distance^2 + (ARM angle)^2)^1/2. e is the error of position
+and rotation, and J^+ the pseudo-inverse of the Jacobian.
 
 `armlet.cartesian_path` makes a joint spline whose knots depend on the error, and represents rotations by quaternions.
 """

@@ -115,7 +115,7 @@ def diagnose_priority(jacobians: Sequence[ArrayLike], *, rhs: Sequence[ArrayLike
     return Diagnosis(ranks, stacked, projected, overlap, kind, alone, seen, kinematic, algorithmic, lost, *verdict)
 
 
-# For the sines s2, s3, s4 of q2, q3, q4: whether each is not zero (None: either), the class, and the ranks of J1, J2, J_E, J2 P1. P1 is the
+# For each class: whether each of sin q2, sin q3, sin q4 is nonzero (None: either), its name, and the ranks of J1, J2, J_E, J2 P1. P1 is the
 # projector on the null space of J1.
 MACRO_MICRO_CLASSES: tuple[tuple[bool, bool | None, bool, str, tuple[int, int, int, int]], ...] = (
     (True, None, True, "R", (2, 2, 4, 2)),

@@ -32,7 +32,7 @@ def from_dh(rows: Sequence[Any], *, convention: str = "standard", gravity: Array
         named = row if isinstance(row, Mapping) else dict(zip(("a", "alpha", "d", "theta"), row, strict=True))
         a, alpha, d, theta = (float(named.get(key, 0.0)) for key in ("a", "alpha", "d", "theta"))
         along_x, along_z = placement((a, 0, 0), (alpha, 0, 0)), placement((0, 0, d), (0, 0, theta))
-        # The transform of a Denavit-Hartenberg row is `first`, then the joint's motion, then `last`. The body and the frame follow `last`.
+        # The transform of a Denavit-Hartenberg row is `first`, then the joint's motion, then `last`. The link's frame is after `last`.
         first, last = (along_z, along_x) if convention == "standard" else (along_x @ along_z, np.eye(4))
         places.append(before @ first)
         twists.append(SLIDE if str(named.get("type", "R")).lower() in ("p", "prismatic") else TURN)

@@ -4,8 +4,7 @@ sampled loop  links locked, torque constant for dt: the motors are a linear syst
               sensor, [.., tau_f],   dtau_f/dt = w_c (K_J theta - tau_f),   tau = (1 - B B0^-1) tau_J - B B0^-1 D0 theta_dot.
               The loop is stable while the map of y over one sample under tau(y) has a spectral radius below 1.
 1-DoF limit   the largest k for which (M s^2 + K)(B0 s^2 + D0 s + K) - K^2 + K (k + d s) has no root in the right half-plane
-stiffness     a multiple of the law's stiffness. With it, the eigenvalues of the linear model at the equilibrium have the largest real part
-              zero.
+stiffness     the multiple of the law's stiffness at which the largest real part of the eigenvalues of the linear model is zero
 
 theta are motor positions. B, B0 and D0 are motor inertia, reduced inertia and its damping. K_J or K is the joint stiffness. tau_J is the
 joint torque K_J theta, or with a sensor its reading tau_f. w_c is the bandwidth of the sensor, and s the Laplace variable. M and d are
@@ -37,7 +36,7 @@ class ElasticLimits(NamedTuple):
 
 
 def damping_from_ratio(inertia: ArrayLike, stiffness: ArrayLike, ratio: float) -> Array:
-    """The damping matrix D (n, n) with which every mode of inertia, D and stiffness has the damping ratio."""
+    """The damping matrix D (n, n) with which every mode of inertia, D and stiffness has the damping ratio `ratio`."""
     return ratio_damping(np.asarray(inertia, dtype=np.float64), np.asarray(stiffness, dtype=np.float64), ratio)
 
 

@@ -21,7 +21,8 @@ import numpy as np
 from .lagrange import Array
 from .profiles import golden
 
-# The number of steps in the time in which the torque up + down + |G| moves the link over the distance, and the largest number of steps.
+# In the time in which a constant torque up + down + |G| moves the link from rest over the distance, there are at least STEPS steps.
+# MOST is the largest number of points of a curve.
 STEPS, MOST = 300, 30_000
 
 Point = tuple[float, float, float]

@@ -16,8 +16,8 @@ from .lagrange import Array
 def sensitivity(run: Callable[[Array], Array], value: ArrayLike, size: ArrayLike | None = None, step: float = 1e-3) -> Array:
     """The derivatives of the array `run(value)` with respect to the entries of `value`, as a last axis.
 
-    The steps of the central differences are `step * size`. For None, `size` is the magnitude of each entry, or 1 for a zero. For a
-    smooth run, the truncation error is of the order `step**4`.
+    The steps of the central differences are `step * size`. If `size` is None, it is the magnitude of each entry, or 1 if the entry is zero.
+    For a smooth run, the truncation error is of the order `step**4`.
     """
     at = np.array(value, dtype=np.float64)
     sizes = np.broadcast_to(np.where(at == 0.0, 1.0, np.abs(at)) if size is None else np.asarray(size, dtype=np.float64), at.shape)
@@ -35,7 +35,7 @@ def sensitivity(run: Callable[[Array], Array], value: ArrayLike, size: ArrayLike
 def gradient(loss: Callable[[Array], float], value: ArrayLike, size: ArrayLike | None = None, step: float = 1e-3) -> Array:
     """The derivatives of the number `loss(value)` with respect to the entries of `value`, in the shape of `value`.
 
-    The steps of the central differences are `step * size`. For None, `size` is the magnitude of each entry, or 1 for a zero.
+    `size` and `step` are those of `sensitivity`.
     """
     return sensitivity(lambda at: np.asarray(loss(at)), value, size, step).reshape(np.shape(value))
 
@@ -45,8 +45,8 @@ def fit(
 ) -> tuple[Array, Array]:
     """The `value`, (P,), with the least sum of squares of (run(value) - measured) / deviation, and its standard deviations, (P,).
 
-    The method is Gauss-Newton with normal equations. `deviation` is the standard deviation of each measured number. With None, all have
-    one deviation, which is estimated from the residuals.
+    The method is Gauss-Newton with normal equations. `deviation` is the standard deviation of each measured number. If it is None, all
+    measured numbers have the same deviation, which is estimated from the residuals.
     """
     data = np.asarray(measured, dtype=np.float64).ravel()
     sigma = np.ones_like(data) if deviation is None else np.broadcast_to(deviation, np.shape(measured)).ravel()

@@ -73,7 +73,10 @@ def _rank(rows: Array) -> int:
 
 
 def base_parameters(arm: Mechanism, *, armature: bool = False, friction: bool = False) -> BaseParameters:
-    """The smallest set of combinations of parameters that determines the arm's motion. Dependent columns are grouped towards the base."""
+    """The smallest set of combinations of parameters that determines the arm's motion.
+
+    A column of the regressor that depends on earlier columns is dropped.
+    """
     W = _traces(arm, armature, friction)
     lengths = np.linalg.norm(W, axis=0)
     lengths[lengths <= 1e-12 * lengths.max()] = np.inf  # a column without effect becomes zero

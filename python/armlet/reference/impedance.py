@@ -13,8 +13,8 @@ P = dE/dt = F.x_dot - theta_dot'D0 z + x_dot.F_law + (x_d_dot - x_dot).K_m e + v
 x are the controlled coordinates with the Jacobian J and the target x_d. K_m, D_m and K_i are stiffness, damping and integral gain, and w is
 the integral wrench. F_ff is the feedforward wrench, F_law the wrench in the bracket with the coupling wrench, and F the external force on
 the tip. K and D are the stiffness and the damping of a joint impedance with the target q_d. K_J is the joint stiffness, and zeta the
-damping ratio. E and P are for elastic joints. P is without torque limits, contact, and damping and friction of the plant. ' is the
-transpose, and _dot the time derivative.
+damping ratio. E and P are for elastic joints. The formula of P holds without torque limits and contact, and if the plant has no damping and
+no friction. ' is the transpose, and _dot the time derivative.
 """
 
 from typing import Any
@@ -40,7 +40,7 @@ def power(A: Array, exponent: float) -> Array:
 
 
 def ratio_damping(inertia: Array, stiffness: Array, ratio: float) -> Array:
-    """The damping matrix D with which every mode of inertia, D and stiffness has the damping ratio."""
+    """The damping matrix D with which every mode of inertia, D and stiffness has the damping ratio `ratio`."""
     root, inverse = power(inertia, 0.5), power(inertia, -0.5)
     damping: Array = 2.0 * ratio * root @ power(inverse @ stiffness @ inverse, 0.5) @ root
     return damping
@@ -193,8 +193,8 @@ class ElasticImpedance(CartesianImpedance, Reduction):
         """The power P = dE/dt, W."""
         _, v, _, theta_dot = np.split(x, 4)
         x_dot, rate = terms["x_dot"], terms["rate"]
-        # The potential energy of the spring changes by (x_d_dot - x_dot).K_m e. In addition to gravity, the law supplies x_dot.F_law and
-        # v.(N' tau_0 + C v).
+        # The potential energy of the spring changes at the rate (x_d_dot - x_dot).K_m e. In addition to the power of gravity compensation,
+        # the law supplies the powers x_dot.F_law and v.(N' tau_0 + C v).
         fed = x_dot @ terms["force"] + (rate - x_dot) @ self.stiffness @ terms["e"] + v @ terms["beside"]
         return float(load @ v - theta_dot @ self.motor_damping @ terms["w"] + fed + (theta_dot - v) @ terms["u"])
 

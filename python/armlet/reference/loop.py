@@ -83,7 +83,7 @@ class ClosedLoop:
         return np.concatenate([plant_state, self.law.start(q, v), np.zeros(2)])
 
     def visit(self, t: float, y: Array) -> None:
-        """Take the samples of the time t at the state y."""
+        """Take all samples that are due at the time t, from the state y."""
         if self.clock is not None:
             self.clock.visit(t, y[self.slices[0]], lambda measured: self._control(t, measured, y[self.slices[1]]))
 

@@ -7,9 +7,9 @@ torque, at rest at r. On it, I x_dot^2/2 = (x - r) (tau - G mean sin on [r, x]),
 
     t(r -> p) = integral_0^1  2 sqrt(|h|) du / sqrt(2 |tau - G mean sin| / I),   x = r + h u^2,  h = p - r
 
-which has a smooth integrand. The families consist of such legs, with these signs of the torque: monotone (+,-), back-swing (-,+,-), and
-overshoot (+,-,+). An overshoot is
-the back-swing of the mirrored motion in reverse time. The module `friction` computes motions with friction.
+which has a smooth integrand. A motion consists of such legs. There are three families of motions, with these signs of the torque: monotone
+(+,-), back-swing (-,+,-), and overshoot (+,-,+). An overshoot is the back-swing of the mirrored motion in reverse time. The module
+`friction` computes motions with friction.
 """
 
 from collections.abc import Callable
@@ -151,7 +151,7 @@ class Link:
         return sum(self.time(*leg, exact=exact) for leg in legs), turn, last
 
     def _turn(self, first: float, energy: float) -> float | None:
-        """The turning point, at which the positive torque stops the backward motion, at most 20 rad below `first`; otherwise None."""
+        """The turning point, at which the positive torque stops the backward motion. None if it is more than 20 rad below `first`."""
 
         def left(x: Array) -> Array:
             kept: Array = energy + (x - first) * self.push(first, x, self.up)
@@ -197,7 +197,8 @@ def torque_optimal_time(
     sg = 1.0 if thetaf > theta0 or (thetaf == theta0 and gravity_moment * np.sin(theta0) >= 0.0) else -1.0
     x0, x1, G = sg * theta0, sg * thetaf, abs(gravity_moment)
     up, down = (tau_max, -bottom) if sg > 0.0 else (-bottom, tau_max)
-    # Between two switches, the adjoint psi with psi'' = (d^2/(4 I^2) - G cos/I) psi has two zeros (Sturm). d is the viscous friction.
+    # The adjoint psi, with psi'' = (d^2/(4 I^2) - G cos/I) psi and the viscous friction d, is zero at each switch of the torque. By Sturm's
+    # theorem, the time between two zeros is at least `bound`.
     rate = G / inertia - (viscous / (2.0 * inertia)) ** 2
     bound = np.pi / np.sqrt(rate) if rate > 0.0 else np.inf
     load, slack = gravity_moment * np.sin(x0), coulomb + SLACK * max(up, down)

@@ -2,7 +2,7 @@
 
     G = S J W^-1/2 = U diag(s) V',  W = M (consistent) or 1 (static)
     N' = W^1/2 (1 - V diag(min(1, (s/eps)^2)) V') W^-1/2,   L = S U diag(1 / max(s, eps)^2) U' S
-    tau_0 = K_n (q_n - q) + D_n (q_n_dot - v),   coupling: C v to the torque, and L (x_d_ddot - J_dot v) to the wrench, with the L of W = M
+    tau_0 = K_n (q_n - q) + D_n (q_n_dot - v),   coupling: tau += C v, wrench += L (x_d_ddot - J_dot v), with L for W = M
 
 S is diagonal, with one factor for the rows of position and one for the rows of orientation. It scales each block of rows of J W^-1/2 so
 that the root mean square of the norms of its rows is one. J is the Jacobian of the task with the target x_d, N' the projector and M the
@@ -102,5 +102,5 @@ def row_rates(rows: list[int], target: Array, rate: Array, acceleration: Array) 
 
 
 def held(free: Array, limit: Array, push: Array) -> bool:
-    """Whether `push` increases the excess of some entry of `free` over its limit."""
+    """Whether the magnitude of some entry of `free` exceeds its limit, and `push` would increase this magnitude."""
     return bool(np.any((np.abs(free) > limit) & (push * free > 0.0)))

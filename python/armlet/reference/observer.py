@@ -79,8 +79,8 @@ class MomentumObserver:
         for row, r in zip(q.reshape(-1, self.arm.n), self.residual.reshape(-1, self.arm.n), strict=True):
             transposed = self.arm.jacobian(row, frame).T
             bound = 0.02 * float(np.linalg.norm(transposed, axis=1).max()) if eps is None else eps
-            # `clamp_inverse` takes the matrix with fewer rows than columns, J' or J. The zero eigenvalues of the other A A' must not be
-            # clamped.
+            # `clamp_inverse` computes with A A', which must not have eigenvalues that are zero for every q. So A is J' or J, whichever does
+            # not have more rows than columns.
             wide = transposed.shape[0] <= 6
             inverse = clamp_inverse(transposed, bound) if wide else clamp_inverse(transposed.T, bound).T
             found.append(inverse @ r)

@@ -54,5 +54,5 @@ def tip_slopes(position: Callable[[Array], Array], s: Array, inside: tuple[float
     far, near, mid, on, last = (position(at + k * h) for k in (-2, -1, 0, 1, 2))
     first = (far - 8 * near + 8 * on - last) / (12 * h)
     second = (-far + 16 * near - 30 * mid + 16 * on - last) / (12 * h * h)
-    # Near the ends, the differences are computed at `at` instead of s. The second derivative corrects p' to s.
+    # Near the ends, the differences are computed at `at` instead of s. Then the second derivative extrapolates the first one to s.
     return first + (s - at)[:, None] * second, second

@@ -60,7 +60,7 @@ def lowest(f: Callable[[Array], Array], low: float, high: float) -> tuple[float,
     grid = np.linspace(low, high, 1025 + int(256 * (high - low) / (2 * np.pi)))
     values = f(grid)
     valley = (values <= np.r_[np.inf, values[:-1]]) & (values <= np.r_[values[1:], np.inf])
-    # Between grid points a local minimum is lower than its grid value by much less than this margin. So higher local minima are excluded.
+    # A local minimum is lower than its nearest grid value by much less than this margin. So it is safe to exclude the higher local minima.
     valley &= values <= values.min() + 1e-3 * np.ptp(values)
     around = np.flatnonzero(valley)
     around = around[np.argsort(values[around])[:4]]

@@ -3,7 +3,7 @@
     rigid    r(q) = tau(q) - L(q),   L = g(q) - J'F - tau_c
     elastic  r(q, theta) = [K (theta - q) - L(q), tau(q, theta) - K (theta - q)]
     dy/dt = r(y) by implicit Euler steps of lengths s that grow as r falls:   (1/s - dr/dy) dy = r       (pseudo-transient continuation)
-    y = q or (q, theta), then the state of the law, and r is then followed by its rate
+    y = q or (q, theta), then the state of the law;   the last entries of r are the rate of this state
     tau_E = L(q_E),   theta_E = q_E + K^-1 tau_E,   tau_c the torque of wall and stops
 
 tau(q) is the torque of the law at rest, and K the joint stiffness. F is the external force at a frame with the Jacobian J, and ' the

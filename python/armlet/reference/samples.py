@@ -3,9 +3,10 @@
 samples   W_j = Y(q_j, v_j, v_j, a_j), tau_j the torque without the torque of known rotors
 windows   W_j = [Y_M] + int Y_D dt,  [Y_M] the change of Y_M over the window,  M v = Y_M pi,  g - C' v = Y_D pi,
           Y_D = Y(q, v, v, 0) - d/dt Y_M(q, v fixed);   Simpson's rule, and dM/dt v by differences
-selection a chosen sample is replaced by another sample   while this increases singular value number `rank` of the stacked chosen W_j
+selection a chosen sample is replaced by another sample   while this increases sigma_r of the stacked chosen W_j
 
-Y is the regressor, pi are the parameters, `rank` is the rank of the stacked W_j of all samples, and ' is the transpose.
+Y is the regressor, pi are the parameters, and ' is the transpose. sigma_r is the r-th largest singular value, with the rank r of the
+stacked W_j of all samples.
 """
 
 from typing import Any
@@ -76,14 +77,14 @@ def stacked(W: Array) -> Array:
 
 
 def smallest(W: Array, chosen: Any, rank: int) -> float:
-    """The singular value number `rank` of the rows of the chosen samples; `rank` is the rank of all rows."""
+    """The `rank`-th largest singular value of the stacked rows of the chosen samples."""
     return float(np.linalg.svd(stacked(W[list(chosen)]), compute_uv=False)[rank - 1])
 
 
 def select(W: Array, count: int) -> tuple[list[int], float]:
-    """The indices of `count` samples, and singular value number `rank` of their stacked rows; `rank` is the rank of all rows.
+    """The indices of `count` samples, and the r-th largest singular value of their stacked rows. r is the rank of all rows.
 
-    Replacing one of these samples by another sample does not increase this value.
+    Replacing one of these samples by another sample does not increase this singular value.
     """
     rank = int(np.linalg.matrix_rank(stacked(W), tol=1e-6 * np.linalg.norm(stacked(W), 2)))
     chosen = list(range(count))

@@ -73,9 +73,9 @@ def rounded(x: Array, step: float) -> Array:
 
 
 def lag(state: Array, before: Array, now: Array, turn: float) -> Array:
-    """The value y(1) of dy/dx = turn (u - y) with y(0) = state, where u goes from `before` at x = 0 to `now` at x = 1 linearly.
+    """The value y(1) of dy/dx = turn (u - y) with y(0) = state. u changes linearly from `before` at x = 0 to `now` at x = 1.
 
-    It follows from the exponential of the 3 x 3 matrix of y, u and du/dx, by scaling and squaring of a Taylor series.
+    y, u and du/dx are a linear system. Scaling and squaring of a Taylor series computes the exponential of its 3 x 3 matrix.
     """
     if not np.isfinite(turn):
         return now
@@ -94,8 +94,8 @@ def lag(state: Array, before: Array, now: Array, turn: float) -> Array:
 class Clock:
     """The samples of one run. `visit` must be called at time 0 and at all `instants`, in the order of time.
 
-    `grid` is the step of a method with fixed steps, s, to which jitter is rounded down; 0 for adaptive methods. `stiffness` is the joint
-    stiffness of the plant, and `believed` the joint stiffness of the law, for torque sensors.
+    `grid` is the step of a method with fixed steps, s, or 0 for adaptive methods. Jitter is rounded down to a multiple of this step.
+    `stiffness` is the joint stiffness of the plant, and `believed` the joint stiffness of the law, for torque sensors.
     """
 
     def __init__(self, sampling: Sampling, n: int, grid: float, silent: Terms, stiffness: Array, believed: Array) -> None:

@@ -2,7 +2,7 @@
 
     level i:  J_i v = s v_i,  v = x + N z,  v_min <= v <= v_max,  N a null basis of the rows above,  the largest feasible s <= 1
     fixed joints F:  v(s) = x_F + N_F (J_i N_F)# (s v_i - J_i x_F),   x_F = x + N (E_F N)# (b_F - E_F x),   N_F = N null(E_F N)
-    while s = 1 violates a bound   the joint with the smallest limit of s is added to F; of equal ones the fastest  (Flacco et al. 2015)
+    while s = 1 violates a bound   the joint with the smallest limit of s is added to F; among equal ones the fastest  (Flacco et al. 2015)
     at distance d from a limit     the largest u with  u dt <= d  and  u^2 <= 2 a d  (u > 0),  by bisection
 
 J_i and v_i are the Jacobian and the task velocity of the level, and x is the solution of the levels above. s is the scale of the level. E_F
@@ -116,7 +116,10 @@ def _fastest(d: float, dt: float, a: float) -> float:
 
 
 def joint_bounds(q: float, q_min: float, q_max: float, v_min: float, v_max: float, dt: float, a_max: float) -> tuple[float, float]:
-    """The velocity bounds of one joint. Outside of a limit the joint must return, but so that it can brake before the other limit."""
+    """The velocity bounds of one joint.
+
+    Outside of a limit, the joint must return, at a speed from which it can stop before the other limit.
+    """
     lower = min(max(-_fastest(q - q_min, dt, a_max), v_min), v_max)
     upper = min(max(_fastest(q_max - q, dt, a_max), v_min), v_max)
     if lower <= upper:

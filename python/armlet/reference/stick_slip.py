@@ -5,9 +5,8 @@
 
 v and v+ are the velocities before and after a step of length h. A is the inertia of the joints or motors with friction, b their torque
 without friction, and d the viscous friction. F_c and F_s are Coulomb and static friction, v_s is the Stribeck speed and mu the load ratio.
-The load L of an ElasticArm is its joint torque. The load of a RigidArm is tau - tau_f, with
-the friction of the previous step. Projected Gauss-Seidel iterations compute the impulses p. No event is located, and the steps have first
-order.
+The load L of an ElasticArm is its joint torque. The load of a RigidArm is tau - tau_f, with the friction of the previous step. Projected
+Gauss-Seidel iterations compute the impulses p. The method locates no events, and has first order.
 """
 
 from typing import Any, NamedTuple
@@ -43,7 +42,10 @@ class StickSlip(NamedTuple):
 
 
 def complementary(W: Any, free: Any, bound: Any) -> tuple[Array, Array]:
-    """The impulses p and speeds v+ = free - W p with |p_i| <= bound_i, where v+_i is zero or |p_i| = bound_i opposes it."""
+    """The impulses p and the speeds v+ = free - W p with |p_i| <= bound_i.
+
+    For each i, v+_i is zero, or p_i opposes v+_i and |p_i| = bound_i.
+    """
     p = np.zeros_like(free)
     if not p.size:
         return p, p

@@ -167,8 +167,8 @@ class AxisTask(Task):
         self.frame = frame
         self.axis: Array = _unit(np.asarray(axis, dtype=np.float64))
         self._aim(target, gain, motion, damping)
-        # b2 is perpendicular to the task's axis and to the coordinate axis that is most nearly perpendicular to it, and b1 = b2 x axis. For
-        # the task's axis z, b1 is x and b2 is y.
+        # Let c be the coordinate axis that is most nearly perpendicular to the task's axis. b2 is perpendicular to both axes, and
+        # b1 = b2 x axis. If the task's axis is z, b1 is x and b2 is y.
         second = _unit(np.cross(self.axis, np.eye(3)[np.argmin(np.abs(self.axis))]))
         along_z = bool(self.axis[2] == 1.0)
         self.across: Array = np.eye(3)[:2] if along_z else np.stack([np.cross(second, self.axis), second])

@@ -53,8 +53,8 @@ class VelocityArm:
 class PriorityVelocity(Law):
     """A velocity law for tasks, the highest priority first.
 
-    The limits are for the method "sns". None means the limits of the arm, and no limit for `a_max`. Of `v_min` and `v_max`, a single one
-    also limits the other direction.
+    The limits are for the method "sns". None means the limits of the arm, and no limit for `a_max`. If only one of `v_min` and `v_max` is
+    passed, it also limits the speed in the other direction.
     """
 
     def __init__(

@@ -84,7 +84,7 @@ def warn_of_balances(caller: str, balances: Balances, ended: NDArray[np.bool_], 
     """Warn if a run reached its end, but the residual of a balance is too large for an accurate run.
 
     `ended`: whether each run reached its end, `()` or `(B,)`. `undisturbed`: whether the law acts at every instant, without input bounds
-    and external forces. Only then the theory predicts that the Lyapunov function never rises.
+    and external forces. Only then does the theory predict that the Lyapunov function never rises.
     """
     if _QUIET.get():
         return

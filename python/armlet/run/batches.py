@@ -27,7 +27,7 @@ __all__ = ["batch_of", "forces_of_runs", "in_pieces", "measured_by_records", "re
 #: Largest size of the records of one piece, bytes. A piece has at least LEAST runs, even if their records are larger.
 PIECE = 1 << 26
 LEAST = 64
-#: Smallest number of pieces of a batch with the argument `out`. It is smaller if pieces would have fewer than LEAST runs.
+#: Smallest number of pieces of a batch with the argument `out`, if each piece then has at least LEAST runs.
 PARTS = 32
 STATES = ("v0", "theta0", "theta_dot0")
 

@@ -23,7 +23,7 @@ Columns = Mapping[str, NDArray[Any]]
 
 
 def to_csv(columns: Columns, path: str | PathLike[str]) -> None:
-    """Write columns of equal length as CSV, with a header line. A float is the shortest text that reads back as the same float."""
+    """Write columns of equal length as CSV, with a header line. Each float becomes the shortest text that reads back as the same float."""
     lists = [np.asarray(values).tolist() for values in columns.values()]
 
     def write(file: IO[bytes]) -> None:

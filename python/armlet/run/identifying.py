@@ -110,8 +110,8 @@ def identify_from_runs(
             `"q0"` and `"v0"` identify the starts of every run. Without these names the first record is assumed to be exact.
         plant: the plant with the initial values of the numbers; None: the plant of the first run.
         law: the law, one for all runs or a list with one per run; None: the laws of the runs.
-        noise: standard deviations of the records by series, `{"q": 1e-4, "v": 1e-3}`, scalar or (n,), rad or m, rad/s or m/s. None
-            estimates them from the residuals: one common fraction of the recorded range of each joint's position and velocity.
+        noise: standard deviations of the records by series, `{"q": 1e-4, "v": 1e-3}`, scalar or (n,), rad or m, rad/s or m/s. None: each
+            deviation is the same fraction of the recorded range of the position or velocity. The residuals determine this fraction.
         iterations: largest number of steps of the search.
         tolerance: the search ends when a step lowers the sum by less than this fraction.
         keywords: keywords of `simulate` for every run, such as `dt`, `method`, `sample_time`, `tau_max`.

@@ -126,7 +126,7 @@ def along_tangents(loss: Callable[[Any], Any], run: Run, rates: Mapping[str, Arr
     for p in range(count):
         value = moved({name: rate[..., p] for name, rate in rates.items()}, 1j * COMPLEX_STEP)
         derivatives[p] = np.imag(value) / COMPLEX_STEP
-    # One central difference along the sum of all tangents checks the complex steps. Each tangent is scaled to the largest entry 1.
+    # One central difference along the sum of all tangents checks the complex steps. Each tangent is scaled so that its largest entry is 1.
     sizes = np.max([np.abs(rate).reshape(-1, count).max(axis=0) for rate in rates.values()], axis=0)
     scales = 1.0 / np.where(sizes > 0.0, sizes, 1.0)
     together = {name: rate @ scales for name, rate in rates.items()}

@@ -335,7 +335,7 @@ def together(loop: Loop, named: NamedNumber, indices: Sequence[tuple[int, ...]])
             other[index] += each
         return loop_with(*loop, name, other)
 
-    # Each entry varies by another multiple of its step, so that the changes of two entries do not cancel in an input.
+    # Each entry varies by a different multiple of its step, so that the changes of two entries do not cancel in an input.
     parts = [(1.0 + math.modf((i + 1) * GOLDEN)[0]) * step for i, step in enumerate(steps)]
     offsets, weights = RULES[0]
     try:
@@ -354,7 +354,7 @@ def stacked(
 ) -> Varied:
     """Join the loop and the varied loops of each name `k`.
 
-    The varied loops are `shared[k]`, in which entries vary together. If it is None, they are `alone(k)`, four for each entry.
+    In the varied loops `shared[k]`, entries vary together. If `shared[k]` is None, the varied loops are `alone(k)`, four for each entry.
     """
 
     def apart() -> Varied:

@@ -200,7 +200,8 @@ def loop_program(
     Args:
         plant, law, method, sample_time, force, force_frame, tau_max: as for `simulate`.
         monitors: as for `simulate`. The program of a monitored loop has more lines.
-        batch: True returns the program of `simulate_batch`, which computes one run in every lane of a register; for fixed-step methods.
+        batch: True returns the program of `simulate_batch`, which computes one run in every lane of a register. It requires a fixed-step
+            method.
         part: name of one program of the loop, from `LoopProgram.parts`. None means "step", or "rates" if the step has several parts.
         stage: "recorded", "simplified", "lowered" or "machine". `LoopProgram.at` returns the other stages.
 

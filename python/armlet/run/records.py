@@ -47,15 +47,15 @@ class Run(_Stored):
         q, v: joint positions and velocities, (K, n), rad or m, rad/s or m/s.
         tau: the plant's input, (K, n), N m or N. At a jump it is the input after the jump. For elastic arms it is the torque of the motors.
             Under velocity control it is the commanded velocity, rad/s or m/s.
-        estimate: the state of the law, (K, p); None for laws without a state. Of Adaptive it is the parameter estimate, then the filters of
-            a composite law. Of CartesianImpedance it is the integral wrench, and of PID the integral torque, then the filters. Of
-            Guarded it is the state of the inner law, then of the observer.
+        estimate: the state of the law, (K, p); None for laws without a state. For Adaptive it is the parameter estimate, and then the
+            filters of a composite law. For CartesianImpedance it is the integral wrench, and for PID the integral torque and then the
+            filters. For Guarded it is the state of the inner law, and then that of the observer.
         theta, theta_dot: motor positions and velocities of elastic arms, (K, n), rad or m, rad/s or m/s; else None.
         friction: torques of the `StickSlip` or `LuGre` friction of the joints or motors, (K, n), N m or N; else None.
         bristles: the deflections of the bristles of `LuGre` friction, (K, n), rad or m; else None.
         status: how the run ended (`armlet.Status`), with advice.
-        stats: counts of steps, evaluations and rejected steps. With the status EXCESS_ACCURACY also `coarsen`: the factor by which both
-            tolerances have to be multiplied.
+        stats: counts of steps, evaluations and rejected steps. With the status EXCESS_ACCURACY, `stats["coarsen"]` is the factor by which
+            both tolerances must be multiplied.
         monitors: the monitored quantities by name, (K,) each, such as `energy_balance` in J.
         events: the crossings of the events (`armlet.Events`); None without events.
         sensitivity: derivatives of the series (`armlet.Sensitivity`) by the names of `simulate(sensitivity=)`. None without

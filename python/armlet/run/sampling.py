@@ -84,7 +84,8 @@ class Sampling(_Effects):
     Args:
         period: time between samples, s.
         delay: time from a sample until its output acts, s; a multiple of the step for a fixed-step method.
-        jitter: largest lateness of a sample, s, below the period; a fixed-step method rounds it down to its steps.
+        jitter: largest lateness of a sample, s, below the period. With a fixed-step method, each lateness is rounded down to a multiple of
+            the step.
         sensor_delay: number of samples between the measurement and its use in the law.
         noise: standard deviations by measured quantity: "q" and "theta" in rad or m, "v" and "theta_dot" in rad/s or m/s.
         resolution: resolutions by measured quantity, in its unit, such as 2 pi / 2**14 rad of an encoder.

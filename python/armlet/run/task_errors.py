@@ -3,10 +3,9 @@
     e_k(t) = |S_k (x_d,k(t) - p_k(q(t)))|,   S_k the position rows of task k
     phi_k(t) = |S_k log(R_d,k(t) R_k(q(t))')|,   S_k its orientation rows
 
-`p_k` and `R_k` are the position (m) and rotation matrix of the task's frame, `x_d,k` and `R_d,k` describe its target, in world axes. `'` is
-the transpose. The
-laws `CartesianImpedance`, `ElasticImpedance` and `ElasticTracking` have one task each. The tasks of a priority law are its objects of the
-class `Task` that have a target and such rows.
+`p_k` and `R_k` are the position (m) and rotation matrix of the task's frame. `x_d,k` and `R_d,k` are those of its target. They are in world
+axes, and `'` is the transpose. The laws `CartesianImpedance`, `ElasticImpedance` and `ElasticTracking` have one task each. The tasks of a
+priority law are its objects of the class `Task` that have a target and position or orientation rows.
 """
 
 from __future__ import annotations

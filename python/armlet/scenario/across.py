@@ -1,4 +1,4 @@
-"""Checks that a `Table` field cannot express: motions that laws need, values that they take from the plant, the source of a robot."""
+"""Checks that a `Table` field cannot express: motions that laws need, values that laws take from the plant, the source of a robot."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def knowing(law: Mapping[str, Any], plant: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def across(data: Mapping[str, Any]) -> Iterator[str]:
-    """The problems between the tables of a scenario. Each single table is already valid."""
+    """The contradictions between the tables of a scenario. Each single table has already been checked."""
     law, plant, needs = data["law"], data.get("plant", RIGID), needs_of(data["law"])
     if "motion" in needs and "motion" not in data:
         yield f"$.motion: is missing: the law {_named(law)} follows one: expected a table with kind = one of {_kinds('motion')}"

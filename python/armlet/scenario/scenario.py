@@ -254,7 +254,7 @@ class Scenario:
 
 
 def read(file: Path) -> dict[str, Any]:
-    """Return the tables of a TOML file. The InputError of a fault has its line."""
+    """Return the tables of a TOML file. The InputError of a fault names its line."""
     import tomllib
 
     text = _text(file)

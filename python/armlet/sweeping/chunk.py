@@ -27,7 +27,7 @@ __all__ = ["TRIES", "Chunk", "Columns", "joined", "of_cell", "run_chunk"]
 
 Columns = dict[str, NDArray[Any]]
 STATES = ("q0", "v0", "theta0", "theta_dot0")
-#: Largest number of runs of a cell that raises an error or ends its worker process.
+#: Largest number of attempts to run a cell that raises an error or ends its worker process.
 TRIES = 3
 #: Largest number of characters of an error text in the table.
 LONGEST = 500

@@ -137,7 +137,7 @@ class Descent:
 
 
 def _entry(known: Mapping[str, Array], path: str, value: float) -> tuple[str, tuple[int, ...]] | None:
-    """Return the name and the index of the entry at `path`. Return None if the loop has no such entry, or if the entry is not `value`."""
+    """Return the name and the index of the entry at `path`. Return None if the loop has no such entry, or if its value is not `value`."""
     found = ENTRY.fullmatch(path)
     name = found[1].removeprefix("run.") if found else ""
     if not found or name not in known:
@@ -150,7 +150,7 @@ def _entry(known: Mapping[str, Array], path: str, value: float) -> tuple[str, tu
 
 
 def _names(paths: Iterable[str]) -> list[tuple[NamedNumber, list[str]]]:
-    """Group the paths, and return a name and the paths of each group. A group has consecutive paths of entries of the same array."""
+    """Group consecutive paths of entries of the same array. Return a name and the paths of each group."""
     names = []
     for array, group in groupby(paths, lambda path: found[1] if (found := ENTRY.fullmatch(path)) else path):
         entries = list(group)

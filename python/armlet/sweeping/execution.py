@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 
 __all__ = ["SweepTable", "sweep"]
 
-# Largest number of integration steps of all cells of a chunk. A chunk of 8 cells may have more.
+# Largest number of integration steps of a chunk, summed over its cells. A chunk of 8 cells, the smallest size, may have more.
 STEPS = 10_000_000
 
 

@@ -1,5 +1,5 @@
-"""Search for gains with scipy's differential evolution [storn1997differential], with batches of the candidates of a generation. For losses
-with a gradient, search with scipy's L-BFGS-B from several starts: see `descent`.
+"""Search for gains with scipy's differential evolution [storn1997differential]. The candidates of each generation run as batches. For
+losses with a gradient, search with scipy's L-BFGS-B from several starts: see `descent`.
 
     minimise over u in [0, 1]^k   max_c cost(metrics of the run with gains g(u) under condition c),   or the mean over c
 

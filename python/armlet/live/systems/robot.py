@@ -70,7 +70,7 @@ class Robot(System):
     def reach(self, target: Array) -> None:
         """Search for joint positions that reach the target, starting from the last solution.
 
-        If the search does not reach the target, the positions with the error that `note` reports are used.
+        If the search does not reach the target, its last joint positions are used, and `note` reports their error.
         """
         if np.array_equal(target, self.answered):
             return
