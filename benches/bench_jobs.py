@@ -29,8 +29,8 @@ import timing
 from timing import Case
 
 DT = 1e-3
-#: Runs and steps of a batch. `FEW`: runs of a batch of arms with more than three joints. `RECORDED`: runs of a batch that stores records.
-#: Last: cells of a sweep, and steps of each cell.
+#: Runs and steps of a batch. `FEW` is the number of runs for arms with more than three joints, `RECORDED` for a batch that stores records.
+#: A sweep has `CELLS` cells with `CELL_STEPS` steps each.
 RUNS, STEPS = 1024, 1000
 FEW = 128
 RECORDED = 200

@@ -69,7 +69,7 @@ def clocked(run: Callable[[], Any]) -> tuple[float, float]:
 
 
 def if_there(name: str, make: Callable[[], Peer], say: Callable[[str], None]) -> Peer | None:
-    """The peer that `make` builds. If an import or a compilation fails, print a line and return None."""
+    """The peer that the function `make` builds. If an import or a compilation fails, print a line and return None."""
     try:
         return make()
     except ImportError as missing:
@@ -161,7 +161,7 @@ def digits(value: float) -> str:
 
 
 def rows(cases: list[Case]) -> list[tuple[str, ...]]:
-    """Rows `(group, case, wall, fastest, processor, yardstick, ratio)` as text. `against` of a case names its yardstick."""
+    """Rows `(group, case, wall, fastest, processor, yardstick, ratio)` as text. The yardstick of a case is named by `against`."""
     by_name = {case.name: case for case in cases}
     lines = []
     for case in cases:

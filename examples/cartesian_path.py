@@ -2,7 +2,7 @@
 =============
 
 From three poses of a tool, the script computes a timed motion. The tool follows straight lines with a rounded corner. The motion is as fast
-as the limits of torque and joint speed, and the limits of the tool's speed and acceleration, allow.
+as its limits allow: those of torque and joint speed, and those of the tool's speed and acceleration.
 
 Run: ``python examples/cartesian_path.py [figure.png]``
 """

@@ -22,8 +22,8 @@ duration, samples = 10.0, 200
 motion = al.exciting_motion(drawn, duration, limits={"a_max": 10.0}, noise=noise, harmonics=3, samples=samples, iterations=60)
 print(motion)
 
-# Record of twenty periods, with noise on the torque. The periodic motion has a nonzero initial velocity. A real robot would first move from
-# rest to this velocity.
+# The record has twenty periods and noise on the torque. The periodic motion has a nonzero initial velocity. A real robot would first move
+# from rest to this velocity.
 t = np.arange(20 * samples) * (duration / samples)
 q, v, a = (np.array(x) for x in zip(*(motion(time) for time in t), strict=True))
 tau = built.inverse_dynamics(q, v, a) + noise * rng.normal(size=q.shape)

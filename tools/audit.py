@@ -1,7 +1,7 @@
 """Check the shipped packages: versions, licences, sources and duplicates of crates, and pins of Python packages.
 
-deny.toml contains the rules. Of cargo-deny, cargo-audit and pip-audit, which know security advisories, the installed ones run.
-The exit code is 1 if a check fails.
+deny.toml contains the rules. cargo-deny, cargo-audit and pip-audit know security advisories. Those that are installed run too. The exit
+code is 1 if a check fails.
 """
 
 import json

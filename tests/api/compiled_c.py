@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-#: Installed compilers. armlet cannot be built without a C compiler, so a test on a machine without any fails.
+#: Installed C compilers. Without one the tests fail, because the build of armlet also requires a C compiler.
 COMPILERS = [name for name in ("gcc", "clang") if shutil.which(name)] or ["cc"]
 FLAGS = ["-Wall", "-Wextra", "-Werror", "-std=c99", "-ffp-contract=off", "-O1"]
 

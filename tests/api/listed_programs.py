@@ -1,4 +1,4 @@
-"""An interpreter in Python for the lines of a `LoopProgram`. It evaluates each kind of line on numbers, and some on their bits."""
+"""An interpreter in Python for the lines of a `LoopProgram`. It computes with numbers, and for some kinds of lines with their bits."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ KINDS: dict[str, Callable[..., float]] = {
 
 
 def evaluate(program: al.LoopProgram, inputs: Mapping[str, float]) -> dict[str, float]:
-    """The outputs of a program. `inputs` has the values of its inputs that change during a run."""
+    """Evaluate a program and return its outputs. `inputs` contains the inputs that change during a run."""
     known = {name: inputs[name] if value is None else value for name, value in program.inputs.items()}
 
     def value(name: str) -> float:

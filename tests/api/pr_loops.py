@@ -1,4 +1,4 @@
-"""The adaptive loop of the PR robot. Tests of invalid arguments change one argument of it at a time."""
+"""The adaptive loop of the PR robot, and functions that run it with changed arguments."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ RUN: dict[str, Any] = {"t_end": 0.01, "dt": 1e-3}
 
 
 def changed(changes: dict[str, Any]) -> dict[str, Any]:
-    """The arguments RUN with `changes`. Adaptive methods have no `dt`."""
+    """The arguments RUN, updated with `changes`. For adaptive methods, `dt` is None."""
     free = {"dt": None} if changes.get("method") in ("dopri5", "dop853", "radau5", "rodas4") else {}
     return RUN | free | changes
 

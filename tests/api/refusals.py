@@ -11,7 +11,7 @@ import armlet as al
 
 
 def refused(call: Callable[[], Any], *words: str) -> None:
-    """Assert that `call` raises an InputError whose message contains `words` and the expected value."""
+    """Assert that `call` raises an InputError. Its message must contain `words` and the word "expected"."""
     with pytest.raises(al.InputError) as caught:
         call()
     assert isinstance(caught.value, ValueError) and isinstance(caught.value, al.ArmletError)

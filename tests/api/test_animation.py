@@ -25,7 +25,10 @@ def moved(arm: al.Arm, q: Any) -> al.Run:
 
 
 def test_lines_of_a_tree() -> None:
-    """On a lift with two arms, one of them prismatic, links end at joints, and a prismatic joint is drawn from its position at zero."""
+    """A lift carries two arms, with a revolute and a prismatic joint.
+
+    Links end at joints. A prismatic joint is drawn from its position at zero.
+    """
     joints = [
         BODY | {"type": "P", "xyz": [0, 0, 0.2], "name": "lift"},
         BODY | {"axis": [1, 0, 0], "xyz": [0, 0.3, 0], "parent": 0},
@@ -55,7 +58,7 @@ def test_links_end_at_joints_and_keep_their_lengths(arm: al.Arm) -> None:
 
 
 def test_planes_and_space() -> None:
-    """The picture is a plane if all points are in one. It is in space if they are not, or if a view is an argument."""
+    """If all points are in one plane, the picture shows this plane. Otherwise, or if a view is given, it is three-dimensional."""
     flat = Skeleton("test", PLANAR).lines(np.array([[0.1, 0.2], [0.3, 0.5]])).cloud()
     assert Picture("test", flat, 100).axes == [0, 2] and Picture("test", flat, 100, (30.0, 40.0)).ax.azim == 40.0
     wide = Picture("test", Skeleton("test", SEVEN).lines(np.array([np.ones(7)])).cloud(), 100)

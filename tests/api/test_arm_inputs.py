@@ -117,7 +117,7 @@ def test_spellings_of_one_robot_are_one_arm(tmp_path: Path) -> None:
 def test_printed_digits_of_small_inertias_are_forgiven(least: float, accepted: bool) -> None:
     """Robot files have seven or eight decimals.
 
-    So a principal moment of -1e-7 kg m^2 counts as rounding and is accepted, a larger one not.
+    So a principal moment down to -1e-7 kg m^2 is accepted as a rounding error. A smaller one is refused.
     """
     small = LINK.replace('value="1"', 'value="1e-6"').replace(INERTIA, f'<inertia ixx="{least}" iyy="1e-6" izz="1e-6"/>')
     if not accepted:

@@ -1,4 +1,7 @@
-"""Array arguments: every valid form of equal numbers gives equal bits; the argument `out`; sizes from empty to larger than the memory."""
+"""Array arguments: equal numbers give equal bits in every valid form.
+
+The tests also cover the argument `out`, and sizes from empty to larger than the memory.
+"""
 
 from __future__ import annotations
 
@@ -133,7 +136,7 @@ def test_out_that_cannot_be_written() -> None:
     refused(lambda: ARM.bias(q, q, out=np.zeros((2, 4)).T), "bias: out ", "contiguous")
     refused(lambda: ARM.bias(q, q, out=np.zeros((4, 2), ">f8")), "bias: out ", "float64")
     refused(lambda: ARM.bias(q, q, out=unaligned(q)), "bias: out ")
-    # The rows of a broadcast view are one row of memory.
+    # All rows of a broadcast view share the memory of one row.
     refused(lambda: ARM.bias(q, q, out=np.broadcast_to(np.zeros(2), (4, 2))), "bias: out ")
 
 

@@ -1,4 +1,4 @@
-"""Batches that armlet divides into pieces: only metrics, progress, and equal bits for every division."""
+"""Batches that armlet divides into pieces: equal bits for every division, batches that compute only metrics, and progress."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def test_invalid_arguments_are_refused() -> None:
 
 @pytest.mark.parametrize("keep", ["all", "metrics"])
 def test_every_run_has_a_disturbance_of_its_own(keep: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Forces as constants (B, k), or as steps for each run. Each row equals a single run with its force."""
+    """The force is a constant (B, k), or a list of steps for each run. Each row equals a single run with its own force."""
     monkeypatch.setattr(batches, "PIECE", 1)
     arm = al.planar_arm([0.5, 0.4])
     plant, law = al.RigidArm(arm), al.PDGravity(arm, [0.3, 0.6], kp=60.0, kd=12.0)

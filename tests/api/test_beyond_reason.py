@@ -53,5 +53,5 @@ print(re.search(r"Threads:\\s*(\\d+)", status.read_text())[1] if status.exists()
 
 def test_no_more_threads_start_than_there_are_runs() -> None:
     output = subprocess.run([sys.executable, "-c", THREADS_OF_A_BATCH], capture_output=True, text=True, check=True, timeout=120).stdout
-    # Three threads for the runs, one for the caller, and the threads of numpy.
+    # The process has three threads for the runs, one for the caller, and the threads of numpy.
     assert int(output) <= 3 + 1 + (os.cpu_count() or 1)

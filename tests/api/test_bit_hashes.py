@@ -58,7 +58,10 @@ def test_the_file_is_for_all_instruction_sets() -> None:
 
 
 def test_differences_are_named() -> None:
-    """The names of a changed hash, a new case and a missing case are reported. Nothing is reported if the C library differs."""
+    """The names of a changed hash, a new case and a missing case are reported.
+
+    If the hashes in the file are from another C library, nothing is reported.
+    """
     hashes = {"a": "1", "b": "2", "c": "3"}
     found = {"set": "avx2", "libm": "x", "functions": {"a": "1", "b": "9"}, "batches": {"as it is": {"d": "4"}}}
     kept = {"libm": "x", "sets": {"avx2": hashes}}

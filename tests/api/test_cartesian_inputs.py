@@ -1,4 +1,4 @@
-"""The Python interface of `cartesian_path`: refused arguments with their names, timing of its paths, pickles."""
+"""The Python interface of `cartesian_path`: errors that name a refused argument, timing of its paths, pickles."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
-"""Circles of uses between the modules of one folder of the Rust core or of the extension.
+"""Dependency cycles between the modules of one folder, in the Rust core and in the extension.
 
-`test_layering.py` has the rules for the top-level modules of the core. Here the nodes are the modules of one folder, and `mod`, the
-folder's own file. In the extension, the top-level modules form a folder too. A module uses the module that defines an item, not a module
-that only exports it. Code for tests is excluded.
+A module depends on the module that defines an item, not on a module that only exports it. The modules of a folder include `mod`, the
+folder's own file. In the extension, the top-level modules form a folder too. `test_layering.py` has the rules for the top-level modules of
+the core. Code for tests is excluded.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from pathlib import Path
 
 from test_layering import BINDING, CORE, items_of, sources, without_comments
 
-# Circles that exist in the core. Each entry is the folder and its modules. An entry that is no circle fails.
+# Known cycles in the core, each with its folder and its modules. The test fails if an entry is not a cycle.
 ALLOWED = {
     # The constructor `TaskFunction::axis` is in the file of its kind, and returns the enum of all kinds.
     "kinematics/task: axis -> mod",
@@ -26,7 +26,7 @@ ALLOWED = {
     "kinematics/task: mod -> relative",
     # A guarded law contains a law of any kind.
     "law: guarded -> mod",
-    # `Real` has a default of `atan2`, which is generic over `Real`.
+    # The default method `Real::atan2` calls a function that is generic over `Real`.
     "scalar: atan -> mod",
 }
 
@@ -68,7 +68,10 @@ def end_of_item(text: str, start: int) -> int:
 
 
 def leaves(tree: str) -> list[Module]:
-    """The paths of `use tree`, each with its local name at the end: `a::{b, c as d}` has `a::b` as `b`, and `a::c` as `d`."""
+    """The paths of `use tree`, each followed by its local name.
+
+    For example, `a::{b, c as d}` contains `a::b` with the name `b`, and `a::c` with the name `d`.
+    """
     head, brace, rest = tree.strip().partition("{")
     if not brace:
         path, _, alias = (part.strip() for part in head.partition(" as "))
@@ -101,7 +104,7 @@ def read(source: str) -> Source:
         text = blanked(text, match.start(), match.end())
     text = MODULE.sub(" ", text)
     items = set(ITEM.findall(outside_braces(text)))
-    # A macro of this file may declare types.
+    # Types can also be declared in a macro of this file.
     for match in re.finditer(r"\bmacro_rules!", text):
         items |= set(TYPE.findall(text[match.end() : end_of_item(text, match.end())]))
     return Source(items, names, globs, {tuple(re.split(r"\s*::\s*", path)) for path in PATH.findall(text)})
@@ -121,9 +124,9 @@ def modules(top: Path) -> dict[Module, Source]:
 def definition(
     files: dict[Module, Source], at: Module, path: Module, seen: frozenset[tuple[Module, Module]] = frozenset()
 ) -> tuple[Module, str | None] | None:
-    """The module that defines `path`, a path in the code of `at`, and the item, or None for the module itself.
+    """The module and the name of the item that `path` means in the code of the module `at`.
 
-    The result is None for a name that these sources do not define.
+    The name is None if `path` is a module. The result is None if these sources do not define the path.
     """
     first, rest = path[0], path[1:]
     for step, target in (("crate", ()), ("self", at), ("super", at[:-1])):
@@ -153,7 +156,7 @@ def uses(files: dict[Module, Source]) -> dict[Module, dict[str, set[str]]]:
     found: dict[Module, dict[str, set[str]]] = {}
     folders = {at[:-1] for at in files if at}
     for at, source in files.items():
-        # The file of a folder may import an item only to export it.
+        # Imports of a folder's own file do not count, because it may import an item only to export it.
         for path in source.paths if at in folders else source.paths | {*source.names.values()}:
             home, item = definition(files, at, path) or (at, None)
             if item is None or home == at:
@@ -177,9 +180,9 @@ def shortest_path(needs: Mapping[str, Collection[str]], start: str, end: str) ->
 
 
 def circles(top: Path, with_top: bool = False) -> set[str]:
-    """For each use that is part of a circle, a shortest circle with this use: the folder and its modules.
+    """A shortest cycle through each dependency that is part of a cycle, as a text with the folder and the modules.
 
-    Circles between the modules of the folder `top` itself are included only if `with_top` is true.
+    Cycles between the modules of the folder `top` itself are included only if `with_top` is true.
     """
     found = set()
     for folder, needs in uses(modules(top)).items():
@@ -211,11 +214,11 @@ def test_circle_rule_sees_planted_violations(tmp_path: Path) -> None:
         "a/one.rs": "use super::two::second;\npub struct First;\n",
         "a/two.rs": "pub fn second(_: super::First) {}\n",
         "a/three.rs": "use super::{own as whole};\npub fn third() { whole() }\n",
-        # A longer circle. The second use is of all names.
+        # A longer cycle. The second `use` imports all names.
         "a/four.rs": "use super::five::{self, fifth};\npub fn fourth() {}\n",
         "a/five.rs": "use super::six::*;\npub fn fifth() { sixth() }\n",
         "a/six.rs": "pub fn sixth() { crate::a::four::fourth() }\n",
-        # No circle: tests, comments, and text.
+        # No cycle: tests, comments, and text.
         "a/seven.rs": '// super::eight::eighth\npub fn seventh() { f("super::eight::eighth") }\n'
         "#[cfg(test)]\nmod tests {\n    use super::super::eight::eighth;\n}\n#[cfg(test)]\nmod more;\n",
         "a/seven/more.rs": "use crate::a::eight::eighth;\n",
@@ -226,7 +229,7 @@ def test_circle_rule_sees_planted_violations(tmp_path: Path) -> None:
         "a/nine.rs": "pub struct Ninth(super::deep::Deep);\n",
         # A type that a macro declares.
         "a/ten.rs": "use super::Kind;\npub struct Ten;\n",
-        # No circle: `str` after the lifetime is not an item of this module.
+        # No cycle: `str` after the lifetime is not an item of this module.
         "a/eleven.rs": "pub fn eleventh(_: &'static str) { super::own() }\n",
     }
     for name, text in files.items():

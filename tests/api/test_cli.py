@@ -94,7 +94,7 @@ def test_demo_fails_when_a_system_stops(system: System, tmp_path: Path, capsys: 
 def test_the_table_fits_its_terminal(
     system: System, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A file has three columns. In a terminal that is too narrow for them, the values are below their claim."""
+    """In a file the table has three columns. In a terminal that is too narrow for them, the values are below their claim."""
     system(lambda report: report.near("a claim of some length, about nothing in particular", 1.0, 1.0, 0.5))
     wide = "  a claim of some length, about nothing in particular  1 +- 0.5  1    ok"
     narrow = ["  ok      a claim of some length, about nothing in particular", "          expected 1 +- 0.5, got 1"]
@@ -182,7 +182,7 @@ def test_info(tmp_path: Path) -> None:
 
 
 def test_the_demonstration_holds(tmp_path: Path) -> None:
-    """All checks of the demonstration are true, and all figures exist."""
+    """All checks of the demonstration pass, and all figures exist."""
     result = armlet("demo", "--out", str(tmp_path / "out"), cwd=tmp_path)
     assert result.returncode == 0, result.stdout + result.stderr
     assert "FAILED" not in result.stdout

@@ -203,7 +203,7 @@ def test_no_permission(file: Path, tmp_path: Path, capsys: pytest.CaptureFixture
 
 @pytest.mark.parametrize("command", ["run", "sweep"])
 def test_a_full_disk(command: str, file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
-    """The second sync to disk fails. The file before it is complete, and no other file exists."""
+    """The second file cannot be synced to disk. The first file is complete, and no other file exists."""
     calls = []
 
     def fsync(handle: int) -> None:

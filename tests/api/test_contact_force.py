@@ -1,4 +1,4 @@
-"""The contact force of a wall: compared with joint torques of the reference's wall, in rows of a batch, and in files."""
+"""The contact force of a wall: compared with joint torques that the reference computes, in rows of a batch, and in files."""
 
 from __future__ import annotations
 

@@ -68,7 +68,10 @@ def test_a_loop_responds_as_it_is_simulated(plant: al.Plant, law: al.Law) -> Non
 
 @pytest.mark.parametrize("plant", [al.RigidArm(ARM), al.RigidArm(SEVEN, friction=True), ELASTIC], ids=["rigid", "friction", "elastic"])
 def test_an_arm_responds_as_it_is_simulated(plant: al.Plant) -> None:
-    """The torque is constant. The errors of the integrators grow, and the dry friction of seven axes switches."""
+    """Under a constant torque, an arm responds as it is simulated.
+
+    The tolerances are larger than for a loop. The errors of the integrators grow here, and the dry friction of seven axes switches.
+    """
     n = plant.arm.n
     tau = 0.5 * np.ones(n)
     push: Any = (lambda t, q, v, theta, theta_dot: tau) if isinstance(plant, al.ElasticArm) else (lambda t, q, v: tau)
@@ -162,7 +165,7 @@ DRY = ARM.with_drives(damping=[0.8, 0.5], friction=[1.5, 1.0])
 
 @pytest.mark.parametrize("law", [None, PD], ids=["arm", "loop"])
 def test_friction_is_in_the_linear_system(law: al.Law | None) -> None:
-    """In motion, Coulomb friction has derivative zero, viscous friction has not.
+    """In motion, the derivative of Coulomb friction is zero, and that of viscous friction is not.
 
     The linear system has the derivatives of the nonlinear one.
     """

@@ -284,7 +284,10 @@ FAR = al.Sinusoid([0.0, 3e8], [0.5, 0.8], [1.0, 1.7], [0.0, 0.4])
 @pytest.mark.parametrize("monitors", [False, True])
 @pytest.mark.parametrize(("motion", "v2", "dt"), [(MOTION, 12.0, 0.02), (FAR, 0.5, 1e-3)], ids=["spins", "far"])
 def test_fast_rows_and_large_angles_do_not_change_other_rows(motion: al.Motion, v2: float, dt: float, monitors: bool) -> None:
-    """A step that rotates a joint by over 1/32 rad, or starts beyond 1e6 rad, needs the full sine. It must not change other rows."""
+    """Some rows cannot use the fast algorithm for the sine. They must not change other rows.
+
+    A step of these rows rotates a joint by over 1/32 rad, or starts beyond 1e6 rad.
+    """
     law = al.Adaptive(ARM, motion, [40.0, 20.0], [20.0, 10.0], 5.0)
     q0, v0 = states(24)
     q0[:, 1] += motion(0.0)[0][1]

@@ -1,8 +1,8 @@
 """Every Python block of README and docs/ and every example runs, and so does the code in sentences between the blocks.
 
 Code in a sentence is an expression in code font with an attribute, a call or an index, such as `axes[0].figure`. If the blocks of the page
-define all its names, it is evaluated. This happens at its line, or at the end of the page if its names are defined later. In other
-expressions, whose arguments stand for objects of the reader, the names of armlet must exist: `al.time_path(arm, path)`.
+define all its names, it is evaluated. This happens at its line, or at the end of the page if its names are defined later. Other expressions
+contain objects of the reader, such as `al.time_path(arm, path)`. In them, only the names of armlet must exist.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ INLINE = re.compile(r"(?<!`)`([^`\n]+)`(?!`)")
 
 
 def program(page: str) -> str:
-    """The code of a page: its blocks and its code in sentences. Each line has its line number of the page, so that a traceback names it."""
+    """The code of a page: its blocks and its code in sentences. Each line keeps its line number, so that a traceback names it."""
     prose = NO_PROSE.sub(lambda match: re.sub(r"[^\n]", " ", match.group()), page)
     lines: dict[int, str] = {}
     for span in INLINE.finditer(prose):
@@ -59,7 +59,7 @@ def inline(code: str, bound: dict[str, Any]) -> str:
     nodes = list(ast.walk(tree))
     names = {node.id for node in nodes if isinstance(node, ast.Name)}
     own = names - set(dir(builtins))
-    # A list in code font is a table of a TOML file.
+    # A list in code font, such as `[plant]`, is the name of a table of a TOML file.
     if not own or isinstance(tree.body, ast.List) or not any(isinstance(node, ast.Attribute | ast.Call | ast.Subscript) for node in nodes):
         return ""
     if own <= set(bound):

@@ -31,7 +31,7 @@ READ = re.compile(
 
 
 def not_entered(source: str) -> list[str]:
-    """Blocks of methods and functions for Python that lack the attribute."""
+    """The lines `#[pymethods]` and `#[pyfunction]` without the attribute `#[entered]` above them."""
     lines = without_comments(source).split("\n")
     marks = [i for i, line in enumerate(lines) if re.match(r"\s*#\[(pymethods|pyfunction)", line)]
     return [lines[i] for i in marks if i == 0 or lines[i - 1].strip() != "#[entered]"]
@@ -79,7 +79,7 @@ def test_arguments_are_read_inside() -> None:
     for path in SOURCES:
         for name, arguments in signatures(path.read_text()):
             bad = [each for each in arguments if not READ.match(re.sub(r"\s+", " ", each))]
-            # A pickle has a checksum, and is read as tuples of fixed lengths.
+            # Functions that read a pickle are exempt. A pickle has a checksum, and is read as tuples of fixed lengths.
             if bad and not name.startswith("_restore"):
                 outside[f"{path.name}:{name}"] = bad
     assert outside == {}
@@ -95,7 +95,7 @@ def test_rules_see_planted_violations() -> None:
 
 
 def slots(kind: type) -> list[str]:
-    """The special methods of a class of the extension that can be called without knowledge of the class."""
+    """The special methods of a class of the extension, without its constructors."""
     return [name for name, value in vars(kind).items() if name.startswith("__") and callable(value) and name not in ("__new__", "__init__")]
 
 

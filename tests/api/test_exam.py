@@ -34,18 +34,18 @@ def demonstration() -> str:
 
 
 def rows(sources: str) -> set[str]:
-    """The errata that checks of the demonstration name."""
+    """The errata in the checks of the demonstration."""
     return set(re.findall(r'"(E\d+)"', sources))
 
 
 def with_code(page: str) -> set[str]:
-    """The headings of a page whose sections contain code."""
+    """The headings of the sections that contain code."""
     parts = re.split(r"^#+ (.*)$", page, flags=re.MULTILINE)
     return {title for title, text in zip(parts[1::2], parts[2::2], strict=True) if "```python" in text}
 
 
 def sections(page: str) -> set[str]:
-    """The errata in headings of a page whose sections contain code."""
+    """The errata in the headings of the sections that contain code."""
     return {name for title in with_code(page) for name in re.findall(r"E\d+", title)}
 
 

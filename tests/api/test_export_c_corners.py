@@ -54,7 +54,7 @@ ARMS = {
 
 @pytest.mark.parametrize("name", ARMS)
 def test_arms_of_many_kinds_in_a_sampled_loop(name: str, tmp_path: Path) -> None:
-    """The law with the most code, with limits: inputs and estimates are compared at every sample."""
+    """Inputs and estimates of an adaptive law with torque limits are compared at every sample."""
     arm = ARMS[name]()
     n, dt = arm.n, 2e-3
     motion = al.Sinusoid(np.full(n, 0.3), np.full(n, 0.2), np.full(n, 3.0), np.zeros(n))

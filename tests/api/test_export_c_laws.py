@@ -193,7 +193,7 @@ def compare_with_run(c: Controller, arm: al.Arm, law: al.Law, dt: float, samples
 
 @pytest.mark.parametrize("reaction", [None, "stop", "float", "retract"])
 def test_a_guarded_law_reacts_in_c_as_in_a_loop(reaction: str | None, tmp_path: Path) -> None:
-    """A constant force pushes the tip. The observer needs the sample time `dt`. A force that jumps would divide a step of the run."""
+    """The observer needs the sample time `dt`. The force on the tip is constant, because a jump would divide a step of the run."""
     inner = al.ComputedTorque(PLANAR, quintic(PLANAR), 100.0, 20.0)
     gains: dict[str, Any] = {None: {}, "float": {"damping": 2.0}}.get(reaction, {"stiffness": 60.0, "damping": 9.0})
     law = al.Guarded(inner, al.MomentumObserver(PLANAR, 50.0, threshold=0.5), reaction, **gains)
@@ -280,7 +280,7 @@ def tasks(arm: al.Arm) -> list[al.Task]:
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("arm", ["six axes", "seven axes"])
 def test_priority_by_the_regular_route(arm: str, method: str, compiler: str, tmp_path: Path) -> None:
-    """If no rank must be decided, the C has the results of compiled loops. Otherwise it returns a status."""
+    """Away from singularities, the C has the results of the compiled loop. Close to a singularity it returns a status."""
     law = al.PriorityVelocity(CHAINS[arm], tasks(CHAINS[arm]), method=method)
     c = Controller(al.export_c(law, tmp_path), compiler)
     n = CHAINS[arm].n
@@ -294,7 +294,7 @@ def test_priority_by_the_regular_route(arm: str, method: str, compiler: str, tmp
         if status == 0:
             np.testing.assert_array_equal(u, run.tau[k], err_msg=f"sample {k}")
     assert sum(status == 0 for status, _ in answered) > 450
-    # In 1,000 random states the C is compared with the algorithm that decides ranks, which rounds differently.
+    # In 1,000 random states, the C is compared with the algorithm that armlet also uses at singularities.
     regular = 0
     for q in rng.uniform(-2.0, 2.0, (1000, n)):
         before = c.memory[:n].copy()

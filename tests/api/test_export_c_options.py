@@ -204,7 +204,7 @@ def test_a_law_has_the_bits_of_armlet(name: str, options: dict[str, Any], compil
         motors = {"theta": x[2], "theta_dot": x[3]} if elastic else {}
         status, tau = c.status(t, *x[: 4 if elastic else 2])
         if name in ("PriorityVelocity", "PriorityAcceleration"):
-            # In regular states the C rounds like compiled loops. A call of the law uses another algorithm.
+            # Away from singularities, the C rounds like the compiled loop. A call of the law uses another algorithm.
             regular += status == 0
             if status == 0:
                 np.testing.assert_allclose(tau, law(t, *x[:2]), rtol=1e-6, atol=1e-9, err_msg=f"state {k}")

@@ -97,7 +97,7 @@ def test_a_sweep_by_a_chosen_metric(metric: str, label: str) -> None:
 
 
 def test_the_force_of_a_wall() -> None:
-    """At rest the wall's force balances the law's stiffness. The frame is in the wall, between both springs."""
+    """At rest the wall's force balances the law's stiffness. The frame is between the surface of the wall and the target of the law."""
     wall = al.Wall("link2", [0.7, 0.0, 0.0], [-2.0, 0.0, 0.0], stiffness=1e3, damping=20.0)
     law = al.CartesianImpedance(ARM, [0.75, 0.2], 300.0, 40.0, frame="link2", axes="xy")
     made = al.simulate(al.RigidArm(ARM, wall=wall), law, [0.8, 1.2], t_end=3.0, dt=1e-3)

@@ -345,7 +345,10 @@ def test_files_without_an_end_are_refused(tmp_path: Path, capsys: pytest.Capture
 
 
 def test_only_files_are_replaced(tmp_path: Path) -> None:
-    """A result is renamed to its final path. So a pipe or a device such as /dev/null there would be lost, and must be refused."""
+    """armlet renames a finished file to its final path.
+
+    This would delete a pipe, or a device such as /dev/null, at that path. So armlet refuses such a path.
+    """
     pipe = tmp_path / "pipe"
     os.mkfifo(pipe)
     (tmp_path / "link").symlink_to(pipe)

@@ -159,7 +159,7 @@ class _Doubled(Reach):
 
 @pytest.mark.parametrize("task", [Reach(), Reach(axes="zx"), Track(MOTION), _Doubled()], ids=["all axes", "two axes", "track", "own"])
 def test_starts_and_errors_of_all_rows_are_those_of_each(task: Reach | Track) -> None:
-    """Rows that restart together draw the numbers of `draw` and observe the error of `error`, with equal bits."""
+    """When several rows restart together, each has the start and the error that `draw` and `error` give for one row, with equal bits."""
     envs = ArmVectorEnv(ROWS, ARM, task, tau_max=[30.0, 10.0], horizon=0.2)
     observed, _ = envs.reset(seed=3)
     own = envs._rows.task

@@ -29,7 +29,7 @@ def without_windows() -> None:
 
 @pytest.mark.parametrize("mode", ["rgb_array", "human"])
 def test_gymnasium_checks_render(mode: str) -> None:
-    """Warnings are errors. `metadata` has the frame rate of the environment's period."""
+    """Warnings are errors. The frame rate in `metadata` is one frame per period of the environment."""
     env = gymnasium.make("armlet/Reach-v0", render_mode=mode, period=0.05).unwrapped
     check_env(env)
     assert env.metadata["render_fps"] == 20.0 and env.render_mode == mode

@@ -1,4 +1,7 @@
-"""Objects similar to arrays: masked, endless, with impossible lengths, not exact in float64. Each is refused quickly, with its name."""
+"""Objects similar to arrays: masked, endless, with impossible lengths, not exact in float64.
+
+Each is refused quickly, with an error that names the argument.
+"""
 
 from __future__ import annotations
 
@@ -191,7 +194,7 @@ HOSTILE: dict[str, Callable[[], Any]] = {
 
 # Pairs (kind of array, argument) that armlet accepts. The test skips them.
 MEANT = {
-    # These functions accept arrays of any shape, as many problems or many times.
+    # These functions accept arrays of any shape, as arrays of problems or of times.
     *(
         ("wrong shape, seen at once", entry)
         for entry in ("bang_bang_time", "torque_optimal_time", "path times", "elastic_limits", "Table", "Run")

@@ -96,7 +96,7 @@ def test_a_pose_as_target() -> None:
     rows = {"frame": frame, "axes": "xyz rx ry rz"}
     by_pose = al.CartesianImpedance(six, six.pose(q, frame), 300.0, 30.0, **rows)
     by_rows = al.CartesianImpedance(six, six.pose_vector(q, frame), 300.0, 30.0, **rows)
-    # The rotation vector is that of the rounded pose.
+    # The pose has rounding errors, so `e` is not exactly zero.
     np.testing.assert_allclose(by_pose.terms(0.0, q, np.zeros(6))["e"], np.zeros(6), atol=1e-15)
     np.testing.assert_allclose(by_pose(0.0, q + 0.1, q), by_rows(0.0, q + 0.1, q), rtol=0.0, atol=1e-12)
     assert np.array_equal(pickle.loads(pickle.dumps(by_pose))(0.0, q + 0.1, q), by_pose(0.0, q + 0.1, q))
@@ -157,7 +157,7 @@ def test_a_limit_holds_the_rest_back() -> None:
 
 
 def test_rows_of_a_batch_are_the_runs() -> None:
-    """A batch with different postures, limits and wrenches, and laws with a different shape, equals single runs."""
+    """A batch of laws with different postures, limits and wrenches equals single runs. One of the laws has different options."""
     laws = [
         law(nullspace=al.NullSpace([0.3, 0.4, k], 20.0 + k, 2.0), feedforward=[k, -k], integral_gain=5.0, tau_max=20.0 + k, eps=0.1)
         for k in (0.1, 0.5, 0.9)

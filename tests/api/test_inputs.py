@@ -1,4 +1,4 @@
-"""Invalid arguments raise a typed error with function, argument and first bad index. The result of a run is data."""
+"""Invalid arguments raise an error that names the function, the argument and the first bad index. Runs that diverge have a status."""
 
 from __future__ import annotations
 

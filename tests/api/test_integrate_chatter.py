@@ -1,4 +1,4 @@
-"""Right-hand sides that chatter: `integrate` and `solve_ivp` have one limit of work and the same result."""
+"""Right-hand sides that chatter: `integrate` and `solve_ivp` have the same limit of work and the same result."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def test_one_budget_and_one_outcome(method: str, tolerances: dict[str, float]) -
     assert run.status in (al.Status.STALLED, al.Status.STEP_UNDERFLOW)
     assert not solution.success and solution.message.endswith(run.status.advice)
     assert solution.t[-1] == run.ended and np.array_equal(solution.y[:, -1], run.y[-1])
-    # At most 5,000 attempts along the surface and 1,000 before it, with at most 20 evaluations each.
+    # The runs make at most 5,000 attempts along the surface and 1,000 before it. Each attempt has at most 20 evaluations.
     assert run.stats["steps"] + run.stats["rejections"] < 6_000
     assert ours.calls < 120_000 and abs(ours.calls - theirs.calls) < 10
 
@@ -49,7 +49,7 @@ def test_the_defaults_of_both_agree() -> None:
         assert not run.success and not solution.success
 
 
-# Implicit methods take many more steps during this millisecond, so they are not tested.
+# Only explicit methods are tested. Implicit methods take many more steps during the slide.
 @pytest.mark.parametrize("method", ["dopri5", "dop853"])
 def test_a_short_slide_is_no_fault(method: str) -> None:
     """A state is at rest by friction for 1 ms, until the driving force exceeds the friction. This short slide must not end the run."""

@@ -88,7 +88,7 @@ def test_ctrl_c_ends_a_long_call(name: str, interrupted: Callable[[str], tuple[l
     ],
 )
 def test_large_arrays_are_read_whole(form: Callable[[np.ndarray], Any]) -> None:
-    """The array is larger than one piece, and its size is not a multiple of a piece."""
+    """armlet reads arrays in pieces. This array is larger than one piece, and its size is not a multiple of a piece."""
     q = np.random.default_rng(1).integers(0, 4, (40_001, 2)).astype(float)
     arm = al.planar_pr(2.0, 0.5, 1.0)
     given = form(q)
@@ -136,7 +136,7 @@ def test_other_threads_run_while_a_model_is_read() -> None:
 
 
 def test_other_threads_run_while_a_list_is_read() -> None:
-    """Reading the list takes longer than other threads may have to wait."""
+    """While armlet reads a long list, other threads must be able to run."""
     long = [0.0] * 5_000_000
     took, gap = longest_gap(lambda: al.Hold(long))
     assert gap < max(0.5 * took, 0.1)
@@ -160,7 +160,10 @@ for _ in sys.stdin:
 
 
 def test_no_signal_is_lost_in_a_comparison_of_statuses() -> None:
-    """numpy drops exceptions while it inspects an operand that is not a plain number. A batch compares its statuses after every call."""
+    """A batch compares its statuses after every call.
+
+    numpy ignores exceptions, also KeyboardInterrupt, while it inspects an operand that is not a plain number.
+    """
     with subprocess.Popen([sys.executable, "-c", LOST], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as child:
         assert child.stdin is not None and child.stdout is not None
         guard = threading.Timer(60.0, child.kill)

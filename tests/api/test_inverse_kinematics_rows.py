@@ -145,9 +145,9 @@ def test_a_lower_task_does_not_keep_the_first_from_being_reached() -> None:
     [("R", 0.5, 2), ("R", 1.25, 2), ("P", 0.1, 2), ("R", 2.0, 1), ("R", -1.0, 1), ("R", 0.0, 1), ("P", 0.0, 1)],
 )
 def test_a_turn_of_a_leader_is_another_solution_where_it_moves_its_followers(kind: str, multiplier: float, count: int) -> None:
-    """A leader with a range of two revolutions reaches a point at two angles.
+    """The leader is a joint with a range of two revolutions, so two of its angles reach a point.
 
-    Its mimic joint is then elsewhere, unless its angle differs by 2 pi k.
+    They count as two solutions only if its mimic joint has a different pose at the two angles.
     """
     body = {"axis": [0, 0, 1], "phi": [1, 0, 0, 0, 0.1, 0, 0.1, 0, 0, 0.1]}
     leader = {"type": "R", **body, "lower": -6.5, "upper": 6.5}

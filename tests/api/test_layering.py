@@ -150,7 +150,7 @@ def test_core_knows_no_python() -> None:
 def imported(package: Path) -> dict[str, set[str]]:
     """For each module of a package, the modules that it imports: at the top, inside functions, or only for types.
 
-    This includes the extension.
+    Imports of the extension `_core` do not count.
     """
     files = {path.relative_to(package.parent).with_suffix("").parts: path for path in sources(package, "*.py")}
     names = {".".join(parts[:-1] if parts[-1] == "__init__" else parts): path for parts, path in files.items()}
@@ -170,7 +170,7 @@ def imported(package: Path) -> dict[str, set[str]]:
 
 
 def circles(package: Path) -> list[tuple[str, ...]]:
-    """Groups of modules that import each other in a circle."""
+    """Groups of modules that import each other in a cycle."""
     needs = imported(package)
 
     def under(name: str) -> set[str]:
@@ -307,8 +307,8 @@ def test_nothing_falls_back_to_the_reference() -> None:
     assert naming in ([], ["__init__.py"])  # `al.reference` may be named as a submodule, so that `al.reference.x` works
 
 
-# These functions may pass a parameter to numpy. It is not the caller's array or not float64: flags and statuses, values from scipy and
-# other libraries, a law's target, axes of a figure.
+# These functions may pass a parameter to numpy, because it is not an array of float64 from the caller. It is a flag, a status, a value from
+# another library, a law's target, or axes of a figure.
 READ_BY_NUMPY = {
     ("gym/vector.py", "_mask"),
     ("interop/scipy_solver.py", "_call_impl"),
@@ -322,7 +322,10 @@ CALLERS = ("ArrayLike", "Any", "object")
 
 
 def raw_reads(source: str) -> set[tuple[str, str]]:
-    """Functions that pass an array-like parameter or field to numpy, and its name. The mask of a masked array would be lost there."""
+    """For each function that passes an array-like parameter or field to numpy: its name, and the name of the parameter or field.
+
+    numpy would ignore the mask of a masked array.
+    """
     found: set[tuple[str, str]] = set()
 
     def annotated(node: ast.expr | None) -> bool:
@@ -367,7 +370,7 @@ CONVERTERS = {
 
 
 def test_arrays_of_the_caller_are_read_in_one_place() -> None:
-    """`_core.numbers` converts the caller's arrays and refuses masked arrays. `armlet.reference` is exempt as a second derivation."""
+    """`_core.numbers` converts the caller's arrays and refuses masked arrays. `armlet.reference` and `armlet.demo` are exempt."""
     own = [path for path in sources(PACKAGE, "*.py") if path.relative_to(PACKAGE).parts[0] not in ("reference", "demo")]
     strays = {(str(p.relative_to(PACKAGE)), function, name) for p in own for function, name in raw_reads(p.read_text(encoding="utf-8"))}
     assert {stray for stray in strays if stray[:2] not in READ_BY_NUMPY} == set()

@@ -133,10 +133,7 @@ def test_twenty_thousand_joints_load(parent: str) -> None:
 
 
 def test_without_room_for_a_thread_the_caller_works() -> None:
-    """Eight threads need stacks of 8 MiB or more.
-
-    The remaining memory is a tenth of that, so the caller's thread computes the same rows.
-    """
+    """Without memory for the stacks of eight threads, the caller's thread computes the same rows."""
     q0 = "q0 = np.linspace(0.0, 1.0, 128).reshape(64, 2)"
     run = "run = lambda **k: al.simulate_batch(plant, law, q0, t_end=0.1, dt=1e-2, **k).q"
     call = "print(np.array_equal(run(threads=8), once))"

@@ -88,7 +88,7 @@ CASES: dict[str, Callable[[], tuple[Any, Any, dict[str, Any]]]] = {
     "state feedback": lambda: (ELASTIC, al.StateFeedback(TWO, [0.3, 0.6], 300.0, 40.0, 1.0, 0.1, 700.0), {}),
     "priority of velocities": lambda: (VELOCITY, al.PriorityVelocity(THREE, tasks()), {}),
     "priority of accelerations": lambda: (al.RigidArm(THREE), al.PriorityAcceleration(THREE, tasks()), {}),
-    # The arm becomes stretched. There the compiled code of the loop declines its steps, and other code computes them.
+    # The arm becomes stretched, which is a singularity. There the loop does not use its compiled code.
     "priority at a singularity": lambda: (VELOCITY, al.PriorityVelocity(THREE, tasks([1.5, 0.3])), {"t_end": 0.6, "dt": 5e-3}),
     "priority at a singularity, sampled": lambda: (
         VELOCITY,
@@ -151,7 +151,7 @@ def agree(plant: Any, law: Any, q0: Any, options: dict[str, Any], measures: dict
     wanted, metrics = whole.metrics(**measures), found.metrics()
     assert list(metrics) == list(wanted)
     for name, values in wanted.items():
-        # The sums of 100 records have another order, and monitors fuse multiplications and additions. So the values differ by rounding.
+        # The sums over 100 records have another order, and monitors fuse multiplications and additions. So the values differ by rounding.
         # Differences of energies have the rounding error of the energies.
         rtol, atol = (0.0, 1e-12) if name == "energy_error" else (1e-10, 1e-12)
         if name == "monitor_violations" and "tolerance" in measures:
@@ -250,9 +250,10 @@ def test_invalid_arguments_of_metrics_are_refused() -> None:
 
 
 def test_a_growing_band_gives_the_settling_time_of_the_whole_run() -> None:
-    """The record with the largest error is outside its band, so the last record outside is not earlier.
+    """A band relative to the largest error so far gives the settling time of the whole run.
 
-    After it, the present and the final band are equal.
+    A band is a fraction of the largest error. If the fraction is below one, the record with the largest error is outside its band. From
+    this record on, the band is constant.
     """
     rng = np.random.default_rng(7)
     settled = 0
@@ -272,7 +273,7 @@ def test_a_growing_band_gives_the_settling_time_of_the_whole_run() -> None:
 
 
 def test_settling_times_are_the_same_to_the_bit() -> None:
-    """Errors grow at first, as for a motion that starts fast, and bands have all widths."""
+    """Errors grow at first, as in a fast motion. The bands are from 0.02 to 2 times the largest error."""
     law = al.ComputedTorque(TWO, al.Sinusoid([0.1, 0.4], [0.5, 0.4], 12.0, 0.0), 60.0, 9.0)
     q0 = np.tile([0.1, 0.4], (5, 1)) + 1e-3 * np.arange(5)[:, None]
     options: dict[str, Any] = {"t_end": 0.4, "dt": 2e-3}
@@ -286,7 +287,7 @@ def test_settling_times_are_the_same_to_the_bit() -> None:
 
 
 def test_a_monitor_that_is_not_finite_ends_the_run() -> None:
-    """The energy of row 2 overflows immediately, that of row 3 after some steps. Both states are finite there."""
+    """The energy of row 2 overflows immediately, that of row 3 after some steps. Their states are still finite then."""
     options: dict[str, Any] = {"t_end": 0.1, "dt": 1e-3, "state_limit": np.inf, "v0": np.outer([0.0, 1e160, 1e153], [1.0, 0.0])}
     law = al.Adaptive(PR, al.Hold([0.3, 0.5]), 60.0, 12.0, 2.0)
     q0 = np.zeros((3, 2))

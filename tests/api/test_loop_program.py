@@ -71,7 +71,7 @@ def state(run: al.Run, k: int) -> dict[str, float]:
 
 
 def desired(target: Any, h: float) -> dict[str, float]:
-    """The desired motion at start, middle and end of a step, by the names of a program's inputs, in joint or other coordinates."""
+    """The desired motion at start, middle and end of a step, by the names of a program's inputs. A law uses one of two sets of names."""
     found = {}
     for suffix, t in (("", 0.0), ("_mid", h / 2), ("_end", h)):
         samples = target(t) if callable(target) else (target, np.zeros(len(target)), np.zeros(len(target)))
@@ -135,13 +135,13 @@ def test_the_lines_of_every_stage_are_the_step(loop: str, method: str) -> None:
     for stage in program.stages:
         found = evaluate(program.at(stage), inputs)
         assert set(expected) <= set(found) <= set(expected) | {"largest_angle", "valid"}
-        # The results of instructions have equal bits. The earlier stages use numpy's sines.
+        # In the later stages the results have equal bits. The earlier stages are evaluated with numpy's sines.
         close = CLOSE if stage in ("recorded", "simplified") else {"rtol": 0.0, "atol": 0.0}
         np.testing.assert_allclose([found[name] for name in expected], list(expected.values()), **close, err_msg=stage)
 
 
 def test_machine_code_chooses_as_its_instructions_do() -> None:
-    """A comparison with NaN is false in machine code and in the instructions: NaN is not a larger angle."""
+    """A comparison with NaN is false, in machine code and in the lowered instructions. So NaN does not become the largest angle."""
     program = al.loop_program(al.RigidArm(TWO), pd(TWO), method="euler", tau_max=5.0)
     inputs = {"q1": np.nan, "q2": 0.7, "v1": 0.4, "v2": -0.6, "q_d1": 0.3, "q_d2": -0.4, "h": 0.01, "largest_angle": 0.5}
     lowered, machine = (evaluate(program.at(stage), inputs) for stage in ("lowered", "machine"))
@@ -150,7 +150,7 @@ def test_machine_code_chooses_as_its_instructions_do() -> None:
 
 
 def test_simplification_removes_most_operations() -> None:
-    """The source has only spatial arms. Simplification reduces a planar arm to planar equations."""
+    """The recorded program of a planar arm has spatial equations. Simplification reduces them to planar equations."""
     program = al.loop_program(al.RigidArm(TWO), pd(TWO), method="euler")
     assert len(program.at("recorded")) > 3 * len(program)
     assert not any("0.0" in line.operands for line in program.instructions)
@@ -313,7 +313,7 @@ def test_a_figure_shows_every_line_and_refuses_what_it_cannot_show() -> None:
 def test_the_page_shows_the_listing_as_it_is() -> None:
     """The page docs/programs.md shows the current listing.
 
-    Except for lines about later stages, the simplified stage is equal on all processors.
+    Only lines about the later stages depend on the processor. They are not compared.
     """
     page = (Path(__file__).resolve().parents[2] / "docs" / "programs.md").read_text()
     (shown,) = re.findall(r"^```text\n(One step.*?)^```$", page, re.MULTILINE | re.DOTALL)

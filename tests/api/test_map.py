@@ -1,4 +1,7 @@
-"""docs/map.md: its picture has all parts of the core, its table the files that a new law, method, task, plant or monitor changes."""
+"""The picture and the table of docs/map.md.
+
+The picture contains all parts of the core. The table lists the files that a new law, method, task, plant or monitor changes.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +16,7 @@ PAGE = (ROOT / "docs/map.md").read_text(encoding="utf-8")
 SOURCES = ("rust/core/src", "rust/py/src", "python/armlet")
 #: Files that do not count: lists of exports, demonstrations and unit tests.
 LEFT_OUT = re.compile(r"__init__\.pyi?$|rust/py/src/lib\.rs$|/(demo|live)/|tests\.rs$")
-#: Patterns that find the example of a row in the code.
+#: For the example in each row of the table: a pattern that matches its names in the code.
 NAMES = {
     "JointImpedance": r"JointImpedance|joint_impedance",
     "ros2": r"Ros2|\bros2\b",

@@ -212,7 +212,7 @@ def test_long_chains_of_followers() -> None:
 
 
 def test_an_arm_whose_follower_alone_has_mass() -> None:
-    """Only the mass matrix of the joined arm must be regular. So the report has no line about a singular one."""
+    """The leader has no mass, but its mimic joint has. The mass matrix is regular, so the report has no line about a singular one."""
     light = fingers("", "<mimic joint='j1'/>").replace(link("a", 1.0, "0 0 0.1", 0.1), "<link name='a'/>")
     assert not any("positive definite" in line for line in al.load_urdf(light).report)
     none = light.replace(link("b", 1.0, "0 0 0.1", 0.1), "<link name='b'/>").replace("armature='0.03'", "")

@@ -1,4 +1,4 @@
-"""The Python interface of the minimum-time planners: numbers of every type, refused arguments with their names, pickles, texts."""
+"""The Python interface of the minimum-time planners: numbers of every type, errors that name an argument, pickles, texts."""
 
 from __future__ import annotations
 
@@ -121,7 +121,7 @@ def test_rest() -> None:
     assert (held.feasible, held.t_min, held.t_max, held.reason) == (True, 0.0, 0.0, "")
     fallen = al.bang_bang_time(1.5, 1.5, 1.0, 2.0, 1.0)
     assert not fallen.feasible and "tau_max cannot hold the link at theta = 1.500000 rad" in fallen.reason
-    # Without a torque towards the goal the link does not accelerate, and a torque of zero is missing, without a sign.
+    # Without a torque towards the goal the link does not accelerate. The message has a missing torque of 0, not of -0.
     blocked = al.bang_bang_time(0.0, 1.0, 1.0, 0.0, 0.0, tau_min=-1.0)
     assert not blocked.feasible and "(phase1:switch): 0.000000e0 N m are missing" in blocked.reason
 

@@ -74,7 +74,7 @@ def test_many_entries_need_few_loops() -> None:
     loop = (al.RigidArm(ARM), law, {"q0": Q0})
     group = together(loop, NamedNumber("law.gamma", np.linspace(0.1, 0.3, P)), [(i,) for i in range(P)])
     assert isinstance(group, Together)
-    # Eight probes give 70 codes with four bits set, enough for 50 entries. Separate loops would be 200.
+    # Eight probes have 70 codes with four bits set, enough for 50 entries.
     assert len(group.loops) == 8 + 4 and len(set(group.codes)) == P
     assert {code.bit_count() for code in group.codes} == {4}
 

@@ -21,7 +21,7 @@ def test_panels() -> None:
         assert ax.get_xlabel() and ax.get_ylabel() and ax.get_title(loc="left")
     for ax in axes[0, :2]:
         drawn = np.concatenate([line.get_ydata() for line in ax.get_lines()])
-        # The curves are relative to the limits, and drawn with one digit more than is visible.
+        # The curves are relative to the limits.
         assert np.isfinite(drawn).all() and np.abs(drawn).max() <= 1.0 + 1e-6 and np.abs(drawn).max() >= 0.999
 
 

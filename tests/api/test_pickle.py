@@ -197,7 +197,7 @@ def test_names_of_any_letters_survive_a_pickle() -> None:
     np.testing.assert_array_equal(back.limits["q_max"], arm.limits["q_max"])
 
 
-# More numbers than one piece of a pickle contains, and not a multiple of a piece.
+# A pickle stores an array in pieces. These are more numbers than one piece contains, and not a multiple of a piece.
 MANY = 600_001
 SHARE = 1 << 22
 

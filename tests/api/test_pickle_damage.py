@@ -196,7 +196,7 @@ def test_objects_are_restored_from_pickles_and_copies(thing: Any) -> None:
 
 @each
 def test_a_flipped_bit_is_noticed(thing: Any) -> None:
-    """One bit of every byte is flipped in a short payload, and of 400 bytes in a long one."""
+    """In a short payload one bit of every byte is flipped. In a long payload one bit of each of 400 bytes is flipped."""
     stored, inside = payload(thing)
     places = np.unique(np.linspace(inside[0], inside[-1], 400).astype(int))
     for k, place in enumerate(places):

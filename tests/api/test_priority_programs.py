@@ -30,8 +30,8 @@ ODD = [
     al.JointLimitTask(gain=1.0),
 ]
 Q4, Q7 = np.array([0.1, 1.2, 0.9, 1.4]), np.array([0.3, -0.5, 0.2, -1.5, 0.1, 1.2, 0.4])
-#: The nearly stretched arm. At the start the second task is singular. The first has a singular value of 0.012, below the default threshold
-#: of "clamp". The motion passes algorithmic singularities.
+#: The arm is nearly stretched. At the start the second task is singular. The first has a singular value of 0.012, below the default
+#: threshold of "clamp". The motion passes algorithmic singularities.
 STRETCHED = np.array([0.3, 0.0, 0.02, 0.01])
 PROGRAMS = al.build_info()["programs"]
 STEPS, DT = 120, 2e-3
@@ -113,7 +113,7 @@ def test_rows_of_a_batch_equal_single_runs(name: str) -> None:
 
 
 def test_steps_that_are_declined_are_taken_directly() -> None:
-    """The algorithm for regular steps would give velocities far beyond the bound of the clamp, or NaN."""
+    """The algorithm for regular steps would give NaN, or velocities far beyond the bound of the method "clamp"."""
     plant, bounded = al.VelocityArm(FOUR), al.PriorityVelocity(FOUR, BOTH, "clamp", eps=0.2)
     run = al.simulate(plant, bounded, [0.3, 0.0, 0.0, 0.0], t_end=STEPS * DT, dt=DT)
     assert run.stats["engine"] == PROGRAMS and run.status == al.Status.SUCCESS

@@ -13,7 +13,7 @@ import pytest
 
 import armlet as al
 
-# All joints have equal gains, too stiff for light joints at these steps. The runs are only compared, so they need not be accurate.
+# The gains are too stiff for light joints at this step size. The runs are only compared, so they need not be accurate.
 pytestmark = pytest.mark.filterwarnings("ignore:.*balance does not close:UserWarning")
 
 TWO = al.planar_arm([0.5, 0.4], masses=[3.0, 2.0])
@@ -46,7 +46,7 @@ def test_stats_name_the_engine_of_a_run() -> None:
 
 
 def test_a_repeated_loop_reuses_its_program() -> None:
-    # The lengths are random, because a program contains lengths as constants. So no earlier program fits.
+    # The lengths are random, because a program contains lengths as constants. So no stored program fits.
     arm = al.planar_arm(np.random.default_rng().uniform(0.3, 0.5, 3), masses=[1.0, 2.0, 3.0])
     plant, law, q0 = al.RigidArm(arm), pd(arm), np.array([0.1, 0.2, -0.3])
     options: dict[str, Any] = {"method": "dopri5", "rtol": 1e-8, "atol": 1e-10}
@@ -189,7 +189,7 @@ def test_rates_and_derivatives_as_programs_are_those_of_the_loop(law: str, metho
 
 
 def test_rows_of_adaptive_batches_equal_single_runs() -> None:
-    """Rows with gains and parameters of several structures. Some runs are programs, others end earlier and are direct."""
+    """The rows have gains in several forms (numbers, vectors, matrices) and different parameters. All runs are programs."""
     gains: list[Any] = [60.0, 1.0, [60.0, 1.0], 60.0 * np.eye(2) + 1.0, 61.0]
     arms = [TWO.with_parameters(np.asarray(TWO.parameters) * (1.0 + 0.1 * k)) for k in range(len(gains))]
     laws, plants = [pd(arm, kp=kp) for arm, kp in zip(arms, gains, strict=True)], [al.RigidArm(arm) for arm in arms]
@@ -217,7 +217,7 @@ def test_a_simulator_of_an_implicit_method_runs_programs(driven: bool) -> None:
 
 
 def test_rows_of_other_structure_do_not_touch_one_another() -> None:
-    """Rows with gains equal to one, full gains and other parameters. Each row equals a single run to the last bit."""
+    """The rows have gains in several forms, and some have other parameters. Each row equals a single run to the last bit."""
     gains: list[Any] = [60.0, 1.0, [60.0, 1.0], [1.0, 60.0], 60.0 * np.eye(2) + 1.0, np.eye(2), 61.0, [1.0, 1.0], 62.0, [60.0, 61.0]]
     arms = [TWO.with_parameters(np.asarray(TWO.parameters) * (1.0 + 0.1 * k)) if k % 3 == 0 else TWO for k in range(len(gains))]
     laws = [pd(arm, kp=kp) for arm, kp in zip(arms, gains, strict=True)]

@@ -19,7 +19,7 @@ BATCH = (al.RigidArm(ARM), al.PDGravity(ARM, [0.1, 0.2], 20.0, 5.0), np.zeros((5
 
 
 def lines(given: dict[float, int], total: int, before: int = 0) -> list[str]:
-    """The lines written for a dict of amounts done by time, in s."""
+    """The lines that `Progress` writes. `given` contains the amounts done by time in s."""
     stream, now = io.StringIO(), 0.0
     progress = Progress("runs", stream, lambda: now)
     progress.start(before)

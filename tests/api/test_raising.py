@@ -35,7 +35,7 @@ def test_a_law_that_raises_is_not_called_again(clock: dict[str, Any]) -> None:
     with pytest.raises(ZeroDivisionError, match="law") as caught:
         al.simulate(PLANT, law, [0.0, 0.0], t_end=1e3, **clock)
     assert caught.traceback[-1].name == "law"
-    # There are 501 samples up to 0.5 s, and the call that raised. An adaptive run may evaluate a sample twice.
+    # The law is called at 501 samples up to 0.5 s, and in the call that raises. An adaptive run may evaluate a sample twice.
     assert 502 <= calls <= 504
 
 

@@ -218,7 +218,7 @@ ONLY = {"q_min": [-9.0, -9.0], "q_max": [9.0, 9.0], "v_max": [9.0, 9.0], "effort
 
 
 def outside(*, name: str, joint: int, value: float, law: str = "PDGravity", **limits: list[float]) -> float:
-    """Time outside limits of a run at zero, in which one quantity of one joint has the value `value` from 2 s to 5 s."""
+    """The time outside the limits, s. One quantity of one joint has the value `value` from 2 s to 5 s, and all others are zero."""
     fields: dict[str, Any] = {each: np.zeros((len(T), 2)) for each in ("q", "v", "tau")}
     fields[name][(T >= 2.0) & (T < 5.0), joint] = value
     stated = {each: np.array(numbers) for each, numbers in (ONLY | limits).items()}
@@ -228,7 +228,10 @@ def outside(*, name: str, joint: int, value: float, law: str = "PDGravity", **li
 @pytest.mark.parametrize("joint", [0, 1])
 @pytest.mark.parametrize("name", ["q", "v", "tau"])
 def test_every_limit_has_two_sides(name: str, joint: int) -> None:
-    """Each limit is exceeded by 3 s of 10 s, for position, speed and effort, both signs and both joints. A value on the limit is inside."""
+    """Each limit is exceeded for 3 s of 10 s, for position, speed and effort, both signs and both joints.
+
+    A value on the limit is inside.
+    """
     for value in (9.5, -9.5):
         assert outside(name=name, joint=joint, value=value) == pytest.approx(3.0, abs=1e-9)
     for value in (9.0, -9.0):

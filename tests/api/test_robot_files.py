@@ -59,7 +59,7 @@ class TestPackages:
         (own / "away").symlink_to(outside)
         with pytest.raises(al.InputError, match=r"path_or_xml leads out of its package: expected a file inside"):
             al.load_urdf(f"package://my_robot/{rest}", search_path=own)
-        # A link out of the package is allowed into a folder of `search_path`, because workspaces link installed files to sources.
+        # A symbolic link from the package into a folder of `search_path` is allowed, because workspaces link installed files to sources.
         assert al.load_urdf("package://my_robot/out.urdf", search_path=[own, outside]) == ARM
 
     @pytest.mark.parametrize(
@@ -306,7 +306,10 @@ def prefixed(limit: str, more: str) -> str:
 
 
 def test_prefixes_without_a_declaration() -> None:
-    """Other URDF readers accept such names. A colon in a quoted text is kept, and elements are reported with their line."""
+    """Other URDF readers accept names with undeclared prefixes.
+
+    A colon in a quoted text is kept, and elements are reported with their line.
+    """
     plain = al.load_urdf(prefixed("", ""))
     arm = al.load_urdf(prefixed("drake:acceleration='2.5' old:x=\"drake:y\"", "<drake:joint name='k'><drake:member/></drake:joint>"))
     assert arm.n == 1 and "drake:b" in arm.frame_names and arm.limits["v_max"] == plain.limits["v_max"]

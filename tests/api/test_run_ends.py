@@ -13,7 +13,7 @@ import armlet as al
 
 ARM = al.planar_arm([1.0, 1.0])
 PLANT = al.RigidArm(ARM)
-# Stable in continuous time, but strongly unstable with steps of 0.5 s.
+# This loop is stable in continuous time, but strongly unstable with steps of 0.5 s.
 LAW = al.PDGravity(ARM, [1.0, 0.5], kp=100.0, kd=20.0)
 COARSE: dict[str, Any] = {"t_end": 1.0, "dt": 0.5}
 FREE = al.PDGravity(al.planar_arm([1.0, 1.0], gravity=(0.0, 0.0)), [0.0, 0.0], kp=1e-9, kd=1e-9)
@@ -269,7 +269,10 @@ class TestSimulator:
             al.Simulator(PLANT, LAW, [0.0, 0.0], dt=1e-3).set_state([0.0, 0.0], [0.0, 0.0], theta=[0.0, 0.0])
 
     def test_the_state_of_the_law_is_set_too(self) -> None:
-        """A loop that continues from the state of another loop has its bits: integral, estimate with filters, observer and contact."""
+        """A loop that continues from the state of another loop gives the same bits.
+
+        The state of a law includes its integral, its estimate with filters, its observer and its contact.
+        """
         watch = al.MomentumObserver(ARM, 50.0, threshold=0.5)
         retract = {"stiffness": 100.0, "damping": 20.0, "speed": 0.3, "duration": 0.5}
         inner = al.PID(ARM, [0.4, 0.1], 60.0, 30.0, 10.0, derivative_filter=200.0, observer_bandwidth=10.0)
@@ -316,7 +319,7 @@ class TestSimulator:
     @pytest.mark.parametrize("method", ["euler", "semi_implicit", "rk4", "ros2"])
     @pytest.mark.parametrize("sample_time", [None, 2e-3])
     def test_steps_have_the_bits_of_the_run(self, method: str, sample_time: float | None) -> None:
-        """Steps of rigid and elastic arms are checked under laws that decide no ranks."""
+        """Steps of a `Simulator` have the bits of a run, for laws without task priority."""
         elastic = al.MotorPD(ARM, [0.2, 0.1], 10.0, 1.0, joint_stiffness=1e3)
         loops: list[tuple[Any, Any]] = [
             (PLANT, al.ComputedTorque(ARM, al.Quintic([0.3, 0.5], [0.6, 0.1], 0.2), 100.0, 20.0)),

@@ -25,7 +25,7 @@ GOOD: dict[str, Any] = {
 
 
 def changed(changes: dict[str, Any]) -> dict[str, Any]:
-    """The tables GOOD with changes: a whole table, or, by `table.key`, one entry. None removes it."""
+    """The tables GOOD with changes. A key is a table, or one entry as `table.key`. The value None removes it."""
     data = copy.deepcopy(GOOD)
     for path, value in changes.items():
         table, _, key = path.partition(".")

@@ -76,7 +76,7 @@ class TestUnboundedTime:
         ours = al.integrate(lambda t, y: -y, (0.0, np.inf), [1.0], method=method, rtol=1e-6, events=down)
         theirs = solve_ivp(lambda t, y: -y, (0.0, np.inf), [1.0], method=al.scipy_method(method), rtol=1e-6, atol=1e-10, events=down)
         assert ours.status is al.Status.EVENT and theirs.status == 1
-        # The last time is the event, which scipy locates by its own search.
+        # The last time is that of the event, which scipy locates by its own search.
         assert np.array_equal(ours.t[:-1], theirs.t[:-1])
         assert ours.t[-1] == pytest.approx(np.log(4.0), rel=1e-5)
 
@@ -123,7 +123,7 @@ class TestJacobians:
         sparse = al.integrate(f, (0.0, 0.2), start(), method=method, rtol=1e-6, atol=1e-8, jac_sparsity=pattern)
         both(method, diffusion, (0.0, 0.2), start(), jac_sparsity=pattern)
         assert np.array_equal(dense.y, sparse.y) and f.calls == sparse.stats["evaluations"]
-        # Three groups of columns replace 24 columns.
+        # With the sparsity pattern, a Jacobian takes differences along three directions instead of 24.
         per_jacobian = 21 * (2 if method == "rodas4" else 1)
         assert dense.stats["evaluations"] - f.calls == per_jacobian * sparse.stats["jacobians"]
 
@@ -245,7 +245,7 @@ class TestAsAClass:
     def test_counts_are_scipys(self, method: str) -> None:
         f = Counted(diffusion)
         solution = solve_ivp(f, (0.0, 0.1), start(), method=al.scipy_method(method))
-        # Evaluations for differences are not counted. scipy's constructor evaluates nothing.
+        # Only evaluations for differences are not counted.
         assert solution.nfev < f.calls if method in IMPLICIT else solution.nfev == f.calls
         exact = solve_ivp(Counted(diffusion), (0.0, 0.1), start(), method=al.scipy_method("radau5"), jac_sparsity=BAND)
         assert exact.nfev < 300 and exact.njev > 0

@@ -12,7 +12,7 @@ from test_sweep import DRAWS, SCENARIO, same, toml
 import armlet as al
 
 OPTIONS = {"draws": 40, "seed": 3, "chunk": 10}
-# Limits the files of this process to 4 KiB, less than a chunk. A write then fails as on a full disk.
+# This code limits the files of its process to 4 KiB, less than a chunk. A write then fails as on a full disk.
 LIMITED = """
 import resource, sys
 resource.setrlimit(resource.RLIMIT_FSIZE, (4096, resource.getrlimit(resource.RLIMIT_FSIZE)[1]))

@@ -25,7 +25,7 @@ def test_errors_equal_those_of_the_monitors() -> None:
     run = al.simulate(al.VelocityArm(ARM), al.PriorityVelocity(ARM, TASKS), Q0, t_end=1.0, dt=1e-2)
     assert run.position_error is not None and run.position_error.shape == (101, 2)
     np.testing.assert_allclose(run.position_error[:, 0], run.monitors["error_1"], rtol=0.0, atol=1e-14)
-    # The second task counts only its x row. The posture has no frame, and rz is not a position.
+    # The second column is the x row of the last task. A posture has no frame, and rz is not a position.
     x = np.abs(0.9 - ARM.position(run.q, "link2")[:, 0])
     np.testing.assert_allclose(run.position_error[:, 1], x, rtol=0.0, atol=1e-15)
     found = run.metrics()

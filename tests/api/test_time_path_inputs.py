@@ -1,4 +1,4 @@
-"""The Python interface of `time_path`: refused arguments with their names, paths of every kind, pickles, motions in a law."""
+"""The Python interface of `time_path`: errors that name a refused argument, paths of every kind, pickles, motions in a law."""
 
 from __future__ import annotations
 

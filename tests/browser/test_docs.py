@@ -1,6 +1,6 @@
 """The pages of `make docs` in a real browser: a wide window in light colours, and a phone in dark ones.
 
-On each page nothing is cut off, each formula is rendered, text is large and stands out, and nothing comes from elsewhere.
+On each page nothing is cut off, each formula is rendered, and text is large and has contrast. No content is from other sites.
 """
 
 from __future__ import annotations

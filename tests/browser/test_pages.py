@@ -58,7 +58,7 @@ def test_sliders_change_the_run(lab: LabPage, drawn: Draw, visit: Go) -> None:
     time.sleep(8.0)
     still = model.q.copy()
     time.sleep(0.5)
-    # The remaining oscillation decays within a second; the motion had moved by 1 m/s.
+    # The remaining oscillation has decayed. During the motion the arm moved at up to 1 m/s.
     assert np.abs(model.q - still).max() < 1e-2
     seen.turn("adaptation Gamma, 10^", -1.0)
     until(lambda: np.isclose(float(model.values["gamma"]), 0.1), "a slider over powers of ten")

@@ -2,8 +2,9 @@
 
 motion:    along the profile the torque is on a limit. Over panels, the change of q is int v dt, and the change of v is
            int (tau - G sin q - d v - c sign v)/I dt
-refused:   a monotone motion is found if Runge-Kutta steps find one, or if friction dominates and the net torque is always positive
-swings:    no motion that turns at a random angle is faster, by Runge-Kutta steps
+refused:   the planner finds a monotone motion if Runge-Kutta steps find one. It also finds one if friction dominates and the net
+           torque is always positive
+swings:    no motion that turns at a random angle is faster. Runge-Kutta steps give its time
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ SIZE = 200
 STEPS, TURNS = 1500, 4
 #: Relative accuracy of the time of a leg by these steps. Near a stall it is worse.
 ROUGH = 1e-3
-#: Panels of a phase, dense at its ends, where friction balances the torque; and quadrature nodes in a panel.
+#: Panels of a phase, relative to its duration. They are dense at the ends, where friction can balance the torque.
 PANELS = np.unique(np.concatenate([np.linspace(0.0, 1.0, 65), 2.0 ** np.arange(-80, -6), 1.0 - 2.0 ** np.arange(-80, -6)]))
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(10)
 
@@ -88,7 +89,10 @@ def legs(start: np.ndarray, end: np.ndarray, p: np.ndarray) -> np.ndarray:
 
 
 def motion_error(o: Any, row: list[float]) -> float:
-    """Error of the motion, relative to its size and speed: in its equation, and in the rest at its ends and its turning angle."""
+    """Error of the motion, relative to its size and speed.
+
+    It includes the error of the equation of motion. The link must be at rest at the ends and at the turning angle.
+    """
     theta0, thetaf, inertia, G, high, low, viscous, coulomb = row
     turns = [] if np.isnan(o.best.t_turn) else [o.best.t_turn]
     times = np.sort([0.0, *o.best.t_switches, *turns, o.best.t])

@@ -1,6 +1,6 @@
 """Random one-link problems for `bang_bang_time` and `torque_optimal_time`, checked by numpy.
 
-bang-bang:   every torque of the profile at t_min and t_max is inside the limits. It is so no longer if t_min is shorter or t_max longer
+bang-bang:   the torques of the profile are within the limits at t_min and t_max. With a shorter t_min or a longer t_max, they are not
 optimum:     time = sum of int 2 sqrt(L) ds / sqrt(2 w(L s^2) / I) over the legs, w the mean net torque from the rest point. Gauss
              rules have 32 and 64 nodes. Energies agree at the switches and are positive. No random swing is faster
 possible:    if the energy of each phase, a straight line over the angle, exceeds the potential at samples, some motion is found
@@ -21,8 +21,8 @@ Array = NDArray[np.float64]
 STRATA = ("nominal", "tiny", "limits", "on the edge", "turns")
 SIZE = 1000
 RULES = [np.polynomial.legendre.leggauss(k) for k in (32, 64)]
-#: Number of random swings per problem and kind (back-swing, overshoot), none of which may be faster. In problems that are not certified,
-#: the first one turns at an angle at which `turning_points` finds a possible swing, if there is one.
+#: Number of random swings per problem and kind (back-swing, overshoot), none of which may be faster. If armlet does not certify its
+#: optimum, the first swing turns at an angle from `turning_points`, if there is one.
 SWINGS = 2
 #: Number of angles, from 2 pi behind the start to the end, at which the test checks whether a swing can turn.
 SAMPLES = 1000
@@ -121,13 +121,13 @@ def monotone(x0: Array, x1: Array, G: Array, up: Array, down: Array) -> tuple[Ar
 
 
 def swing(x0: Array, x1: Array, G: Array, up: Array, down: Array, e: Array) -> tuple[Array, Array, Array]:
-    """Time, difference and margin of the motion that first moves back by the angle `e`."""
+    """The three values of `monotone` for the motion that first moves back by the angle `e`."""
     away, towards = monotone(-x0, e - x0, G, down, up), monotone(x0 - e, x1, G, up, down)
     return away[0] + towards[0], away[1] + towards[1], np.minimum(away[2], towards[2])
 
 
 def turning_points(x0: Array, x1: Array, G: Array, up: Array, down: Array) -> tuple[Array, NDArray[np.bool_]]:
-    """Angles back from the start, and whether a swing can turn there for certain. A margin covers maxima of energy between samples."""
+    """Angles back from the start, and whether a swing can certainly turn there. A margin covers maxima of energy between samples."""
     h = (x1 - x0 + 2 * np.pi)[:, None] / (SAMPLES - 1)
     x = x1[:, None] - h * np.arange(SAMPLES)
     e, V = x0[:, None] - x, -G[:, None] * np.cos(x)

@@ -20,9 +20,10 @@ Array = NDArray[np.float64]
 EPS = float(np.finfo(np.float64).eps)
 PROMISE = 1e-9
 STRATA = ("nominal", "tiny", "limits", "repeated", "reversed", "end speed", "idle", "friction")
-#: Number of paths of a block. They have one arm and one number of waypoints.
+#: Number of paths of a block. They share one arm and one number of waypoints.
 SIZE = 250
-#: Numbers of checked times of a path: grid points, random times, and pairs of times around the middle of segments for differences.
+#: Numbers of checked times of a path: at grid points, at random, and in pairs. Differences are computed from pairs around the middle of a
+#: segment.
 NODES, ANYWHERE, PAIRS = 8, 24, 10
 APART = 1e-3
 
@@ -92,14 +93,14 @@ class Splines:
         return np.asarray((at[..., None] >= self.s[:, None, 1:-1]).sum(axis=-1))
 
     def __call__(self, at: Array, k: NDArray[np.int64]) -> tuple[Array, Array, Array]:
-        """q and its derivatives q', q'' by the path position, at the positions `at` (B, T) on the pieces `k` (B, T): each (B, T, n)."""
+        """q, q' and q'', each (B, T, n), at the path positions `at` (B, T) on the pieces `k` (B, T)."""
         row = np.arange(at.shape[0])[:, None]
         z = (at - self.s[row, k])[..., None]
         d, m, r = self.d[row, k], self.m[row, k], self.r[row, k]
         return self.q[row, k] + z * (d + z * (m / 2 + z * r / 6)), d + z * (m + z * r / 2), m + z * r
 
     def third(self, k: NDArray[np.int64]) -> Array:
-        """Magnitude of the third derivative on the pieces `k` (B, T), (B, T, n)."""
+        """Magnitude (B, T, n) of the third derivative on the pieces `k` (B, T)."""
         return np.abs(self.r[np.arange(k.shape[0])[:, None], k])
 
 

@@ -52,7 +52,7 @@ def test_the_balance_closes(name: str, rubs: bool) -> None:
 
 
 def test_rotors_that_the_law_does_not_know_are_counted() -> None:
-    """The law's arm has other rotor inertias. The balance includes the work of the difference on s."""
+    """The rotor inertias of the law's arm differ from those of the plant. The balance includes the work of this difference."""
     law = made("friction", robot(friction=0.15, armature=0.2))
     plant = al.RigidArm(robot(friction=0.15, armature=0.35), friction=True)
     run = al.simulate(plant, law, **START, t_end=1.0, **TIGHT)

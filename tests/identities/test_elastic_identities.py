@@ -186,7 +186,7 @@ def test_rigid_arms_and_joint_laws_rest_too() -> None:
 
 @pytest.mark.parametrize("name", ["desired", "online", "state feedback", "joint impedance"])
 def test_regulation(name: str) -> None:
-    """Under every law of joints the arm comes to rest at its target. The torque there balances gravity."""
+    """Under every law of joint positions the arm comes to rest at its target. The torque there balances gravity."""
     target = np.array([0.6, 0.9])
     laws = {
         "desired": al.MotorPD(PLANAR, target, 150.0, 25.0, K_J),
@@ -204,7 +204,8 @@ def test_regulation(name: str) -> None:
 def test_error_to_the_rigid_target() -> None:
     """The deviation from the motion of the rigid arm is O(sqrt(B0)) if D0 decreases with B0.
 
-    It does not converge to zero if D0 is fixed. With damping of theta_dot - v it is less than a tenth, at B0 = B/16.
+    It does not converge to zero if D0 is fixed. With B0 = B/16, damping of theta_dot - v gives less than a tenth of the deviation that
+    damping of theta_dot gives.
     """
     times = np.linspace(0.0, 0.5, 501)
     options: dict[str, Any] = {"t_end": 0.5, "t_eval": times, "force": [10.0, -15.0], "method": "dop853", "rtol": 1e-9, "atol": 1e-11}

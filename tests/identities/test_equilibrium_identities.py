@@ -1,4 +1,7 @@
-"""Equilibria of elastic arms under laws of motors, against walls and at stops: compared with the end of a long run; and the flags."""
+"""Equilibria of elastic arms under laws of motors, against walls and at stops.
+
+They are compared with the end of a long run. The flags of an equilibrium are checked too.
+"""
 
 from __future__ import annotations
 
@@ -140,7 +143,10 @@ RAIL = [
 @pytest.mark.parametrize("elastic", [False, True])
 @pytest.mark.parametrize("axes", ["x", "xy", "xy rz"])
 def test_null_motions_are_free_and_counted(axes: str, elastic: bool) -> None:
-    """Without a posture n - m motions are free. Damping alone does not change this number. A null-space spring reduces it to zero."""
+    """Without a posture, the target of m rows leaves n - m motions free.
+
+    Damping alone does not change this number. A null-space spring reduces it to zero.
+    """
     arm = al.Arm.from_chain(RAIL, gravity=(0.0, -9.81, 0.0)).with_frame("tip", "link5", xyz=[0.2, 0.0, 0.0])
     q0 = np.array([0.1, 0.3, 0.5, -0.4, 0.6])
     rows = {"x": [0], "xy": [0, 1], "xy rz": [0, 1, 5]}[axes]

@@ -1,4 +1,4 @@
-"""Events, contacts and dense output of runs: event times to rounding, balances through impacts, one state at all times."""
+"""Events, contacts and dense output of runs: times of events to rounding, balances through impacts, states between records."""
 
 from __future__ import annotations
 

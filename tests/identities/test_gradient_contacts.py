@@ -1,4 +1,4 @@
-"""Derivatives of runs with respect to drives, through located changes of contact, and for rows of a batch."""
+"""Derivatives of runs: with respect to drives, where contacts change, and for rows of a batch."""
 
 from __future__ import annotations
 
@@ -61,7 +61,10 @@ CONTACTS: dict[str, tuple[Any, Any, list[float], list[float], dict[str, Any], li
 
 @pytest.mark.parametrize("case", CONTACTS)
 def test_tangents_jump_where_contacts_change(case: str) -> None:
-    """Derivatives through located changes of contact equal differences of runs, whose contact times change, and the adjoint."""
+    """Where contacts change, derivatives equal differences of runs, and the derivatives of the adjoint.
+
+    The contact times of these runs differ.
+    """
     plant, law, q0, v0, more, names = CONTACTS[case]
     names = ["v0", *names]
     options: dict[str, Any] = {"t_end": 0.24, "method": "dop853", "rtol": 1e-12, "atol": 1e-13, "t_eval": [0.0, 0.11, 0.24], **more}

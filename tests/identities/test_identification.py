@@ -51,7 +51,7 @@ def test_base_parameters(arm: al.Arm, extra: bool) -> None:
     lengths = np.linalg.norm(stacked, axis=0)
     scaled = stacked[:, lengths > 1e-9 * lengths.max()] / lengths[lengths > 1e-9 * lengths.max()]
     assert np.linalg.matrix_rank(scaled, tol=1e-7) == base.count
-    # The decisions about columns are unambiguous.
+    # Kept and dropped columns differ clearly.
     assert base.smallest_kept > 1e-4 and base.largest_dropped < 1e-12
     assert len(base.grouping) == base.count and all(base.names[j] in text for j, text in zip(base.columns, base.grouping, strict=True))
     np.testing.assert_array_equal(base.projection[:, base.columns], np.eye(base.count))

@@ -137,7 +137,7 @@ def test_jitter_in_adaptive_and_fixed_runs() -> None:
     sampling = al.Sampling(2e-3, delay=1e-3, jitter=1.5e-3, seed=2)
     fixed = run(dt=1e-5, sample_time=sampling, t_eval=[1.0])
     free = run(method="dopri5", rtol=1e-9, atol=1e-10, sample_time=sampling, t_eval=[1.0])
-    # Fixed steps round each delay down to 10 us.
+    # Fixed steps round each delay down to a multiple of 10 us.
     np.testing.assert_allclose(fixed.q, free.q, rtol=0.0, atol=2e-5)
 
 
@@ -225,7 +225,7 @@ def test_variants_of_adaptation_keep_the_lyapunov_identity(variant: str) -> None
     assert result.estimate is not None
     assert result.estimate.shape[1] == (base.count if base else 30)
     lyapunov = result.monitors["lyapunov"]
-    # The function does not increase and its balance is zero, up to the error of the integrator.
+    # The Lyapunov function does not increase and its balance is zero, up to the error of the integrator.
     assert np.all(np.diff(lyapunov) < 1e-8) and lyapunov[-1] < lyapunov[0] - 1.0
     assert np.max(np.abs(result.monitors["lyapunov_balance"])) < 1e-7
     q_d = np.array([motion(t)[0] for t in result.t])

@@ -71,7 +71,10 @@ def test_programs_give_the_bits_of_direct_calls() -> None:
 
 
 def test_identification_finds_the_parameters() -> None:
-    """The base parameters of the joined tree are identified from its torques. Drives belong to coordinates, not to joints."""
+    """The base parameters of an arm with mimic joints are identified from its torques.
+
+    Damping, friction and armature belong to coordinates, not to joints.
+    """
     rng = np.random.default_rng(6)
     q, v, a = rng.uniform(-1.5, 1.5, (3, 400, ARM.n))
     tau = ARM.inverse_dynamics(q, v, a, friction=True)

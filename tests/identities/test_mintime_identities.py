@@ -37,7 +37,7 @@ def swap(kind: str, p: tuple[float, ...]) -> tuple[tuple[float, ...], float]:
 
 @pytest.mark.parametrize("kind", ["mirror", "reversal"])
 def test_profiles(kind: str) -> None:
-    """Durations are equal up to rounding. sin is odd to the last bit, but the middle of the path is rounded from the other end."""
+    """Durations are equal up to rounding. The sine is exactly odd, but the middle of a reversed path is rounded differently."""
     feasible = 0
     for p in problems(2000, 3):
         other, tau_min = swap(kind, p)
@@ -176,7 +176,7 @@ TURNS = 32
 
 
 def test_swings_with_friction() -> None:
-    """The best of the three families of motions is the sum of its two legs. No turning angle of a grid gives a faster motion."""
+    """The time of the best swing is the sum of the times of its two legs. No turning angle of a grid gives a faster motion."""
     rows = problems(50, 10)
     roughness = [(0.1 * (p[2] * abs(p[3])) ** 0.5, 0.05 * p[4]) for p in rows]
     optima = [al.torque_optimal_time(*p[:5], tau_min=p[5], viscous=d, coulomb=c) for p, (d, c) in zip(rows, roughness, strict=True)]

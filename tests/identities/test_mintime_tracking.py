@@ -47,7 +47,7 @@ def test_seven_axes_without_enough_torque() -> None:
 
 @pytest.mark.parametrize("gravity", [0.0, 1.5])
 def test_symmetric_profile(gravity: float) -> None:
-    """System 4 at its shortest duration: the torque reaches its limit and is not clamped."""
+    """In the shortest motion of one link, the torque reaches its limit and is not clamped."""
     inertia, tau_max = 0.7, 2.0
     arm = al.pendulum(inertia, gravity)
     report = al.bang_bang_time(-np.pi / 2, np.pi / 2, inertia, gravity, tau_max)

@@ -88,7 +88,7 @@ def test_the_tip_acceleration_follows_the_equation(name: str, projection: Any) -
         np.testing.assert_allclose(x_ddot, spread @ J.T @ parts["force"] - coupling + pushed, atol=1e-9)
         if projection == "consistent":
             assert np.abs(pushed).max() < 1e-10
-        # The static torque is in the null space of J. So no wrench at the frame balances it.
+        # The static null-space torque has no component `J'F` of a wrench F at the frame.
         else:
             assert np.abs(J @ parts["null_torque"]).max() < 1e-11
             assert np.abs(J @ (parts["tau_0"] - parts["null_torque"])).max() > 1e-3
@@ -140,7 +140,7 @@ def test_elastic_joints_with_a_null_space_keep_their_balance() -> None:
         assert np.ptp(found.monitors["energy"]) > 1e-2  # J
 
 
-# Poses whose Jacobian has a smallest singular value below 5e-5. The test moves through them in all joints.
+# Poses whose Jacobian has a smallest singular value below 5e-5. The test moves all joints through these poses.
 SINGULAR = {
     "example": [-0.72, 0.0, -0.83, -0.45, 0.0, -0.36, 0.3],
     "spherical": [-0.3, 0.0, 1.27, 0.0, 1.1, 0.78, 1.4],

@@ -97,8 +97,8 @@ def test_the_residual_of_motors_is_their_friction() -> None:
         wanted += 60.0 * 2e-4 * (rubbing - wanted)
         worst = max(worst, float(np.abs(r - wanted).max()))
     assert links.residual is not None
-    # A held integrand has the error K dt / 2 times the change of the joint torque in the time 1/K, at most 32 N m. Friction reaches
-    # 3.9 N m.
+    # The observer holds the integrand for one step. The error is K dt / 2 times the change of the joint torque in the time 1/K. This change
+    # is at most 32 N m.
     assert worst <= 0.2 and np.abs(links.residual).max() <= 0.2
     with pytest.raises(al.InputError, match="observer of links"):
         motors.wrench(sim.theta, "link2")

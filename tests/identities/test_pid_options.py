@@ -26,7 +26,10 @@ def positions(motion: al.Motion, times: Any) -> Any:
 @pytest.mark.parametrize("rate", [None, 150.0])
 @pytest.mark.parametrize("ki", [None, 90.0])
 def test_a_sampled_loop_is_its_transfer_function(ki: float | None, rate: float | None, observer: float | None) -> None:
-    """Transfer function of a mass without gravity: forward differences of the law's states, exact motion of a mass under a held force."""
+    """A sampled loop of a mass without gravity equals its transfer function.
+
+    The states of the law are integrated by forward differences. The motion of the mass under a held force is exact.
+    """
     kp, kd, m = 120.0, 24.0, 1.1
     inertia = None if observer is None else m
     law = al.PID(mass(), [0.2], kp, ki, kd, derivative_filter=rate, observer_bandwidth=observer, nominal_inertia=inertia)

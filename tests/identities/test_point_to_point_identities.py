@@ -51,7 +51,7 @@ def test_closed_forms() -> None:
 
 @pytest.mark.parametrize(("v_max", "j_max"), [(1e20, 1e20), (1e7, 1e13), (10.0, 1e13)])
 def test_phases_shorter_than_rounding(v_max: float, j_max: float) -> None:
-    """Limits of jerk so large that the phases of jerk are lost in rounding. The acceleration alone determines the time, 2 sqrt(d / a)."""
+    """With these jerk limits, the phases of nonzero jerk are shorter than a rounding error. The duration is 2 sqrt(d / a)."""
     p = al.point_to_point([0.0, 0.0], [1.0, -2.0], v_max, [1.0, 2.0], j_max)
     assert p.duration == pytest.approx(2.0, rel=1e-3) and p.margin >= -1e-14
     np.testing.assert_array_equal(p(p.duration)[0], [1.0, -2.0])

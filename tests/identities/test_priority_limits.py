@@ -100,7 +100,10 @@ def test_a_joint_that_must_not_rest_gives_its_speed_to_the_task() -> None:
 
 
 def test_rounding_of_a_command_does_not_move_saturated_velocities() -> None:
-    """Higher levels move joints to their bounds. Whether these joints stop a lower level must not depend on the last bit."""
+    """Higher levels move joints to their bounds.
+
+    Rounding errors must not determine whether these joints limit the velocity of a lower level.
+    """
     rng = np.random.default_rng(1)
     saturated = 0
     for _ in range(60):

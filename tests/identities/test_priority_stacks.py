@@ -82,7 +82,7 @@ def check(b: Block, method: str) -> None:
     for sol in prefixes:
         assert np.isfinite(sol.v).all() and all(np.isfinite(r).all() for r in sol.residuals), method
     v, eps = prefixes[-1].v, b.eps
-    # Velocities of "exact" exceed 1e16 near singularities. Their rounding errors are proportional to them.
+    # Velocities of the method "exact" exceed 1e16 near singularities. Their rounding errors are proportional to them.
     allowed = np.maximum(1e-10, 1e-12 * (1 + norm(v)))
     for i, J in enumerate(b.jacobians):
         moved = largest(times(J, v - prefixes[i].v))
@@ -91,8 +91,8 @@ def check(b: Block, method: str) -> None:
         if method in ("clamp", "damped"):
             before = prefixes[i - 1].v if i else np.zeros_like(v)
             rest, step = norm(b.velocities[i] - times(J, before)), norm(prefixes[i].v - before)
-            # Damping by the manipulability has a largest gain of 1.21/eps. v also has rounding errors of tiny rows, where velocities are
-            # very large.
+            # Damping by the manipulability has a largest gain of 1.21/eps. The tolerance also covers rounding errors, which are
+            # proportional to the velocities.
             peak, slack = (1.0 if method == "clamp" else 1.2072), 1e-12 * (1 + np.maximum(norm(prefixes[i].v), norm(before)))
             seen = eps[i] > 0
             assert (step <= peak * rest * (1 + 1e-9) / np.where(seen, eps[i], 1.0) + slack)[seen].all(), (method, i)

@@ -28,7 +28,7 @@ def test_only_samples_change_the_torque(method: str, jump: float) -> None:
     # The torque changes only at the samples. A period has 40 records, none at a sample.
     changes = np.flatnonzero(np.any(np.diff(run.tau, axis=0) != 0.0, axis=1)) + 1
     assert changes.tolist() == [40, 80, 120]
-    # Fixed steps with a step at the jump, up to the error of RK4 and of the rounded jump.
+    # The run with fixed steps has a step that ends at the jump. The difference is the error of RK4 and of the rounded time of the jump.
     fixed = al.simulate(al.RigidArm(ARM), law(), [0.0, 0.0], dt=2.5e-3, **options)
     np.testing.assert_allclose(run.tau, fixed.tau, rtol=0.0, atol=1e-7)
 

@@ -25,7 +25,7 @@ PROMISE = 1e-9
 
 
 def used(p: al.TimedPath, t: np.ndarray, limits: dict[str, Any]) -> np.ndarray:
-    """Relative values of all limits at the times t, (T, limits)."""
+    """The limited quantities, relative to their limits, at the times t, (T, limits)."""
     q, v, a = p(t)
     parts = [np.abs(CHECKER.inverse_dynamics(q, v, a)) / limits["tau_max"]] if "tau_max" in limits else []
     if "v_max" in limits:
@@ -51,7 +51,7 @@ def jumps(p: al.TimedPath, limits: dict[str, Any]) -> tuple[np.ndarray, np.ndarr
     even = np.isclose(np.roll(steps, 1), steps, rtol=1e-6)
     inner = np.arange(2, active.size - 1)
     chosen = inner[(np.ptp(np.stack(near), axis=0) == 0)[inner] & (active[inner] >= 0) & even[inner]]
-    # The times differ from that of the point by 1e-8 of the duration, in which the motion itself hardly changes the torque.
+    # The torques are computed 1e-8 of the duration before and after the point. In this time the motion itself hardly changes the torque.
     aside = 1e-8 * p.duration
     before, after = (CHECKER.inverse_dynamics(*p(p.t[chosen] + side * aside)) for side in (-1.0, 1.0))
     return np.abs(after - before), active[chosen]
@@ -96,10 +96,10 @@ ARMS = {name: al.load_urdf(al.example_urdf(name)) for name in ("six_axis", "seve
 
 @pytest.mark.parametrize("name", ARMS)
 def test_torque_on_a_speed_limit_of_other_arms(name: str) -> None:
-    """The largest jump of a torque at grid points on the speed limit of one joint, relative to the largest torque of the motion.
+    """On the speed limit of one joint, the torque has small jumps at grid points, relative to the largest torque of the motion.
 
-    It is at most 1e-3 where the four nearest segments are on this limit to 5e-6. Near a switch the speed approaches its limit over some
-    segments. Where they are on it to 1e-3, three of 100 jumps may exceed 5e-3.
+    If the four nearest segments are within 5e-6 of the limit, a jump is at most 1e-3. Near a switch the speed approaches the limit over
+    some segments. If the segments are only within 1e-3 of the limit, 3 % of the jumps may exceed 5e-3.
     """
     arm = ARMS[name]
     for seed in range(3):

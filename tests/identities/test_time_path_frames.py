@@ -78,7 +78,7 @@ def test_differences_of_positions() -> None:
     behind, here, ahead = (CHECKER.position(p(t + k * h)[0], "link3") for k in (-1.0, 0.0, 1.0))
     speed = np.linalg.norm(ahead - behind, axis=1) / (2 * h)
     acceleration = np.linalg.norm(ahead - 2 * here + behind, axis=1) / h**2
-    # Differences over 2e-4 s. Positions have rounding errors of 1e-16, divided by 1e-8 s^2.
+    # The second differences divide rounding errors of positions, about 1e-16 m, by 1e-8 s^2.
     assert speed.max() <= 0.5 * (1 + 1e-6) and acceleration.max() <= 2.0 * (1 + 1e-6)
     assert speed.max() > 0.499 and acceleration.max() > 1.99
 

@@ -73,7 +73,7 @@ def judge(arm: Any, p: al.TimedPath, spline: Any, limits: dict[str, Any], rng: A
     speed = np.abs(v).max()
     least = 1e-5 * speed + 1e-15 * np.abs(q).max() / h.min()
     np.testing.assert_allclose((later[0] - sooner[0]) / (2 * h[:, None]), v, rtol=0.0, atol=least)
-    # The motion is on the path: the spline passes its points, at an s within the segment.
+    # The motion is on the path: the spline passes through each of its points at some s within the segment.
     for _ in range(60):
         s = 0.5 * (low + high)
         ahead = ((q - spline(s)[0]) * spline(s)[1]).sum(axis=1) > 0.0

@@ -44,9 +44,9 @@ def followed(case: int, rng: np.random.Generator, q: np.ndarray, tau_max: np.nda
     assert timing.excess(tau, tau_max, rounding) <= 1e-9
 
 
-#: Waypoints, torque limits and friction for which simpler corrections do not converge. In some cases, a new tangent of the friction cancels
-#: the reduction of a limit. In others, a limit is reduced because of the error of a tangent, or the excess of torque moves from one segment
-#: to the next.
+#: Waypoints, torque limits and friction for which simpler corrections do not converge. In some cases, a new tangent of the friction curve
+#: undoes the reduction of a limit. In others, the error of a tangent causes a reduction. In the rest, the excess of torque moves from one
+#: segment to the next.
 STUCK = [
     (
         "0.8463410586492675 1.4234639384615129 0.34340582121877317 -0.7300582484555804 "

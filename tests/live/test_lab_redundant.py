@@ -62,7 +62,7 @@ def test_the_observer_feels_a_push() -> None:
     assert np.abs(truth).max() > 1.0 and largest[1][-1] > largest[2][-1] == 0.5
     # The line of the force passes through the last axis, so joint 6 is the outermost joint with a torque.
     assert touched[1][-1] == 6.0
-    # A new threshold keeps the observer. A pull at the third link loads only joints 1 to 3.
+    # A new threshold does not reset the observer. A pull at the third link loads only joints 1 to 3.
     lab.set("threshold", 5.0)
     lab.set("push", 0.0)
     run(lab, 1.0)

@@ -117,7 +117,7 @@ def test_stiffness_limit() -> None:
 
 
 def test_stiffness_scale() -> None:
-    """The largest factor kappa of the stiffness K_m, at the rest of the force-step case without its force.
+    """The largest factor kappa of the stiffness K_m agrees, at the equilibrium of the case `ex3_force_step` without its force.
 
     The damping is D_m, 0.2 D_m or almost none.
     """

@@ -99,5 +99,5 @@ def test_no_names_are_lost() -> None:
     assert words("Arm.bias(friction)") == {"bias", "friction"} and words("simulate") == {"simulate"}
     assert words("Quintic.__call__") == {"Quintic"} and words("Adaptive.terms") == {"Adaptive", "terms"}
     said = spoken(HERE / "test_loops_parity.py", "test_forces_in_steps")
-    # `spoken` also finds the words of a dictionary of options, of a function of the same file, and of a class that this function names.
+    # `spoken` follows the definitions that a test uses: here a dictionary of options, and a function with the class that it names.
     assert said is not None and {"force", "sample_time", "law_pair", "CartesianImpedance"} <= said and "threads" not in said

@@ -173,7 +173,7 @@ def test_elastic_runs(n: int, compensate: bool) -> None:
 def test_elastic_integral_and_limits(n: int, limits: bool) -> None:
     """The torque limit of an elastic law is that of its motors.
 
-    The integral stops according to the change that `B B0^-1 J' w` makes to the motor torques.
+    An integral wrench w adds `B B0^-1 J' w` to the motor torques. If this would increase the excess over a limit, the integral stops.
     """
     rng = np.random.default_rng([n, 11])
     arms = pair(rng, n)

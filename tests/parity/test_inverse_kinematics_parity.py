@@ -44,7 +44,7 @@ def test_what_is_in_reach(n: int, seed: int) -> None:
 def test_what_is_out_of_reach(n: int, limits: bool) -> None:
     """A point some metres away: neither library reaches it.
 
-    armlet has the least largest entry of the error, and the reference the least norm, to a thousandth.
+    armlet minimises the largest entry of the error, and the reference minimises its norm. The test allows a thousandth of difference.
     """
     arm, theirs, frame, rng = pair(n, 4)
     point = 5.0 * rng.normal(size=3)

@@ -62,7 +62,7 @@ def test_a_constant_and_a_function_are_the_same_force() -> None:
     constant = al.simulate(al.RigidArm(arm), law, np.ones(4), force=wrench, **options)
     function = al.simulate(al.RigidArm(arm), law, np.ones(4), force=lambda t: wrench, **options)
     np.testing.assert_array_equal(constant.q, function.q)
-    # The acceleration at the start with the joint torque J'F.
+    # The expected acceleration at the start includes the joint torque J'F.
     a = arm.forward_dynamics(np.ones(4), np.zeros(4), law(0.0, np.ones(4), np.zeros(4)) + arm.jacobian(np.ones(4), frame).T @ wrench)
     # First differences of v over 1 ms err by the rate of the acceleration times dt.
     np.testing.assert_allclose((constant.v[1] - constant.v[0]) / 1e-3, a, rtol=0.1, atol=0.1)

@@ -120,7 +120,7 @@ def test_the_projection_of_a_file() -> None:
 def test_limits_of_all_joints_hold() -> None:
     """The limits of a joint keep all its mimic joints within theirs, for example -2 <= 2 turn_left - 0.1 <= 2.
 
-    Its effort is the joint's own.
+    The effort limit does not include those of the mimic joints.
     """
     arm, free = al.load_urdf(GRIPPER), al.load_urdf(GRIPPER, mimic="independent")
     low, high = arm.limits["q_min"], arm.limits["q_max"]
@@ -146,7 +146,10 @@ STATE = {"q0": [0.1, 0.2, 0.0], "v0": [0.2, -0.1, 0.3]}
 @pytest.mark.parametrize("method", ["rk4", "dopri5"])
 @pytest.mark.parametrize("name", LAWS)
 def test_loops_are_those_of_the_projected_arm(name: str, method: str) -> None:
-    """Runs agree with a loop in numpy, which projects the arm with independent joints (`G' M G`), integrated by scipy."""
+    """Runs agree with a loop in numpy, which scipy integrates.
+
+    The loop projects the dynamics of the arm with independent joints, such as `G' M G`.
+    """
     scipy_integrate = pytest.importorskip("scipy.integrate")
     arm, free = al.load_urdf(GRIPPER), al.load_urdf(GRIPPER, mimic="independent")
     G, c = projection(arm)

@@ -25,7 +25,10 @@ def random_stack(rng: np.random.Generator, singular: bool) -> Stack:
 
 
 def smallest_counted(Js: list[np.ndarray]) -> float:
-    """Return the conditioning of the stack: over all levels, the product of smallest counted to largest singular value."""
+    """Return the conditioning of the stack.
+
+    At each level, the smallest counted singular value is divided by the largest one. The result is the product over all levels.
+    """
     seen = al.diagnose_priority(Js)
     worst = 1.0
     for alone, projected, rank in zip(seen.singular_values, seen.projected_singular_values, seen.projected_ranks, strict=True):

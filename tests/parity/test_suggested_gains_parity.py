@@ -1,4 +1,7 @@
-"""Suggested gains against the reference, which finds the limit of the sampled loop from its spectral radius, and in closed loops."""
+"""Suggested gains against the reference, and in closed loops.
+
+The reference finds the limit of the sampled loop from its spectral radius.
+"""
 
 from __future__ import annotations
 

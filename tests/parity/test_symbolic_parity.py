@@ -55,7 +55,7 @@ def test_the_formulas_of_the_exam() -> None:
 
 
 def test_the_exam_s_robot_as_a_tree_of_bodies() -> None:
-    """From the bodies follow `A = m1 + m2`, `B` as the first moment of link 2 across the slide, and `C` as its inertia."""
+    """For the exam's robot, `A` is `m1 + m2`, `B` the first moment of link 2 across the slide, and `C` the inertia of link 2."""
     slide = {"type": "P", "axis": [1.0, 0.0, 0.0], "phi": [1.5, *[0.0] * 9]}
     turn = {"type": "R", "axis": [0.0, 0.0, 1.0], "phi": [0.5, 0.0, -1.0, 0, 0, 0, 0, 0, 0, 0.7]}
     formulas = check(al.Arm.from_chain([slide, turn], gravity=[0.0, 0.0, 0.0]), False)

@@ -36,7 +36,7 @@ class Call:
 def call(targets: list[Target], seed: int, number: int) -> Call:
     """Call number `number`.
 
-    Of 100 calls, 40 have plausible arguments, 45 one odd argument, the others up to 3. Few miss or add an argument.
+    Of 100 calls, 40 have plausible arguments, 45 one odd argument, the others up to 3. In a few calls an argument is missing or added.
     """
     chance = random.Random(f"{seed} {number}")
     target = chance.choice(targets)

@@ -136,8 +136,7 @@ def passes(binaries: dict[str, str], unit: str, number: int, timeout: float) -> 
     environment = os.environ | {"ARMLET_MUTANT": str(number), "RUST_MIN_STACK": "268435456", "PYTHONPATH": str(COPY / "python")}
     kind, _, names = unit.partition(" ")
     if kind in binaries:
-        # Reading the environment variable allocates memory, which would fail every test that counts allocations. So these tests are
-        # skipped.
+        # Reading the environment variable allocates memory, so every test that counts allocations would fail. These tests are skipped.
         command, where = [binaries[kind], *names.split(), "--test-threads", "2", "--skip", "alloc"], COPY / "rust/core"
     else:
         options = ["-c", str(COPY / "pyproject.toml"), "--rootdir", str(COPY), "-x", "-q", "-p", "no:cacheprovider", "--tb=no"]
