@@ -23,7 +23,7 @@ QUESTIONS = {
     "equation (7)": ("equation (7) with g_x = J^-T g", "The rigid arm in Cartesian coordinates"),
     "the rest under a force": ("x at 12 s = x_E = x_d + K_m^-1 F (m)", "Exercise 3: elastic joints"),
     "the minimum time": ("T_min / sqrt(4 pi I / tau_max) - 1, largest", "Exercise 4: minimum time"),
-    "a link by its mass": ("I = I_c + m d^2 (kg m^2)", "A link by its mass"),
+    "a link by its mass": ("I = I_c + m d^2 (kg m^2)", "Inertia and gravity moment from the mass"),
     "gravity against inertia": ("gravity always opposes the inertial torque", "Where gravity opposes the inertial torque"),
 }
 
