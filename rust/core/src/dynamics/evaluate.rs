@@ -86,7 +86,7 @@ impl Evaluator {
         Evaluator { engine: Box::new(BufferedTree::new(arm, eager)), size: arm.size(), frames: arm.frames.len() }
     }
 
-    /// Number of joints `n`.
+    /// Number of coordinates `n`: the number of joints that are not mimic joints.
     pub fn n(&self) -> usize {
         self.size.n
     }

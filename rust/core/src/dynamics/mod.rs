@@ -80,7 +80,7 @@ pub trait Dynamics<S: Real> {
     /// Create the buffers for this arm.
     fn workspace(&self) -> Self::Workspace;
 
-    /// Number of joints `n`.
+    /// Number of coordinates `n`: the number of joints that are not mimic joints.
     fn dof(&self) -> usize;
     /// Number of inertial parameters `p`.
     fn parameter_count(&self) -> usize;

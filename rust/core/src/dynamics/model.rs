@@ -27,7 +27,7 @@ impl From<Arm> for Model {
 }
 
 impl Model {
-    /// Number of joints `n`.
+    /// Number of coordinates `n`: the number of joints that are not mimic joints.
     pub fn n(&self) -> usize {
         match self {
             Model::PlanarPr(_) => 2,

@@ -30,7 +30,7 @@ const LONGEST: f64 = 600_000.0;
 pub struct CFunction {
     /// Name of the C function, after the prefix.
     pub name: String,
-    /// The quantity of the function.
+    /// The quantity that the function computes.
     pub query: Query,
 }
 

@@ -40,7 +40,7 @@ impl<S: Real> TaskStack<S> {
         TaskStack { rows: functions.iter().map(TaskFunction::rows).collect(), bodies: Bodies::new(tree, needed), functions }
     }
 
-    /// Number of joints `n`.
+    /// Number of coordinates `n`: the number of joints that are not mimic joints.
     pub fn n(&self) -> usize {
         self.bodies.n()
     }

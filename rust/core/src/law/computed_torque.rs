@@ -54,7 +54,7 @@ impl ComputedTorqueSpec {
 impl Definition for ComputedTorqueSpec {
     facts!("ComputedTorque", Rigid, motion);
 
-    /// The terms of the law: errors `e` and `e_dot`, the commanded acceleration and the torque.
+    /// The terms of the law: the desired motion, errors `e` and `e_dot`, the commanded acceleration and the torque.
     fn terms(&self, at: &Instant) -> Vec<Term> {
         let n = self.model.n();
         let (q, v, desired) = (&at.x[..n], &at.x[n..2 * n], at.desired);

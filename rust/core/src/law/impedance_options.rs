@@ -160,8 +160,8 @@ impl<S: Real> Extras<S> {
         }
     }
 
-    /// Add the feed-forward wrench and the integral wrench `w` to the wrench `force`, and limit `force`. Compute the rate `dz` of `w` from
-    /// the error `e`.
+    /// Add the feed-forward wrench and the integral wrench `z` to the wrench `force`, and limit `force`. Compute the rate `dz` of `z` from
+    /// the error `e`. An entry of `dz` is zero if it would increase the excess of the wrench over its limit.
     pub fn add(&self, e: &[S], z: &[S], force: &mut [S], dz: &mut [S]) {
         if let Some(feedforward) = &self.feedforward {
             force.iter_mut().zip(feedforward).for_each(|(force, &added)| *force += added);

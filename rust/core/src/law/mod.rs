@@ -3,7 +3,7 @@
 //! A law is declared once ([`Definition`], with all laws in [`LawSpec`]), and built for a number type ([`Law`]).
 //!
 //! Terms of this folder:
-//! - `n` is the number of joints, and `m` the number of rows of a task.
+//! - `n` is the number of joints without mimic joints, and `m` the number of rows of a task.
 //! - `p` is the length of the law's state `z`, or the number of estimated parameters.
 //! - A *lane* is one entry of a SIMD register. A law on registers computes one run per lane. The laws of the lanes have the *same shape*:
 //!   they are of one kind, with equal sizes, arms of equal geometry, and the same options. Their numbers may differ.

@@ -69,8 +69,8 @@ impl PriorityAccelerationSpec {
         limits.require_sns(options.method)?;
         let limits = if options.method == PriorityMethod::Sns { Some(MotionLimits::new(&model, limits)?) } else { None };
         let mut options = limits.as_ref().map_or_else(|| options.clone(), |limits| limits.open(options.clone()));
-        // The joint damping is one more level below all tasks. Its Jacobian is the identity. If `eps` has one threshold per task, the
-        // default threshold is appended for this level.
+        // The joint damping is one more level below all tasks. Its Jacobian is the identity. If `eps` has one threshold for each
+        // of several tasks, the default threshold is appended for this level. A single threshold applies to all levels.
         if let Some(eps) = options.eps.as_mut().filter(|eps| eps.len() == levels.len() && eps.len() > 1) {
             eps.push(crate::priority::DEFAULT_EPS);
         }

@@ -13,8 +13,8 @@ pub(super) struct Monotone {
     pub brake_length: f64,
 }
 
-/// Kinetic energies of a monotone motion. `peak` is the energy at the switch. `push_hump` is the local minimum during the push, or infinite
-/// if there is none.
+/// Kinetic energies of a monotone motion. `peak` is the energy at the switch. `push_hump` is the energy at the first local minimum during
+/// the push, or infinite if there is none.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Energies {
     pub peak: f64,

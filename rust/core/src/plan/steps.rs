@@ -124,8 +124,8 @@ impl Progress {
         }
         let [y, cos] = self.series();
         let spread = self.spread_series(&cos);
-        // `small` is about the distance that the link moves in one time constant of viscous friction. The error is relative to
-        // `self.y + small`, at most to `size`.
+        // `small` is about the distance that the link moves in one time constant of viscous friction. The error is relative to the
+        // smaller of `size` and `self.y + small`.
         let small = y[2].abs() * settles * settles;
         let length = step_length(&y, if small.is_finite() { size.min(self.y + small) } else { size });
         Step { time: self.time, length, y, spread }

@@ -161,7 +161,7 @@ impl PlantKind {
 }
 
 impl PlantSpec {
-    /// Number of joints, which is also the number of inputs.
+    /// Number of joints without mimic joints, which is also the number of inputs.
     pub fn n(&self) -> usize {
         self.model().n()
     }

@@ -34,7 +34,7 @@ pub(super) struct Saturation {
     /// The coefficients `a` and `b` of `v(s) = s a + b`, in metric coordinates.
     a: Vec<f64>,
     b: Vec<f64>,
-    /// The coefficients `a` and `b` as joint velocities, rad/s or m/s.
+    /// `a` and `b` in joint coordinates: the joint velocity is `s va + vb`, rad/s or m/s.
     va: Vec<f64>,
     vb: Vec<f64>,
     base: Vec<f64>,
@@ -132,7 +132,7 @@ impl Workspace {
         Ok(scale.max(0.0))
     }
 
-    /// Compute `a = N (J N)# v_i` and `b = base - N (J N)# J base`, also as joint velocities.
+    /// Compute `a = N (J N)# v_i` and `b = base - N (J N)# J base`, then `va` and `vb`.
     fn affine(&mut self, i: usize, rank: usize, k: usize, sat: &mut Saturation) {
         let (n, level) = (self.n, self.level(i));
         for (r, row) in level.clone().enumerate() {

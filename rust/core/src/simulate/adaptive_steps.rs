@@ -21,7 +21,7 @@ pub struct Segments {
     /// at which outputs begin to act.
     pub breaks: Vec<f64>,
     pub clock: Clock,
-    /// The limit of the state.
+    /// The limit of the absolute values of the plant's states.
     pub bound: Bound,
 }
 

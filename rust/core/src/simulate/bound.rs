@@ -7,7 +7,7 @@ use crate::scalar::Real;
 /// The default limit, in the units of the states: rad, m, rad/s or m/s. A million rad are about 160 000 revolutions.
 pub const DEFAULT_STATE_LIMIT: f64 = 1e6;
 
-/// The limit of a state.
+/// The limit of the absolute values of the plant's states.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Bound {
     /// The size of the plant's state, which is the first part of a loop's state.

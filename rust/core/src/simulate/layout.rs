@@ -24,7 +24,7 @@ pub struct Layout {
     pub guards: usize,
     /// The number of reference values of the monitors, which are computed at the first record. It is zero without records.
     pub firsts: usize,
-    /// The size of the part of a record that follows the state. It is zero without records.
+    /// The size of a record without the state. It is zero without records.
     pub noted: usize,
     /// The number of norms of the levels of task priority. The norms are the last numbers of a record.
     pub norms: usize,
@@ -92,10 +92,12 @@ impl Layout {
     pub fn ends_at_last(&self) -> bool {
         self.instants.len() > 1 && self.instants.last() == Some(&1.0)
     }
-    /// The first slot of the part of a record that follows the state. At the first record, the reference values of the monitors follow.
+    /// The first slot of the numbers of a record, without the state.
     pub fn noted(&self) -> usize {
         self.reach() + 1
     }
+    /// The first slot to which the program of the records writes the reference values of the monitors. They are used only at the first
+    /// record.
     pub fn own_firsts(&self) -> usize {
         self.noted() + self.noted
     }
@@ -108,8 +110,8 @@ impl Layout {
     }
 }
 
-/// The slots of a loop's quantities in a frame. The loop parameters are first. The other quantities follow in the order of the functions
-/// below.
+/// The slots of a loop's quantities in a frame. The loop parameters are first, then the desired motions. The other quantities follow in
+/// the order of the functions below.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Slots {
     pub given: usize,

@@ -41,8 +41,8 @@ pub struct Structures {
 }
 
 impl Structures {
-    /// Return the structures of a problem whose loops run as programs, or `None` for other problems. `lanes`: whether each program computes
-    /// several runs, one per lane.
+    /// Create the list with the structure of run 0. The result is `None` if the runs of the problem do not use programs. `lanes`: whether
+    /// each program computes several runs, one per lane.
     pub fn of(problem: &Problem, division: &Division, lanes: bool) -> Option<Self> {
         let Division::Fixed(fixed) = division else { return None };
         // Programs require the same sample times in all lanes. With random jitter, each lane has different sample times.

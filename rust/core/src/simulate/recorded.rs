@@ -5,7 +5,7 @@
 //! - the exogenous input at each instant of the step;
 //! - the state and the stored numbers of the metrics, which a step updates, and the step size `h`;
 //! - the input of the plant, the rate of the law's state, and the values that one part of a step passes to a later part;
-//! - the largest angle so far, and the part of a record that follows the state.
+//! - the largest angle so far, and the numbers of a record without the state.
 //!
 //! Runs share programs if they have the same structure. Their plants and laws have the same shape. The loop parameters with the values 0, 1
 //! and -1 are at the same positions. If equal loop parameters of one run share a slot, they are also equal in the other runs.

@@ -115,7 +115,7 @@ pub struct Schedule {
     records: Records,
     /// Times of the jumps of the input within the run, s, increasing.
     pub breaks: Vec<f64>,
-    /// The limit of the state.
+    /// The limit of the absolute values of the plant's states.
     pub bound: Bound,
     pub within: Within,
 }

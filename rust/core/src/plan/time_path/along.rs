@@ -20,14 +20,15 @@ impl Along {
         self.limits.iter().any(|limits| !limits.is_empty())
     }
 
-    /// The limit of `joint` at `s` in piece `p`; one if the limit is constant. `kind` is 0 for torque, 1 for acceleration, 2 for speed.
+    /// The limit of `joint` at `s` in piece `p` if it varies along the path. If it is constant, the result is 1, not the limit. `kind` is 0
+    /// for torque, 1 for acceleration, 2 for speed.
     #[inline]
     pub fn limit(&self, path: &Path, kind: usize, joint: usize, p: usize, s: f64) -> f64 {
         let limits = &self.limits[kind];
         if limits.is_empty() { 1.0 } else { between(path, p, s, limits[p * self.n + joint], limits[(p + 1) * self.n + joint]) }
     }
 
-    /// The limits of a frame's acceleration and speed at `s` in piece `p`; one if the limits are constant.
+    /// The limits of a frame's acceleration and speed at `s` in piece `p`. For a constant limit, the result is 1, not the limit.
     #[inline]
     pub fn of_tip(&self, path: &Path, p: usize, s: f64) -> [f64; 2] {
         self.tip.each_ref().map(|limits| if limits.is_empty() { 1.0 } else { between(path, p, s, limits[p], limits[p + 1]) })

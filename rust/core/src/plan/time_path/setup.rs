@@ -187,8 +187,8 @@ impl<'a> PathProblem<'a> {
         self.set_caps();
     }
 
-    /// The varying limit of `joint` at grid point `i`; one if the limit is constant. `kind` is 0 for torque, 1 for acceleration, 2 for
-    /// speed.
+    /// The limit of `joint` at grid point `i` if it varies along the path. If it is constant, the result is 1, not the limit. `kind` is 0
+    /// for torque, 1 for acceleration, 2 for speed.
     pub fn along_at(&self, kind: usize, i: usize, joint: usize) -> f64 {
         self.along.limit(&self.path, kind, joint, self.pieces[i.min(self.pieces.len() - 1)], self.rows.s[i])
     }

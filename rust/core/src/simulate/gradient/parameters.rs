@@ -78,7 +78,7 @@ pub struct Parameters<'a> {
 pub struct Shared {
     /// The index of the first parameter of this group.
     pub first: usize,
-    /// The probes, as runs of the problem.
+    /// The indices of the *probes*: runs of the problem in which only some parameters of the group vary.
     pub probes: Range<usize>,
     /// The code of each parameter: bit `b` is set if the parameter varies in probe `b` of `probes`.
     pub codes: Vec<u64>,
