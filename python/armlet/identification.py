@@ -168,7 +168,7 @@ class Identification:
     def arm(self) -> Arm:
         """The arm with the identified inertial parameters.
 
-        If rotors and friction were among the parameters, it also has their identified values.
+        It also has the identified rotor inertias, damping and Coulomb friction, if the identification included them.
         """
         own = self.base.arm
         inertial, drives = np.split(self.parameters, [own.parameters.size])

@@ -151,7 +151,7 @@ class Polynomials:
             yield self._factored(self.reduced(absolute, keep_sines=True), True)
 
     def _symbols(self, angles: Sequence[Any]) -> list[Any]:
-        """The sympy values of the generators if their sines and cosines have the arguments `angles`."""
+        """A sympy expression for each generator: sine and cosine of each of `angles`, then the coordinates and `lengths`."""
         sin, cos = self.sympy.sin, self.sympy.cos
         return [f(angle) for angle in angles for f in (sin, cos)] + self.others
 

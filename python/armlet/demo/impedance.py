@@ -32,9 +32,10 @@ def rows(matrix: Array, vector: Array) -> Array:
 
 
 def cartesian(arm: al.Arm, run: al.Run, force: Array, rate: ArrayLike) -> dict[str, Array]:
-    """The terms of M_x x'' + S_x x' + g_x = J^-T tau + F along a run of an arm with a square Jacobian, (K, 2) each.
+    """M_x x'', S_x x', g_x, J^-T tau and x' along a run of an arm with two joints, (K, 2) each.
 
-    `rate` is the velocity argument of the Coriolis matrix C in S_x.
+    The equation of motion is M_x x'' + S_x x' + g_x = J^-T tau + F, and F acts at the frame link2. `rate` is the velocity argument of the
+    Coriolis matrix C in S_x.
     """
     assert run.tau is not None
     J, J_dot = arm.jacobian(run.q, "link2")[:, :2], arm.jacobian_dot(run.q, run.v, "link2")[:, :2]

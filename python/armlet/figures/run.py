@@ -142,7 +142,7 @@ def _axis(name: str, units: tuple[str, ...]) -> str:
 
 
 def _legend(ax: Axes) -> None:
-    """Draw a legend of 2 to 12 entries to the right of the panel, where it covers no data."""
+    """Draw the legend to the right of the panel, where it covers no data, if it has 2 to 12 entries."""
     handles, labels = ax.get_legend_handles_labels()
     if 1 < len(handles) <= 12:
         ax.legend(handles, labels, loc="upper left", bbox_to_anchor=(1.0, 1.0), handlelength=1.2, borderpad=0.0)

@@ -43,7 +43,8 @@ def mesh_of(shape: Shape) -> tuple[Any, Any]:
     else:
         maker = made.cylinder if shape.kind == "cylinder" else made.capsule
         body = maker(radius=shape.size[0], height=shape.size[1])
-    # trimesh places the origin of a capsule at its lower centre. Here it is moved to the middle.
+    # trimesh documents the origin of a capsule at its lower centre, but version 5.2.0 places it in the middle. The next lines place it in
+    # the middle in both cases.
     middle = 0.5 * (body.vertices.max(axis=0) + body.vertices.min(axis=0))
     return body.vertices - middle, body.faces
 

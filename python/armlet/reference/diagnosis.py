@@ -27,8 +27,8 @@ class Diagnosis(NamedTuple):
     """The ranks of a stack of levels, and the parts of a command that are lost.
 
     The ranks are given for each block, for the stack, and for each block after projection on the null space of the levels above. Each level
-    has the singular values of its block and of the projected block, two flags, and the projector on its lost directions. If there is a
-    command, each level also has its loss.
+    has the singular values of its block and of the projected block, and the projector on its lost directions. Two flags state
+    whether it is in a kinematic and in an algorithmic singularity. If there is a command, each level also has its loss.
     """
 
     ranks: list[int]

@@ -3,14 +3,13 @@
     I x_ddot + G sin x + d x_dot + c sign(x_dot) = u,  -down <= u <= up
     push: u = up from rest at x0, forwards in time;   brake: u = -down to rest at x1, backwards in time
 
-x is the angle, I the inertia, G the gravity moment, d the viscous friction and c the Coulomb friction. The torque u is between -down and
-up.
+x is the angle, I the inertia, G the gravity moment, d the viscous friction, c the Coulomb friction and u the torque.
 
 The monotone motion changes from push to brake where both have the same angle and speed. A swing is two monotone motions: from x0 to a
 turning point, and from the turning point to x1. Both have the same torque at the turning point.
 
-The steps are classical Runge-Kutta. Newton's method finds the crossing of push and brake: its time on each. The turning point is searched
-on a grid and refined by golden section.
+The steps are classical Runge-Kutta. Newton's method finds the switch from push to brake. The turning point is searched on a grid
+and refined by golden section.
 """
 
 import math
@@ -105,7 +104,11 @@ def monotone(link: Link, x0: float, x1: float) -> Leg:
 
 
 def _meet(link: Link, first: Array, last: Array) -> Leg:
-    """The motion that switches where push and brake agree: the time s after `first` and the time r before `last`, by Newton's method."""
+    """The motion that switches where push and brake have the same angle and speed, by Newton's method.
+
+    `first` is a point of the push and `last` a point of the brake, both near the switch. The unknowns are the time s from `first` to the
+    switch, and the time r from the switch to `last`.
+    """
     s = r = 0.0
     for _ in range(50):
         x, v = step(link, first[1], first[2], s, True)

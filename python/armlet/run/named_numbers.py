@@ -63,13 +63,13 @@ GOLDEN = (math.sqrt(5.0) - 1.0) / 2.0
 
 #: Plant, law and initial state of a control loop.
 Loop: TypeAlias = tuple[Any, Any, Mapping[str, Any]]
-#: Four variants of a control loop in which one entry of a named number differs, and the weight of each variant in the derivative.
+#: Four copies of a control loop in which one entry of a named number is changed, and the weight of each copy in the derivative.
 Variants: TypeAlias = tuple[list[Loop], list[float]]
 
 
 @dataclass(frozen=True)
 class NamedNumber:
-    """The name of a number, and the value of this number in a loop."""
+    """The name of a number, and the value of this number in a loop. The value is an array, and its elements are the entries."""
 
     name: str
     value: Array
@@ -86,8 +86,8 @@ class Varied:
             are (B, P, 4), and the runs of its rows follow one another.
         names: the names with their values, in the order of the P entries.
         codes: for each name, the `codes` of `Together`, or None if each entry has four separate loops. Empty means None for all names.
-        apart: a function that returns the loops for the same derivatives with four separate loops for each entry. None if no entries vary
-            together.
+        apart: a function that returns the loops for the same derivatives with four separate loops for each entry. None if each loop
+            changes at most one entry.
     """
 
     plants: Any
@@ -109,7 +109,7 @@ class Varied:
 
 @dataclass(frozen=True)
 class Together:
-    """Loops in which several entries of a number vary together. From them the core finds which inputs of the programs each entry changes.
+    """Loops that each change several entries of a number at once. From them the core finds which inputs of the programs each entry changes.
 
     Attributes:
         loops: the *probes*, in each of which some of the entries vary, then four loops in which all entries vary.
@@ -208,7 +208,7 @@ def _scale(name: str, value: Array, index: tuple[int, ...]) -> float:
 
 
 def _variants(loop: Loop, named: NamedNumber, index: tuple[int, ...]) -> Variants:
-    """Return four loops in which one entry of the number differs, and their weights in the derivative."""
+    """Return four copies of `loop` in which the entry of the number at `index` is changed, and their weights in the derivative."""
     step = STEP * 2.0 ** math.floor(math.log2(_scale(named.name, named.value, index)))
     refused: InputError | None = None
     mirrored = len(index) == 2 and index[0] != index[1] and named.value.shape[0] == named.value.shape[1]
@@ -311,12 +311,12 @@ def chosen_numbers(function: str, known: Mapping[str, Array], names: Sequence[st
 
 
 def entry_variants(loop: Loop, name: str, value: Array, index: tuple[int, ...]) -> Variants:
-    """Return four loops in which one entry of the number `name` differs, and their weights in the derivative."""
+    """Return four copies of `loop` in which the entry of the number `name` at `index` is changed, and their weights in the derivative."""
     return _variants(loop, NamedNumber(name, value), index)
 
 
 def together(loop: Loop, named: NamedNumber, indices: Sequence[tuple[int, ...]]) -> Together | None:
-    """Make loops in which the entries of a number at `indices` vary together.
+    """Make loops that each change several entries of a number at once. The entries are at `indices`.
 
     Return None for fewer than FEW entries, for square matrices, motions, targets, tasks and the start, and if an entry cannot be varied.
     """
@@ -354,7 +354,8 @@ def stacked(
 ) -> Varied:
     """Join the loop and the varied loops of each name `k`.
 
-    In the varied loops `shared[k]`, entries vary together. If `shared[k]` is None, the varied loops are `alone(k)`, four for each entry.
+    The varied loops `shared[k]` each change several entries at once. If `shared[k]` is None, the varied loops are `alone(k)`, four for each
+    entry.
     """
 
     def apart() -> Varied:

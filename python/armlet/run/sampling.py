@@ -78,8 +78,8 @@ class Sampling(_Effects):
 
     The law is sampled at the times `k period + j`, with `j` uniform in [0, jitter]. The law receives the measurement of `sensor_delay`
     samples before, with noise and rounded to the resolution. Its output acts `delay` later, and is then held until the next output acts.
-    Random numbers depend only on the seed, the sample and the measured quantity. So the same seed repeats the run, and row i of a batch is
-    the run with `seed + i`.
+    Random numbers depend only on the seed, the sample, the measured quantity and the joint. So the same seed repeats the run, and row i of
+    a batch is the run with `seed + i`.
 
     Args:
         period: time between samples, s.

@@ -188,7 +188,11 @@ def series_of(one: Sensitivity) -> dict[str, Array]:
 
 
 def derived(function: str, loops: Varied, work: Callable[[Varied], T]) -> T:
-    """Return `work(loops)`. If the core refuses loops in which entries vary together, repeat it with separate loops for each entry."""
+    """Return `work(loops)`.
+
+    The core may refuse loops that each change several entries of a number at once. Then `work` is called with separate loops for each
+    entry.
+    """
     if loops.apart is not None:
         try:
             return work(loops)

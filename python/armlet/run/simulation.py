@@ -207,8 +207,9 @@ def simulate_batch(
     """Simulate B closed loops in SIMD lanes and threads. The result has the fields of a run with a leading axis B.
 
     A failed run raises no error. `status` has one entry per run, and the rows of a failed run are NaN from its failure on. The bits of the
-    other runs do not change. One warning counts the runs whose energy or Lyapunov balance has a large residual. The results have the same
-    bits for every number of threads.
+    other runs do not change. The results have the same bits for every number of threads. One warning per balance (energy, Lyapunov) counts
+    the runs with a large residual. A batch with `progress`, `out` or a reference per record issues them per piece, with indices from the
+    first run of the piece.
 
     Args:
         plant, law: one for all runs, or a list with one per run.
@@ -226,8 +227,8 @@ def simulate_batch(
         threads: number of worker threads, 1 to 1024; None means ARMLET_NUM_THREADS, or else the number of cores. The batch uses at most
             one thread per group of runs that one SIMD register computes together.
         keep: "all" keeps all records, "final" only the last state, and "metrics" the metrics of each run and its last record. Metrics are
-            computed during the runs, so the memory does not depend on the number of steps. `batch.metrics()` has the numbers of
-            `armlet.metrics`.
+            computed during the runs. So the memory does not depend on the number of steps, unless `reference` has one row per record.
+            `batch.metrics()` has the numbers of `armlet.metrics`.
         metrics: arguments of `armlet.metrics` with keep="metrics": `band`, `settle`, `tolerance`, `reference`, `frame`.
         progress: True writes the number of finished runs and the remaining time to standard error. A function is called as
             `progress(done, runs)` after every piece of the batch. A piece is a group of consecutive runs.

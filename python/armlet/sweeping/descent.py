@@ -159,7 +159,7 @@ def _names(paths: Iterable[str]) -> list[tuple[NamedNumber, list[str]]]:
 
 
 def _together(loop: Loop, known: Mapping[str, Array], values: Row, paths: Sequence[str]) -> Together | None:
-    """Make loops in which the entries at `paths` vary together. Return None if the paths are not entries of one number."""
+    """Make loops that each change several of the entries at `paths`. Return None if the paths are not entries of one number."""
     found = [_entry(known, path, values[path]) for path in paths]
     names = {each[0] for each in found if each is not None}
     if None in found or len(names) != 1:
