@@ -16,7 +16,7 @@ PAGE = (ROOT / "docs/map.md").read_text(encoding="utf-8")
 SOURCES = ("rust/core/src", "rust/py/src", "python/armlet")
 #: Files that do not count: lists of exports, demonstrations and unit tests.
 LEFT_OUT = re.compile(r"__init__\.pyi?$|rust/py/src/lib\.rs$|/(demo|live)/|tests\.rs$")
-#: For the example in each row of the table: a pattern that matches its names in the code.
+#: The examples in the table of docs/map.md, each with a pattern that matches the names of the example in the sources.
 NAMES = {
     "JointImpedance": r"JointImpedance|joint_impedance",
     "ros2": r"Ros2|\bros2\b",

@@ -218,7 +218,7 @@ def little_memory() -> Iterator[None]:
 
 @pytest.mark.parametrize("thing", [PR, TREE, THINGS["ComputedTorque"]], ids=["planar_pr", "tree", "law"])
 def test_no_flipped_bit_gives_another_object(thing: Any, little_memory: None) -> None:
-    """Every single flipped bit, also in opcodes of pickle, gives an error or an equal object."""
+    """After any single flipped bit, also in opcodes of pickle, the result is an error, an equal object, or an object of another class."""
     stored = pickle.dumps(thing, 4)
     same = 0
     for place in range(len(stored)):

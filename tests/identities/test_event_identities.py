@@ -98,7 +98,7 @@ def test_the_energy_balance_holds_through_a_damped_wall(method: str, rtol: float
     assert run.events is not None and len(run.events) >= 2
     energy = run.monitors["energy"]
     # The step-size controller ignores the integrals of the monitors. So their error differs between the methods. It is at most 0.12 times
-    # `allowed`, relative to the energy.
+    # `allowed`, relative to the range of the energy.
     assert np.max(np.abs(run.monitors["energy_balance"])) < allowed * np.ptp(energy), np.max(np.abs(run.monitors["energy_balance"]))
 
 

@@ -1,4 +1,4 @@
-"""Derivatives of runs of every law on every plant: compared with differences of runs, with the adjoint, and with closed forms."""
+"""Derivatives of runs of rigid arms, elastic arms and `VelocityArm`: compared with differences of runs, the adjoint, and closed forms."""
 
 from __future__ import annotations
 

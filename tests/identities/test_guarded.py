@@ -150,7 +150,7 @@ def test_a_wall_is_hit_less_hard_with_a_reaction() -> None:
 
 
 def test_elastic_joints_are_observed_by_their_torque() -> None:
-    """A force pushes the tip. At rest the residual is J'F, and the motors hold their positions."""
+    """A force F pushes the tip. At rest the residual is J'F, and so is the stiffness of "stop" times the motors' motion since contact."""
     stiffness, motors = np.array([900.0, 700.0]), np.array([0.4, 0.3])
     plant = al.ElasticArm(TWO, stiffness, motors)
     inner = al.MotorPD(TWO, TARGET, 300.0, 40.0, stiffness)

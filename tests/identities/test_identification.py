@@ -64,7 +64,7 @@ def test_counts_of_the_literature() -> None:
     """The numbers of base parameters equal those of the literature: 43 for seven revolute axes under gravity.
 
     A planar 2R arm with gravity in its plane has six: two first moments of two components, and two inertias. The horizontal PR arm has
-    four: A, the two components of its first moment, and C.
+    four: the mass of both links, and two components of the first moment and one inertia of link 2.
     """
     assert ARMS["seven_axis"].base_parameters().count == 43
     assert ARMS["planar_2r"].base_parameters().count == 6

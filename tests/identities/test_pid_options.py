@@ -101,7 +101,7 @@ def test_a_payload_unknown_to_the_law_leaves_no_error(options: dict[str, Any], s
 
 
 def test_friction_is_fed_forward() -> None:
-    """A joint with viscous and Coulomb friction tracks a periodic motion as accurately as a joint without friction."""
+    """If the law knows the viscous and Coulomb friction, the tracking error is less than five times that of an arm without friction."""
     free = al.planar_arm([0.5, 0.4])
     arm = free.with_drives(damping=[2.0, 1.0], friction=[4.0, 2.0])
     swing = al.Sinusoid([0.3, -0.2], [0.4, 0.3], [2.0, 3.0], [0.0, 0.5])

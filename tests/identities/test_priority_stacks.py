@@ -1,4 +1,4 @@
-"""The laws of task priority under disturbances, on random stacks in batches: 2 to 5 levels, 4 to 9 joints.
+"""Lower levels of task priority do not disturb higher ones: random stacks in batches, with 2 to 5 levels and 4 to 9 joints.
 
 30 % of the stacks are exactly singular, and 30 % are within 1e-16..1e-2 of a singularity. Some rows are zero, duplicate or dependent, with
 commands that conflict. `ARMLET_RANDOM_STACKS` is the number of stacks (`make test-stacks`: 1,000,000). Strata and seed are printed.

@@ -2,7 +2,8 @@
 
 P(a_hat) >= P_min / 2 at all times,   V1_dot = -s'Kd s - c (a_hat - a) . g with c (a_hat - a) . g >= 0,   e -> 0
 
-`P` is the pseudo-inertia of a body, `P_min` its lower bound, and `-c g` the correction along the gradient `g`.
+`P` is the pseudo-inertia of a body, `P_min` its lower bound, and `-c g` the correction along the gradient `g`. The *boundary
+layer* of a body has all `P` with `P >= P_min / 2` but not `P >= P_min`.
 """
 
 from __future__ import annotations
@@ -135,7 +136,8 @@ def test_every_kind_of_method_integrates_the_projection() -> None:
         run = al.simulate(al.RigidArm(arm), law, [0.5, -0.4], t_end=3.0, method=method, rtol=1e-8, atol=1e-9)
         assert run.estimate is not None and np.min(shares(run.estimate, least)) > 0.5
         ends[method] = np.concatenate([run.q[-1], run.v[-1], run.estimate[-1]])
-    # Where bodies enter the boundary layer, the rate has kinks that reduce the order. The tolerance is 100 times that of the methods.
+    # Where the estimate of a body enters or leaves the boundary layer, its rate has a kink, which reduces the order of the methods. So the
+    # tolerance is 100 times `rtol`.
     np.testing.assert_allclose(ends["radau5"], ends["dop853"], atol=1e-6)
     np.testing.assert_allclose(ends["rodas4"], ends["dop853"], atol=1e-6)
     run = al.simulate(al.RigidArm(arm), law, [0.5, -0.4], t_end=3.0, dt=1e-3, sample_time=1e-3)

@@ -1,4 +1,4 @@
-"""Implicit methods in closed loops: steps and errors follow the tolerance for every law and plant.
+"""Implicit methods in closed loops: steps and errors follow the tolerance for laws of rigid and elastic arms.
 
 This includes stiff springs and small tolerances. A tolerance below rounding ends with a status that names a feasible tolerance.
 """

@@ -123,7 +123,7 @@ def test_torque_on_a_speed_limit_of_other_arms(name: str) -> None:
 
 
 def test_speed_limits_that_vary() -> None:
-    """A limit that is linear between waypoints is followed as accurately as a constant limit."""
+    """On a speed limit that is linear between waypoints, the torque has only small jumps, as on a constant limit."""
     limits = {"tau_max": TAU, "v_max": np.array([[4.0, 4.0], [2.0, 2.0], [0.5, 0.5]])}
     p = al.time_path(ARM, Q, **limits)
     knots = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(Q, axis=0), axis=1))])

@@ -187,7 +187,7 @@ def test_meshes(tmp_path: Path) -> None:
 
 
 def test_addresses() -> None:
-    """The server listens on the local address by default. An address that is in use or invalid gives an error of one line."""
+    """An address that is in use or invalid gives an error of one line."""
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))
         taken.listen()

@@ -139,7 +139,7 @@ def test_cases_a_and_b_of_the_exam() -> None:
 @pytest.mark.parametrize("lengths", [[1.0, 1.0, 0.25, 0.25], [0.37, 0.37, 0.0925, 0.0925], [3.0, 0.2, 1.1, 0.7]], ids=str)
 @pytest.mark.parametrize("multiples", list(itertools.product((-1, 0, 1), repeat=3)), ids=str)
 def test_all_sign_patterns(multiples: tuple[int, int, int], lengths: list[float]) -> None:
-    """Every combination of a free angle (0), a stretched angle (1) and a folded angle (-1) has the ranks of the table."""
+    """Every combination of a free angle (0), a stretched angle (1) and a folded angle (-1) has the ranks in `TABLE`."""
     turns = {0: None, 1: 0.0, -1: np.pi}
     q = np.array([0.4, *(f if m == 0 else turns[m] for f, m in zip((0.7, -1.3, 2.1), multiples, strict=True))])
     moved = [m == 0 for m in multiples]

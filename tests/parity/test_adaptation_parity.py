@@ -63,7 +63,7 @@ CASES = [("natural", "scalar"), ("natural", "diagonal"), ("base", "scalar"), ("b
 def test_torques_and_rates(option: str, form: str, n: int, start: str) -> None:
     """Torques and rates agree for arms with armature.
 
-    Estimates start inside the bounds of the projection, in its boundary layer, or outside.
+    Estimates start above the lower bounds of the projection, between half of these bounds and the bounds, or negative.
     """
     if option == "natural" and start == "negative":
         start = "near"  # natural adaptation refuses an impossible start

@@ -104,9 +104,9 @@ def test_a_sampled_run() -> None:
 
 
 def test_names_follow_the_regressor() -> None:
-    """Parameter names match the columns of `Arm.regressor(armature=True, friction=True)`.
+    """The law's parameters and the columns of its regressor have the order of `Arm.regressor(armature=True, friction=True)`.
 
-    The Coulomb columns are the exception: the law uses a smooth sign of `v_r`.
+    All columns are equal except those of Coulomb friction, in which the law uses a smooth sign of `v_r`.
     """
     arm, _ = driven_tree(3, 2)
     rng = np.random.default_rng(5)

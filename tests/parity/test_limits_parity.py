@@ -1,6 +1,6 @@
-"""Priority velocities within bounds against the reference, with bounds as arguments and from joint limits.
+"""Velocities and accelerations of the method "sns" against the reference, with bounds as arguments and from joint limits.
 
-The reference computes one SVD for all fixed joints together.
+"sns" holds some joints at their bounds. For these joints together the reference computes one SVD.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ def test_levels_within_bounds(weighted: bool) -> None:
             got, want = al.solve_priority(Js, vs, method="sns", **bounds, **options), ref.solve_priority(Js, vs, "sns", **bounds, **options)
             if not settled(Js, vs, bounds | options, want.v):
                 continue
-            # Without the columns of fixed joints, the rows have singular values down to 1e-4.
+            # Without the columns of joints at their bounds, the rows have singular values down to 1e-4.
             close(got.v, want.v, tolerance=1e-9)
             close(got.scales, want.scales, tolerance=1e-9)
             assert list(got.ranks) == want.ranks
@@ -51,7 +51,7 @@ def test_levels_within_bounds(weighted: bool) -> None:
 def settled(Js: list[Array], vs: list[Array], options: dict[str, Any], v: Array) -> bool:
     """Return whether rounding of the Jacobians changes the reference's solution by rounding only.
 
-    It changes by more where two sets of fixed joints are equally good.
+    It changes by more where two choices of joints to hold at their bounds are equally good.
     """
     rng = np.random.default_rng(0)
     near = [[J * (1.0 + 1e-15 * rng.normal(size=J.shape)) for J in Js] for _ in range(3)]

@@ -49,8 +49,8 @@ def test_velocities(method: str, singular: bool) -> None:
             continue  # the two rank rules may disagree here
         mine, theirs = al.solve_priority(Js, vs, method=method), ref.solve_priority(Js, vs, method)
         size = 1.0 + np.linalg.norm(theirs.v)
-        # Rounding of the entries is divided by singular values. A clamped level with repeated rows divides rounding by eps^2. The factors
-        # of several levels multiply.
+        # "exact" divides rounding errors of the rows by their singular values. Where a row repeats another row, the other methods divide
+        # these errors by eps^2, with the threshold eps of the level. The factors of several levels multiply.
         tolerance = 1e-13 / condition**2 if method == "exact" else 1e-9
         assert np.linalg.norm(mine.v - theirs.v) <= tolerance * size, (Js, vs)
         for J, v, r in zip(Js, vs, mine.residuals, strict=True):
@@ -76,7 +76,7 @@ def test_levels_of_two_rows_at_singularities(method: str) -> None:
                 Js[0][-1] = 0.7 * Js[0][0]
             vs = [rng.normal(size=m) for m in rows]
             mine, theirs = al.solve_priority(Js, vs, method=method), ref.solve_priority(Js, vs, method)
-            # Rounding is divided by eps^2 at each level, and the levels multiply.
+            # Rounding errors are divided by eps^2 at each level, and the factors of the levels multiply.
             assert np.linalg.norm(mine.v - theirs.v) <= 1e-9 * (1.0 + np.linalg.norm(theirs.v)), (Js, vs)
             degraded += mine.status is al.Status.DEGRADED
     assert degraded >= 200

@@ -117,7 +117,7 @@ def test_the_cutoff_on_the_projected_block_alone_would_fail() -> None:
 
 @pytest.mark.parametrize("multiples", list(itertools.product((-1, 0, 1), repeat=3)))
 def test_all_sign_patterns(multiples: tuple[int, int, int]) -> None:
-    """Every combination of a free angle (0), a stretched angle (1) and a folded angle (-1) has the ranks of the table."""
+    """Every combination of a free angle (0), a stretched angle (1) and a folded angle (-1) has the ranks of `macro_micro_class`."""
     free = (0.7, -1.3, 2.1)
     q = np.array([0.4, *(f if m == 0 else (0.0 if m == 1 else np.pi) for f, m in zip(free, multiples, strict=True))])
     name, ranks = diagnosis.macro_micro_class(q)

@@ -6,7 +6,8 @@ A call has a fault in six cases:
 - it ends the process;
 - it gives no answer within 30 s (a debug build: 80 s);
 - it takes over 2 s of processor time (a debug build: 20 s), or more for large results, large arguments and searches;
-- it raises an error other than ArmletError, TypeError, MemoryError, OSError, or IndexError of an index beyond the end;
+- it raises an error other than ArmletError, TypeError, MemoryError, OSError, ImportError of a missing optional package, or IndexError of
+  an index beyond the end;
 - it changes an argument.
 
 Each fault is printed once, with a snippet that reproduces it. The exit code is 1 if there is a fault.

@@ -1,4 +1,4 @@
-//! Tests of the derivatives of every closed loop, from programs (recorded machine code) and from dual numbers, against central differences
+//! Tests of the derivatives of closed loops, from programs (recorded machine code) and from dual numbers, against central differences
 //! of order 6 of the rates.
 
 use armlet_core::arm::{Arm, STANDARD_GRAVITY, example_urdf};
