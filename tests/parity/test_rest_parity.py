@@ -82,22 +82,9 @@ def test_rest(name: str, contact: str) -> None:
     assert np.abs(still.q - ours.q).max() > 1e-4
 
 
+@pytest.mark.parametrize("bandwidth", [None, 2000.0])
 @pytest.mark.parametrize("name", ["ElasticImpedance", "JointImpedance"])
-def test_elastic_limits(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    # The scale of the stiffness does not depend on the sensor. The reference takes most of a minute, so it computes the scale once.
-    scale = reference.elastic._stiffness_scale
-    known: list[float] = []
-
-    def once(*arguments: Any) -> float:
-        known.extend([] if known else [scale(*arguments)])
-        return known[0]
-
-    monkeypatch.setattr(reference.elastic, "_stiffness_scale", once)
-    for bandwidth in (None, 2000.0):
-        agree_on_limits(name, bandwidth)
-
-
-def agree_on_limits(name: str, bandwidth: float | None) -> None:
+def test_elastic_limits(name: str, bandwidth: float | None) -> None:
     given: dict[str, Any] = {"force": [4.0, -3.0, 0.0], "force_frame": "link2", "sample_time": 1e-3, "sensor_bandwidth": bandwidth}
     ours, theirs = (library.elastic_limits(plant, each, q0=Q, **given) for library, plant, each in plants(name))
     # Both codes find these limits by bisection.

@@ -24,11 +24,12 @@ from .arm import Arm
 from .lagrange import Array
 from .law import gain
 from .motion import Hold, Motion
-from .task import Coordinates, rotation_matrix
+from .task import Coordinates, rotation_matrices
 
 EPS = 0.02
 _X, _W = np.polynomial.legendre.leggauss(12)
-NODES, WEIGHTS = 0.5 + 0.5 * _X, 0.5 * _W  # Gauss-Legendre nodes and weights on [0, 1]
+# Gauss-Legendre nodes and weights on [0, 1], 12 on each half.
+NODES, WEIGHTS = np.concatenate([0.25 + 0.25 * _X, 0.75 + 0.25 * _X]), np.concatenate([0.25 * _W, 0.25 * _W])
 
 
 @dataclass
@@ -76,18 +77,13 @@ def coupling(arm: Arm, at: Coordinates, q: Array, v: Array, acceleration: Array,
 def rate_of_rotation(r: Array, rate: Array, acceleration: Array) -> tuple[Array, Array]:
     """The angular velocity and the angular acceleration of the rotation exp(r), (3,) each. `rate` is r_dot, `acceleration` is r_ddot."""
 
-    def mean(scale: float) -> Array:
-        """A(scale r), by Gauss-Legendre quadrature over two halves."""
-        parts = [0.5 * w * rotation_matrix(scale * 0.5 * (half + x) * r) for half in (0, 1) for x, w in zip(NODES, WEIGHTS, strict=True)]
-        total: Array = np.sum(parts, axis=0)
-        return total
+    def means(scales: Array) -> Array:
+        """A(s r) of each s in `scales`, by quadrature, (k, 3, 3)."""
+        turns = rotation_matrices(r, np.outer(scales, NODES).ravel()).reshape(scales.size, NODES.size, 3, 3)
+        return np.einsum("j,kjab->kab", WEIGHTS, turns)
 
-    A = mean(1.0)
-    change = np.zeros(3)
-    for half in (0, 1):
-        for x, w in zip(NODES, WEIGHTS, strict=True):
-            s = 0.5 * (half + x)
-            change += 0.5 * w * np.cross(s * mean(s) @ rate, rotation_matrix(s * r) @ rate)
+    A = means(np.ones(1))[0]
+    change = WEIGHTS @ np.cross(NODES[:, None] * (means(NODES) @ rate), rotation_matrices(r, NODES) @ rate)
     return A @ rate, A @ acceleration + change
 
 

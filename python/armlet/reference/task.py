@@ -42,10 +42,19 @@ def rotation_vector(R: Array) -> Array:
     return vector
 
 
-def rotation_matrix(vector: Array) -> Array:
-    """The rotation exp(vector), (3, 3), from the eigenvalues of i times the skew-symmetric matrix of the vector, which is Hermitian."""
+def rotation_matrices(vector: Array, scales: ArrayLike) -> Array:
+    """The rotation exp(s vector) of each s in `scales`, (k, 3, 3).
+
+    The skew-symmetric matrix of the vector times i is Hermitian, so one decomposition into eigenvalues gives all of them.
+    """
     angles, U = np.linalg.eigh(1j * cross(vector))
-    R: Array = ((U * np.exp(-1j * angles)) @ U.conj().T).real
+    R: Array = ((U * np.exp(-1j * np.multiply.outer(scales, angles))[:, None, :]) @ U.conj().T).real
+    return R
+
+
+def rotation_matrix(vector: Array) -> Array:
+    """The rotation exp(vector), (3, 3)."""
+    R: Array = rotation_matrices(vector, [1.0])[0]
     return R
 
 
