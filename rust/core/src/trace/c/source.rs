@@ -70,10 +70,11 @@ fn is_identifier(name: &str) -> bool {
 }
 
 /// Check names of functions. Errors: `Input` if a name is not an identifier of C, is repeated, or is one that a source file may define.
-/// Also `Input` if a name is an earlier name with `_` and a number, because the parts of a long function have such names.
+/// Also `Input` if a name is another name with `_` and a number, because the parts of a long function have such names.
 pub fn require_names<'a>(argument: &str, names: impl Iterator<Item = &'a str>) -> Result<()> {
-    let mut known = HashSet::new();
-    for (i, name) in names.enumerate() {
+    let names: Vec<&str> = names.collect();
+    let mut earlier = HashSet::new();
+    for (i, &name) in names.iter().enumerate() {
         let refused = |problem: &str| Err(Error::input(format!("{argument}[{i}].name"), format!("{problem}, got {name:?}")));
         if !is_identifier(name) {
             return refused("is no name in C: expected a letter, then letters, digits and _");
@@ -81,8 +82,8 @@ pub fn require_names<'a>(argument: &str, names: impl Iterator<Item = &'a str>) -
         if OWN_NAMES.contains(&name) {
             return refused("is a name that the file has for itself: expected another one");
         }
-        let whole = name.trim_end_matches(|c: char| c.is_ascii_digit()).strip_suffix('_').filter(|whole| known.contains(whole));
-        if whole.is_some() || !known.insert(name) {
+        let whole = name.trim_end_matches(|c: char| c.is_ascii_digit()).strip_suffix('_').filter(|whole| names.contains(whole));
+        if whole.is_some() || !earlier.insert(name) {
             return refused("is a name that is there already: expected another one");
         }
     }
@@ -252,6 +253,9 @@ mod tests {
             let expected = format!("functions[1].name is a name that is there already: expected another one, got {second:?}");
             assert_eq!(checked_names(&[first, second]), Err(expected));
         }
+        // `gravity_1` may be the name of a part of `gravity`, also of a later one.
+        let expected = "functions[0].name is a name that is there already: expected another one, got \"gravity_1\"";
+        assert_eq!(checked_names(&["gravity_1", "gravity"]), Err(expected.into()));
         assert!(checked_names(&["answer"]).is_err_and(|text| text.contains("that the file has for itself")));
     }
 }
