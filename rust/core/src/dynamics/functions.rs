@@ -17,7 +17,7 @@ use std::sync::{Arc, Mutex};
 const ROWS_BEFORE_PROGRAM: usize = 256;
 
 /// Largest number of operations of a program for single calls. It limits the time to make the program.
-const LONGEST_SINGLE: f64 = 3_000.0;
+const LONGEST_SINGLE: f64 = 20_000.0;
 
 /// Number of queries of one arm whose programs are kept. It applies separately to single calls and to rows.
 const KEPT_QUERIES: usize = 64;

@@ -12,6 +12,7 @@ use crate::scalar::rows::{read_one, write_one};
 use crate::trace::Sym;
 use crate::trace::cache::free;
 use crate::trace::function::{self, Evaluation, Recorded, record};
+use crate::trace::rows::Rows;
 use std::sync::Mutex;
 
 /// Number of groups of lanes after which the results of the program are checked.
@@ -118,19 +119,13 @@ impl ArmFunction {
     pub fn rows(&self, inputs: &[&[f64]], out: &mut [f64], mut direct: impl FnMut(usize, &mut [f64]) -> Result<()>) -> Result<()> {
         let mut evaluation = free(&self.others).and_then(|mut others| others.pop()).unwrap_or_else(|| self.first.clone());
         let (lanes, length) = (evaluation.lanes(), self.length);
-        let read = |evaluation: &mut Evaluation, at: usize| {
-            let mut first = 0;
-            for (given, &width) in inputs.iter().zip(&self.widths) {
-                evaluation.read(first, given, width, at);
-                first += width;
-            }
-        };
+        let inputs: Vec<Rows> = inputs.iter().zip(&self.widths).map(|(numbers, &width)| Rows { numbers, width }).collect();
         for (block, out) in out.chunks_mut(BLOCK * lanes * length).enumerate() {
             let start = block * BLOCK * lanes;
             let mut sound = true;
             evaluation.forget();
             for (group, out) in out.chunks_mut(lanes * length).enumerate() {
-                read(&mut evaluation, start + group * lanes);
+                evaluation.read(&inputs, start + group * lanes);
                 evaluation.run_on();
                 sound &= evaluation.write(0, length, out);
             }
@@ -140,7 +135,7 @@ impl ArmFunction {
             // Find the rows that the program cannot compute, group by group.
             for (group, out) in out.chunks_mut(lanes * length).enumerate() {
                 let at = start + group * lanes;
-                read(&mut evaluation, at);
+                evaluation.read(&inputs, at);
                 evaluation.run();
                 for (lane, row) in out.chunks_exact_mut(length).enumerate() {
                     if !evaluation.is_near(lane) || row.iter().any(|x| !x.is_finite()) {

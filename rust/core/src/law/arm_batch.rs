@@ -5,6 +5,7 @@ use super::ArmSolver;
 use crate::interrupt::look;
 use crate::priority::FEW;
 use crate::status::Status;
+use crate::trace::rows::Rows;
 use crate::trace::{Evaluation, Sym};
 
 /// A solver for many rows on the calling thread. Its buffers are kept between calls. Every row has the bits and the status of
@@ -85,9 +86,9 @@ impl ArmBatch {
         if let Some(program) = program {
             status.fill(Status::Success);
             let lanes = program.lanes();
+            let inputs = [Rows { numbers: q, width: n }, Rows { numbers: velocities, width: m }];
             for at in (0..status.len()).step_by(lanes) {
-                program.read(0, q, n, at);
-                program.read(n, velocities, m, at);
+                program.read(&inputs, at);
                 program.run();
                 let end = (at + lanes).min(status.len());
                 program.write(1, n, &mut v[at * n..end * n]);

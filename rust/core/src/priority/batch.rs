@@ -11,6 +11,7 @@ use crate::scalar::Real;
 use crate::status::Status;
 use crate::trace::Sym;
 use crate::trace::function::{Evaluation, record};
+use crate::trace::rows::Rows;
 
 /// The largest size of a program, as a rough number of operations. Larger stacks are solved one by one instead.
 const MOST: usize = 12_000;
@@ -230,20 +231,17 @@ impl StackBatch {
     }
 
     /// Solve the stacks `first..last` with the program. Write to `declined` the rows for which its result is not valid.
-    fn run(&mut self, given: &StackRows, first: usize, last: usize, answers: &mut StackAnswers) {
+    fn run<'a>(&mut self, given: &StackRows<'a>, first: usize, last: usize, answers: &mut StackAnswers) {
         let StackBatch { program, single, declined, .. } = self;
         let Some(program) = program else { return };
         let (n, lanes, count) = (single.n(), program.lanes(), last - first);
+        let with = |values: &'a [&'a [f64]], columns: usize| {
+            values.iter().zip(single.rows()).map(move |(numbers, &m)| Rows { numbers, width: m * columns })
+        };
+        let inputs: Vec<Rows> = with(given.jacobians, n).chain(with(given.velocities, 1)).collect();
         for at in (0..count).step_by(lanes) {
-            let (mut to, mut residual) = (0, 1 + n);
-            for (level, &m) in single.rows().iter().enumerate() {
-                program.read(to, given.jacobians[level], m * n, first + at);
-                to += m * n;
-            }
-            for (level, &m) in single.rows().iter().enumerate() {
-                program.read(to, given.velocities[level], m, first + at);
-                to += m;
-            }
+            let mut residual = 1 + n;
+            program.read(&inputs, first + at);
             program.run();
             let end = (at + lanes).min(count);
             program.write(1, n, &mut answers.v[at * n..end * n]);

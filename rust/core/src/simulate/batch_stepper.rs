@@ -12,7 +12,8 @@ use crate::law::{ExternalSpec, LawSpec};
 use crate::parallel;
 use crate::plant::PlantSpec;
 use crate::scalar::trig::REDUCTION_LIMIT;
-use crate::trace::{Frame, form, rows};
+use crate::trace::rows::{self, Rows};
+use crate::trace::{Frame, form};
 use std::sync::Arc;
 
 /// The number of rows that a thread computes as one piece of work. The calling thread computes a batch of at most this number of rows,
@@ -118,8 +119,8 @@ impl BatchStepper {
         frame.fill(layout.step(), self.options.grid());
         for (x, tau) in x.chunks_mut(states * self.lanes).zip(tau.chunks(n * self.lanes)) {
             frame.fill(layout.reach(), 0.0);
-            rows::read(&mut frame, layout.state(), x, states, 0);
-            rows::read(&mut frame, layout.tau(), tau, n, 0);
+            rows::read(&mut frame, layout.state(), &[Rows { numbers: x, width: states }], 0);
+            rows::read(&mut frame, layout.tau(), &[Rows { numbers: tau, width: n }], 0);
             match programs.whole() {
                 Some(program) => program.run_along(&mut frame, &[], steps),
                 None => (0..steps).for_each(|_| programs.advance(&mut frame, |_, _| ())),

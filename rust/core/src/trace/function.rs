@@ -8,7 +8,7 @@
 use super::cache::Cache;
 use super::frame::Frame;
 use super::program::{Program, Scratch, engine, form};
-use super::rows;
+use super::rows::{self, Rows};
 use super::straight::{Part, SlotTable};
 use super::sym::{self, Sym};
 use super::tape::Op;
@@ -126,10 +126,13 @@ impl Evaluation {
         self.function.program.operations()
     }
 
-    /// Copy rows of `given`, with `width` numbers each, to `width` inputs. Row `at` goes to the first lane, and the next rows to the next
-    /// lanes. The first of these inputs has the index `first`. Lanes beyond the last row repeat the last row.
-    pub fn read(&mut self, first: usize, given: &[f64], width: usize, at: usize) {
-        rows::read(&mut self.frame, self.function.layout.given + first, given, width, at);
+    /// Copy rows of all inputs, in their order. Row `at` goes to the first lane, and the next rows to the next lanes. Lanes beyond the last
+    /// row repeat the last row.
+    #[inline]
+    pub fn read(&mut self, inputs: &[Rows], at: usize) {
+        let layout = self.function.layout;
+        debug_assert_eq!(inputs.iter().map(|rows| rows.width).sum::<usize>(), layout.inputs);
+        rows::read(&mut self.frame, layout.given, inputs, at);
     }
 
     /// The memory of `count` inputs from `first` on, with all lanes.
@@ -235,7 +238,7 @@ mod tests {
             let rows: Vec<f64> = (0..22).map(|i| if i == 6 { 2e6 } else { 0.3 * f64::from(i) - 1.0 }).collect();
             let mut out = vec![0.0; 33];
             for at in (0..11).step_by(f.lanes()) {
-                f.read(0, &rows, 2, at);
+                f.read(&[Rows { numbers: &rows, width: 2 }], at);
                 f.run();
                 let end = (at + f.lanes()).min(11);
                 f.write(0, 3, &mut out[3 * at..3 * end]);

@@ -6,26 +6,41 @@ use super::frame::Frame;
 use crate::scalar::{Isa, isa};
 use std::ops::Range;
 
-/// Copy rows of `given`, with `width` numbers each, to consecutive slots, the first of which is `first`. Row `at` goes to the first lane,
-/// and the next rows to the next lanes. Lanes beyond the last row repeat the last row.
-pub fn read(frame: &mut Frame, first: usize, given: &[f64], width: usize, at: usize) {
-    if width == 0 {
-        return;
+/// The rows of one input, one after another. Each row has `width` numbers.
+#[derive(Clone, Copy, Debug)]
+pub struct Rows<'a> {
+    pub numbers: &'a [f64],
+    pub width: usize,
+}
+
+impl<'a> Rows<'a> {
+    /// Return `count` rows from row `at` on, or `None` if there are fewer.
+    #[inline]
+    fn get(&self, at: usize, count: usize) -> Option<&'a [f64]> {
+        self.numbers.get(at * self.width..(at + count) * self.width)
     }
-    let (lanes, last) = (frame.lanes(), given.len() / width - 1);
-    let to = &mut frame.numbers_mut()[first * lanes..(first + width) * lanes];
+}
+
+/// Copy rows of each input to consecutive slots, the first of which is `first`. Row `at` goes to the first lane, and the next rows to the
+/// next lanes. Lanes beyond the last row repeat the last row.
+pub fn read(frame: &mut Frame, first: usize, inputs: &[Rows], at: usize) {
+    let lanes = frame.lanes();
+    let to = &mut frame.numbers_mut()[first * lanes..];
     #[cfg(target_arch = "x86_64")]
-    if lanes.is_multiple_of(4) && at + lanes <= last + 1 && isa() >= Isa::Avx2 {
-        for (k, four) in given[at * width..(at + lanes) * width].chunks_exact(4 * width).enumerate() {
-            // SAFETY: the condition above checks that the processor has AVX2.
-            unsafe { avx2::read_four(four, width, 4 * k, lanes, to) };
-        }
-        return;
+    if lanes.is_multiple_of(4) && isa() >= Isa::Avx2 {
+        // SAFETY: the condition above checks that the processor has AVX2.
+        return unsafe { avx2::read(to, lanes, inputs, at) };
     }
-    for lane in 0..lanes {
-        let row = &given[(at + lane).min(last) * width..][..width];
-        for (k, &x) in row.iter().enumerate() {
-            to[k * lanes + lane] = x;
+    read_each(to, lanes, inputs, at);
+}
+
+/// Do the work of [`read`], number by number. `to` begins with the first slot.
+fn read_each(to: &mut [f64], lanes: usize, inputs: &[Rows], at: usize) {
+    let mut slots = to.chunks_exact_mut(lanes);
+    for &Rows { numbers, width } in inputs.iter().filter(|rows| rows.width > 0) {
+        let last = numbers.len() / width - 1;
+        for (k, slot) in slots.by_ref().take(width).enumerate() {
+            slot.iter_mut().enumerate().for_each(|(lane, to)| *to = numbers[(at + lane).min(last) * width + k]);
         }
     }
 }
@@ -100,7 +115,7 @@ impl Series<'_> {
 
 #[cfg(target_arch = "x86_64")]
 mod avx2 {
-    use super::Series;
+    use super::{Rows, Series};
     use std::arch::x86_64::*;
     use std::ops::Range;
 
@@ -133,53 +148,77 @@ mod avx2 {
         ]
     }
 
-    /// Load four rows of `width < 4` numbers, and return their columns. Columns beyond `width` are zero.
+    /// Load four rows of two numbers, and return their columns.
     ///
     /// # Safety
-    /// At each pointer, `width` numbers can be read.
+    /// Two numbers can be read at each pointer.
     #[inline]
     #[target_feature(enable = "avx2")]
-    unsafe fn short_columns(rows: [*const f64; 4], width: usize) -> [__m256d; 4] {
-        let mask = _mm256_cmpgt_epi64(_mm256_set1_epi64x(width as i64), _mm256_set_epi64x(3, 2, 1, 0));
-        let [a, b, c, d] = rows;
-        // SAFETY: the mask restricts each read to `width` numbers, which the caller guarantees.
+    unsafe fn two_columns([a, b, c, d]: [*const f64; 4]) -> [__m256d; 2] {
+        // SAFETY: the caller guarantees that these numbers can be read.
+        let (even, odd) = unsafe { (pairs(a, c), pairs(b, d)) };
+        [_mm256_unpacklo_pd(even, odd), _mm256_unpackhi_pd(even, odd)]
+    }
+
+    /// Write the four rows of two columns.
+    ///
+    /// # Safety
+    /// Two numbers can be written at each pointer.
+    #[inline]
+    #[target_feature(enable = "avx2")]
+    unsafe fn write_two_columns([left, right]: [__m256d; 2], [a, b, c, d]: [*mut f64; 4]) {
+        let (even, odd) = (_mm256_unpacklo_pd(left, right), _mm256_unpackhi_pd(left, right));
+        // SAFETY: the caller guarantees that these numbers can be written.
         unsafe {
-            transposed([_mm256_maskload_pd(a, mask), _mm256_maskload_pd(b, mask), _mm256_maskload_pd(c, mask), _mm256_maskload_pd(d, mask)])
+            _mm_storeu_pd(a, _mm256_castpd256_pd128(even));
+            _mm_storeu_pd(b, _mm256_castpd256_pd128(odd));
+            _mm_storeu_pd(c, _mm256_extractf128_pd::<1>(even));
+            _mm_storeu_pd(d, _mm256_extractf128_pd::<1>(odd));
         }
     }
 
-    #[inline]
+    /// Do the work of [`read`](super::read). `to` begins with the first slot, and `lanes` is a multiple of four.
     #[target_feature(enable = "avx2")]
-    fn transposed([a, b, c, d]: [__m256d; 4]) -> [__m256d; 4] {
-        let (even, odd) = ([_mm256_unpacklo_pd(a, b), _mm256_unpacklo_pd(c, d)], [_mm256_unpackhi_pd(a, b), _mm256_unpackhi_pd(c, d)]);
-        [
-            _mm256_permute2f128_pd::<0x20>(even[0], even[1]),
-            _mm256_permute2f128_pd::<0x20>(odd[0], odd[1]),
-            _mm256_permute2f128_pd::<0x31>(even[0], even[1]),
-            _mm256_permute2f128_pd::<0x31>(odd[0], odd[1]),
-        ]
+    pub fn read(to: &mut [f64], lanes: usize, inputs: &[Rows], at: usize) {
+        let mut slot = 0;
+        for input in inputs {
+            let to = &mut to[slot * lanes..(slot + input.width) * lanes];
+            match input.get(at, lanes) {
+                Some(rows) => (0..lanes).step_by(4).for_each(|lane| read_four(rows, input.width, lane, lanes, to)),
+                None => super::read_each(to, lanes, &[*input], at),
+            }
+            slot += input.width;
+        }
     }
 
-    /// Copy four consecutive rows of `width` numbers to lanes `lane..lane + 4` of the slots `to`. Each slot has `lanes` lanes.
+    /// Copy the rows `lane..lane + 4` to these lanes of the slots `to`. There is one row of `width` numbers per lane.
+    #[inline]
     #[target_feature(enable = "avx2")]
-    pub fn read_four(rows: &[f64], width: usize, lane: usize, lanes: usize, to: &mut [f64]) {
-        assert!(rows.len() == 4 * width && lane + 4 <= lanes && to.len() == width * lanes);
+    fn read_four(rows: &[f64], width: usize, lane: usize, lanes: usize, to: &mut [f64]) {
+        assert!(rows.len() == width * lanes && lane + 4 <= lanes && to.len() == width * lanes);
         // SAFETY: row `i` begins at index `i width`, and each of the `width` slots has the four lanes. The assertion checks both lengths.
         unsafe {
-            let row = |i: usize, k: usize| rows.as_ptr().add(i * width + k);
+            let row = |i: usize, k: usize| rows.as_ptr().add((lane + i) * width + k);
             let slot = to.as_mut_ptr().add(lane);
-            if width < 4 {
-                let columns = short_columns([row(0, 0), row(1, 0), row(2, 0), row(3, 0)], width);
-                for (k, &column) in columns.iter().enumerate().take(width) {
-                    _mm256_storeu_pd(slot.add(k * lanes), column);
+            match width {
+                0 => {}
+                1 => _mm256_storeu_pd(slot, _mm256_loadu_pd(row(0, 0))),
+                2 | 3 => {
+                    // With three numbers, the two blocks overlap.
+                    for k in 0..width - 1 {
+                        let columns = two_columns([row(0, k), row(1, k), row(2, k), row(3, k)]);
+                        _mm256_storeu_pd(slot.add(k * lanes), columns[0]);
+                        _mm256_storeu_pd(slot.add((k + 1) * lanes), columns[1]);
+                    }
                 }
-                return;
-            }
-            for k in (0..width).step_by(4) {
-                // The last block has four numbers too, and may overlap the previous one.
-                let k = k.min(width - 4);
-                for (i, column) in columns([row(0, k), row(1, k), row(2, k), row(3, k)]).into_iter().enumerate() {
-                    _mm256_storeu_pd(slot.add((k + i) * lanes), column);
+                _ => {
+                    for k in (0..width).step_by(4) {
+                        // The last block has four numbers too, and may overlap the previous one.
+                        let k = k.min(width - 4);
+                        for (i, column) in columns([row(0, k), row(1, k), row(2, k), row(3, k)]).into_iter().enumerate() {
+                            _mm256_storeu_pd(slot.add((k + i) * lanes), column);
+                        }
+                    }
                 }
             }
         }
@@ -241,25 +280,24 @@ mod avx2 {
         let zero = _mm256_setzero_pd();
         // Zero if all numbers so far are finite, otherwise NaN.
         let mut zeros = [zero; 4];
+        // SAFETY: `k < length` in every call, so that the four lanes of the slot exist.
+        let slot = |k: usize| unsafe { from.as_ptr().add(k * lanes + lane) };
         if length < 4 {
-            let mut slots = [zero; 4];
+            let mut slots = [zero; 3];
             for k in 0..length {
-                // SAFETY: the assertion checks that the slot has these four lanes.
-                slots[k] = _mm256_add_pd(unsafe { _mm256_loadu_pd(from.as_ptr().add(k * lanes + lane)) }, zero);
+                // SAFETY: see `slot`.
+                slots[k] = _mm256_add_pd(unsafe { _mm256_loadu_pd(slot(k)) }, zero);
                 zeros[k] = _mm256_mul_pd(slots[k], zero);
             }
-            let rows = if length == 1 { slots } else { transposed(slots) };
-            let mut last = [0.0; 4];
-            // SAFETY: if `length` is 1, one store writes all four rows. Otherwise, each store writes four numbers from the start of one of
-            // the first three rows. The next row overwrites the numbers beyond the row's end. The last row is written separately.
+            // SAFETY: the assertion checks the length of `out`: row `i` begins at index `i length`. With three numbers, the two blocks overlap.
             unsafe {
-                for (i, &row) in rows.iter().enumerate().take(if length == 1 { 1 } else { 3 }) {
-                    _mm256_storeu_pd(out.as_mut_ptr().add(i * length), row);
+                let to = out.as_mut_ptr();
+                if length == 1 {
+                    _mm256_storeu_pd(to, slots[0]);
                 }
-                _mm256_storeu_pd(last.as_mut_ptr(), rows[3]);
-            }
-            if length > 1 {
-                out[3 * length..].copy_from_slice(&last[..length]);
+                for k in 0..length - 1 {
+                    write_two_columns([slots[k], slots[k + 1]], std::array::from_fn(|i| to.add(i * length + k)));
+                }
             }
         }
         for k in (0..length).step_by(4).filter(|_| length >= 4) {
@@ -267,8 +305,7 @@ mod avx2 {
             let k = k.min(length - 4);
             // SAFETY: `k + 4 <= length`, so that the four slots and the four numbers of each row exist.
             unsafe {
-                let slot = |i: usize| from.as_ptr().add((k + i) * lanes + lane);
-                for (i, row) in columns([slot(0), slot(1), slot(2), slot(3)]).into_iter().enumerate() {
+                for (i, row) in columns([slot(k), slot(k + 1), slot(k + 2), slot(k + 3)]).into_iter().enumerate() {
                     let row = _mm256_add_pd(row, zero);
                     zeros[i] = _mm256_add_pd(zeros[i], _mm256_mul_pd(row, zero));
                     _mm256_storeu_pd(out.as_mut_ptr().add(i * length + k), row);
@@ -324,7 +361,7 @@ mod tests {
                     let (mut out, mut sound) = (vec![f64::NAN; count * width], true);
                     let mut frame = Frame::new(width + 3, lanes);
                     for at in (0..count).step_by(lanes) {
-                        read(&mut frame, 2, &given, width, at);
+                        read(&mut frame, 2, &[Rows { numbers: &given, width }], at);
                         let rows = lanes.min(count - at);
                         sound &= write(&frame, 2, width, &mut out[at * width..][..rows * width]);
                     }
