@@ -1,6 +1,8 @@
-"""The elastic 2R arm under Cartesian impedance, `x = (q, v, theta, theta_dot)`: one closed loop in numpy, scipy, numba and C.
+"""The elastic 2R arm with the state `(q, v, theta, theta_dot)` under Cartesian impedance: one closed loop in numpy, scipy, numba and C.
 
     M a = tau_J + J'F - C v - g,   theta_ddot = B0^-1 (u - D0 theta_dot - tau_J),   u = J'(K_m (x_d - x) - D_m J v) + g
+
+In these equations, `x` is the position of the tip, and `J` its Jacobian.
 
 `bench_elastic.py` compares armlet with these implementations, which are written from the equations. There are three levels of stiffness,
 with natural frequencies of the motors sqrt(K_J/B0) of 3.2e3, 3.2e4 and 3.2e5 1/s.

@@ -64,7 +64,7 @@ def of_versions(packages: list[dict[str, Any]]) -> list[str]:
 
 
 def of_pins(packages: list[dict[str, Any]]) -> list[str]:
-    """Faults if a package that make installs for build or test is not pinned. Packages for peers and benchmarks need no pin."""
+    """Faults if a package for the build, the tests or the documentation is not pinned. The other files of requirements/ are not checked."""
     loose = []
     for name in ("test.txt", "docs.txt"):
         for line in (ROOT / "requirements" / name).read_text().splitlines():

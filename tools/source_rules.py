@@ -99,7 +99,7 @@ def counted_lines(path: Path) -> list[tuple[int, str]]:
 
 
 def repeated(paths: list[Path], run: int = RUN) -> list[list[tuple[Path, int, int]]]:
-    """Groups of at least `run` equal consecutive lines. Each place of a group is (file, first line from 1, number of lines)."""
+    """Groups of places with the same text, which has at least `run` lines. A place is (file, first line from 1, number of lines)."""
     texts: dict[Path, list[tuple[int, str]]] = {}
     places: dict[tuple[str, ...], list[tuple[Path, int]]] = defaultdict(list)
     for path in paths:

@@ -159,8 +159,8 @@ def test_an_infeasible_motion_of_many_turns_takes_similar_time() -> None:
         al.minimum_jerk_time(-1e308, 0.0, 1.0, gravity_moment, 1.0)
         return time.process_time() - begun
 
-    # The search for the missing torque uses the same grid. It takes 16 to 20 times as long as a solvable problem. If each step computed the
-    # link's gravity again, it would take 80 times as long.
+    # An infeasible problem also searches for the missing torque, on the grid of the search for the durations. So it takes 16 to 20 times as
+    # long as a feasible problem. If each step of this search computed the gravity torque again, it would take 80 times as long.
     exists, not_there = (min(spent(gravity_moment) for _ in range(3)) for gravity_moment in (0.0, 47.0))
     assert not_there < 30.0 * exists
 

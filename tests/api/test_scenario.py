@@ -155,7 +155,7 @@ def test_the_same_as_in_python() -> None:
 
 
 def test_a_motion_along_poses() -> None:
-    """The motion equals that of `cartesian_path` and `time_path` in Python. The arm stops only at the named pose."""
+    """The motion equals that of `cartesian_path` and `time_path` in Python. The arm stops only at the pose in `stops`."""
     data = changed({"motion": TIMED, "run.q0": [-0.5, 1.0]})
     built = Scenario.from_dict(data).build()
     arm = al.planar_arm([0.5, 0.4])

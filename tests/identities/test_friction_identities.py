@@ -151,7 +151,7 @@ def test_energy_balances(friction: str, elastic: bool) -> None:
     rate = run.theta_dot if elastic else run.v
     if friction == "StickSlip":
         assert (rate[-1] == 0.0).all()
-        # Friction dissipates: its power is never negative.
+        # Friction dissipates: the power that it takes from the joints or motors is never negative.
         assert (run.friction * rate >= -1e-12).all()
 
 

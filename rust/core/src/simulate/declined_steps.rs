@@ -54,8 +54,8 @@ impl<'a, S: Real> ProgramLoop<'a, S> {
         }
     }
 
-    /// Compute the norms of the levels of task priority again at state `x`, in lanes whose record is not valid. Lanes whose state is not
-    /// finite are omitted.
+    /// Compute the norms of error and residual of each priority level again at state `x`, in lanes where the program's norms are not valid.
+    /// Lanes whose state is not finite are omitted.
     pub(super) fn norms_again(&mut self, t: f64, x: &[S]) {
         let (stands, first) = (self.recorded.layout.noted_stands(), self.recorded.layout.own_firsts() - self.redo.norms.len());
         let lanes = if self.redo.norms.is_empty() { 0 } else { S::LANES };

@@ -59,7 +59,8 @@ pub struct Gauge<S: Real> {
 }
 
 impl<S: Real> Gauge<S> {
-    /// Create the metrics for runs with the plans `of(lane)` and the arms `model(lane)`. All plans have the same structure.
+    /// Create the metrics for runs with the plans `of(lane)` and the arms `model(lane)`. All plans have the same shape
+    /// ([`Plan::same_shape`]).
     pub fn new<'a>(of: impl Fn(usize) -> &'a Plan, model: impl Fn(usize) -> &'a Model) -> Self {
         let plan = of(0).clone();
         let numbers =

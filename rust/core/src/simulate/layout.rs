@@ -26,7 +26,7 @@ pub struct Layout {
     pub firsts: usize,
     /// The size of a record without the state. It is zero without records.
     pub noted: usize,
-    /// The number of norms of the levels of task priority. The norms are the last numbers of a record.
+    /// The number of norms of priority levels. The norms are the last numbers of a record.
     pub norms: usize,
     /// The total number of inputs of the programs.
     pub all_inputs: usize,

@@ -76,7 +76,7 @@ pub struct MeasureLayout {
     pub lasting: usize,
 }
 
-/// The metrics of runs with the same structure, with the settings that they need.
+/// The metrics of one run or of all runs of a problem, with the settings that they need.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Plan {
     pub n: usize,

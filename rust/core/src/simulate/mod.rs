@@ -12,6 +12,9 @@
 //! - A *loop parameter* is a number that is constant in a run, such as a mass, a gain, a target or a limit.
 //! - A *program* is a recorded computation (the module `trace`). It *declines* a step if its results are not valid. Its *frame* is its
 //!   memory, and a *slot* of the frame has one number per lane.
+//! - Two runs have the same *structure* if the recordings of their loops have the same operations. Then one program computes both.
+//! - A *level* is one priority of a law with task priorities. Its norms are those of its task error and of its residual. The residual is
+//!   the commanded minus the achieved velocity or acceleration.
 
 mod adaptive_steps;
 mod assembly;

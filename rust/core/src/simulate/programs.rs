@@ -1,8 +1,8 @@
-//! Runs of loops as programs, which are recorded and compiled loops. This file finds the structure of each run, and groups runs with the
-//! same structure.
+//! Runs of loops as programs, which are recorded and compiled loops. Two runs have the same structure if the recordings of their loops have
+//! the same operations. This file finds the structure of each run, and groups runs with the same structure.
 //!
-//! All lanes of a program have the same structure. So the program and the bits of a run depend only on this run. A run whose angles exceed
-//! the range of the programs' sines is repeated without programs.
+//! All lanes of a program compute runs of one structure. So the program of a run, and the bits of its results, do not depend on the other
+//! runs. A run whose angles exceed the range of the programs' sines is repeated without programs.
 
 use super::assembly::{sampler, start, world};
 use super::fixed_steps::Faults;

@@ -2,7 +2,8 @@
 //! operations on a *tape*. The recording is simplified. A *program* is its straight-line code for one instruction set. It computes one
 //! evaluation, or one per *lane* (one element of a SIMD register). The lanes are runs, rows of inputs, or directions of derivatives.
 //!
-//! A *frame* is the memory of a running program. A *slot* of a frame has one number per lane.
+//! A *frame* is the memory of a running program. A *slot* of a frame has one number per lane. A program can repeat its code. The inputs
+//! that change from one iteration to the next are in an array outside of the frame, the *stream*.
 //!
 //! Files: `sym`, `tape` and `memo` record and fold. `segments` divides a recording. `differentiate`, `tangents` and `adjoint` compute
 //! derivatives of a recording. `straight` and `lower` have the straight-line instructions. `lifetimes`, `emit`, `instruction`, `opcode`,

@@ -84,7 +84,8 @@ pub struct Program {
 }
 
 impl Program {
-    /// Make a program from a part of a recording. Input `k` is in slot `k`, unless it belongs to the stream.
+    /// Make a program from a part of a recording. The inputs of the stream are read from an array outside of the frame. Any other input `k`
+    /// is in slot `k` of the frame.
     pub fn new(part: Part, stream: Option<Stream>, scratch: Scratch, form: Form, engine: Engine) -> Self {
         let straight = Straight { stream, ..lower(part, scratch.reach, form.has_fused()) };
         Program::of(&straight, scratch.free, form, engine)

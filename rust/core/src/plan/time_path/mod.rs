@@ -13,8 +13,8 @@
 //! Steps:
 //! 1. Compute `A, B, g` of the torques `tau = A u + B x + g` on a grid (`rows`).
 //! 2. Compute the fastest profile on this grid by reachability analysis (`reach`).
-//! 3. Check the limits at ten steps per segment (`check`). Reduce each exceeded limit in its segment by a multiple of the excess. Repeat
-//!    step 2 until no limit is exceeded. If this does not succeed, halve segments.
+//! 3. Check the limits at samples, ten steps per segment (`check`). Reduce each exceeded limit in its segment by a multiple of the excess.
+//!    Repeat step 2 until no limit is exceeded. If this does not succeed, halve segments.
 //! 4. With friction, step 3 may end without a feasible speed. Then slow down the profile that exceeded its limits least (`slow`).
 //! 5. With limits of the torque rate, average the timing over time and slow it down (`rate`).
 //! 6. Further limits are part of these steps: speed and acceleration of a frame's origin (`tip`), and limits that vary along the path

@@ -28,7 +28,8 @@ pub(super) struct PathProblem<'a> {
     pub limits: Limits,
     /// Whether there are rows of torques, and rows of accelerations.
     pub kinds: [bool; 2],
-    /// The interpolations at the middle of a segment and at its samples.
+    /// The weights for interpolation between grid points: at the middle of a segment, and at the places inside it where the limits are
+    /// checked.
     pub stencils: (Stencil<4>, Stencil<WINDOW>),
     /// The groups of consecutive segments of equal length within a piece, as first index and end index.
     pub spans: Vec<(usize, usize)>,

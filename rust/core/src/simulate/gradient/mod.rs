@@ -15,6 +15,7 @@
 //! - A loop parameter is a number that is constant in a run, such as a mass, a gain, a target or a limit. It varies if a parameter `p`
 //!   changes it.
 //! - The exogenous input `u` is the desired motion and the external force.
+//! - Loops have the same structure if their recorded functions have the same operations.
 //! - The held input is the plant's input and the rate of the law's state between two samples of a sampled law.
 //! - A mode of the contacts lists for each contact whether it is apart, pressed or slack ([`Touch`](crate::plant::Touch)).
 //! - The tangent of a quantity is its derivative along a direction in the space of the parameters.

@@ -15,7 +15,7 @@
 //! For a rigid arm with Cartesian impedance, a monitor checks its target model. For a law of elastic joints with an outer loop, a monitor
 //! is `max |tau_J - u|`. Here `tau_J` are the torques of the springs, and `u` is the command of the outer loop. A law with a storage
 //! function also has the passivity at its port, `int F.x_dot dt - (E(t) - E(0))` with the external power `F.x_dot`. It is never negative in
-//! a passive loop.
+//! a passive loop. A law with task priorities has two norms per level: of its task error, and of its residual.
 //!
 //! [`Checks`] computes the monitors on plain numbers or on recorded values, so that programs (recorded and compiled loops) can compute them
 //! within a step.
