@@ -88,7 +88,7 @@ class Formulas:
 
         Args:
             name: "M", "C", "g" or "Y".
-            values: numbers for some of the symbols in `values`, by symbol. They replace the arm's values.
+            values: numbers by symbol. They replace the arm's values, and each symbol must be a key of the attribute `values`.
 
         Returns:
             A function of arrays `(..., n)`. It returns `(..., n, n)` for `M` and `C`, `(..., n)` for `g`, `(..., n, p)` for `Y`.

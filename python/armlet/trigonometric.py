@@ -8,7 +8,8 @@
 A sum of products of velocities, each with a polynomial as factor, is grouped by equal polynomials or by equal sines and cosines.
 
 Sines and cosines are generators of a polynomial ring over the rational numbers. After every product `sin^2` is replaced by `1 - cos^2`. A
-number of the arm is converted to the decimal that Python prints for it, or to an integer that is closer than WHOLE.
+number of the arm is converted to the decimal that Python prints for it. If an integer is closer than 1e-15 (WHOLE), the number becomes this
+integer.
 """
 
 from __future__ import annotations

@@ -8,8 +8,9 @@
 
 p and R are position and rotation matrix at the fraction u of a segment from p_0, R_0 to p_1, R_1, and dp = p_1 - p_0. ' is the transpose. C
 is a corner between two lines. A and B are the points at the length r before and after C. lerp interpolates rotations along a geodesic. r is
-the blend, but at most half the length of each line. The length of a line is (distance^2 + (ARM angle)^2)^1/2. e is the error of position
-and rotation, and J^+ the pseudo-inverse of the Jacobian.
+the blend, but at most half the length of each line. The length of a line is (distance^2 + (ARM angle)^2)^1/2, with the angle between the
+rotations. The constant ARM, 0.1 m/rad, makes angles comparable with distances. e is the error of position and rotation. J^+ is the
+pseudo-inverse of the Jacobian.
 
 `armlet.cartesian_path` makes a joint spline whose knots depend on the error, and represents rotations by quaternions.
 """
@@ -24,7 +25,7 @@ from .arm import Arm
 from .lagrange import Array
 from .timing import cubic_spline
 
-ARM = 0.1  # the length, m per rad, that makes distances of rotations comparable with distances of positions
+ARM = 0.1  # m/rad, which makes angles of rotation comparable with distances
 STEPS = 50
 
 

@@ -1,8 +1,8 @@
 """The cells of a sweep: the varied quantities, and their values in cell i.
 
-A grid has every combination of the listed values, and the last quantity varies fastest. Draws are random: `u = U(seed, i, entry)` is
-uniform in [0, 1), and the value is the inverse distribution function at `u`. So a cell's values do not depend on the order
-or number of workers.
+A grid has every combination of the listed values, and the last quantity varies fastest. Draws are random: each quantity of cell `i` has a
+number `u = U(seed, i, quantity)`, uniform in [0, 1). The value is the inverse distribution function at `u`. So a cell's values do not
+depend on the order or number of workers.
 """
 
 from __future__ import annotations
@@ -124,7 +124,7 @@ def _listed(path: str, spec: Any, draws: int | None) -> Any:
 
 
 def drawn(spec: Any, u: float) -> Any:
-    """Return the value of an entry at `u` in [0, 1]: an element of a list, or the inverse distribution function at `u`."""
+    """Return the value of a quantity at `u` in [0, 1]: an element of a list, or the inverse distribution function at `u`."""
     if not isinstance(spec, Mapping):
         return spec[min(int(u * len(spec)), len(spec) - 1)]
     ((kind, (a, b)),) = spec.items()

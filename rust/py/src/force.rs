@@ -52,8 +52,8 @@ pub fn constant_force(function: &str, value: &Bound<'_, PyAny>, rows: Option<&[u
     wrench(function, value, &rows_of(value, rows))
 }
 
-/// Read a force. Entry `k` of the force is entry `rows[k]` of the wrench `[f; m]`, which is a coordinate of the law. If `rows` is `None`,
-/// the force is `(3,)` or `(6,)` in world axes.
+/// Read a force. `rows` has the indices of the law's coordinates: entry `k` of the force is entry `rows[k]` of the wrench `[f; m]`. If
+/// `rows` is `None`, the force is `(3,)` or `(6,)` in world axes.
 pub fn force(function: &'static str, value: &Bound<'_, PyAny>, rows: Option<&[usize]>, raised: &Raised) -> Result<Force, Failure> {
     if value.is_callable() {
         let (call, rows, raised) = (value.clone().unbind(), rows.map(<[usize]>::to_vec), raised.clone());

@@ -7,7 +7,7 @@ Pull its tip, and reduce the stiffness of its joints and the inertia of its moto
 
 B and B0 are the inertia and the reduced inertia of the motors, and D0 is the damping of B0. K_J is the joint stiffness. x is the tip
 position with the target x_d, the Jacobian J, the stiffness K_m and the damping D_m. F is the external force at the tip, and ' the
-transpose. One slider sets each gain for both joints, or for both directions of the tip.
+transpose. K_J, B0/B, the damping ratio of D0, K_m and D_m have one slider each, for both joints or both directions of the tip.
 """
 
 from __future__ import annotations
