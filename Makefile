@@ -43,7 +43,7 @@ test-peers: $(BUILD)/installed $(BUILD)/requirements ## arms against Pinocchio a
 	@mkdir -p $(BUILD)/elsewhere
 	cd $(BUILD)/elsewhere && $(PY) -m pytest -c $(ROOT)/pyproject.toml --rootdir $(ROOT) $(ROOT)/tests/peers $(PYTEST)
 
-test-sweep-kill: $(BUILD)/installed $(BUILD)/requirements ## sweeps whose workers, clients and disks fail, 20 trials each; on Dask too (minutes)
+test-sweep-kill: $(BUILD)/installed $(BUILD)/requirements ## sweeps whose workers and clients are killed, 20 trials each, and whose disks fail; on Dask too (minutes)
 	@sh tools/pip.sh "$(VENV)" "$(BUILD)" -r requirements/sweep.txt -c requirements/test.txt
 	@mkdir -p $(BUILD)/elsewhere
 	cd $(BUILD)/elsewhere && ARMLET_KILL_TRIALS=$(TRIALS) $(PY) -m pytest -rP -c $(ROOT)/pyproject.toml --rootdir $(ROOT) \

@@ -141,7 +141,7 @@ def metrics(
     `simulate_batch(keep="metrics")` computes the same numbers during the runs, without records. `monitor_violations` counts the records in
     which a condition is met, and sums the counts of these conditions:
 
-    - `lyapunov` has risen since the last record by more than `tolerance` times its largest value so far;
+    - `lyapunov` has risen since the previous record by more than `tolerance` times its largest value so far;
     - `|lyapunov_balance|` exceeds `tolerance` times the largest Lyapunov function so far;
     - `|energy_balance|` exceeds `tolerance` times the largest magnitude of the energy so far;
     - `|skewness|`, the largest entry of the symmetric part of `dM/dt - 2 C`, exceeds `tolerance`.
