@@ -29,7 +29,7 @@ except ImportError:
 import hand_written
 import reporting
 import timing
-from generated_cases import BATCHES, LAWS, ROWS, SHORT, TWO, Laws, Pair, Row, alone, function_row, functions, gains, loop_row
+from generated_cases import BATCHES, LAWS, ROWS, SHORT, TWO, Laws, Pair, Row, alone, function_row, functions, gains, loop_row, numpy_call
 from generated_tree import branched, made
 from timing import Case
 
@@ -199,6 +199,7 @@ def main() -> None:
         for what, function in functions(arm).items() if options.functions else ():
             say(f"{label}, {what}")
             calls.append(function_row(label, arm, what, function))
+    others += [numpy_call()] if options.functions else []
     by_hand = hand_written.rows(say)
     pairs = [pair for row in loops + calls for pair in row.pairs.values()] + [pair for found in by_hand.values() for pair in found.values()]
     cases = others + [case for pair in pairs for case in (pair.ours, pair.theirs)]

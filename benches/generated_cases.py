@@ -263,3 +263,14 @@ def function_row(name: str, arm: al.Arm, what: str, made: Function) -> Row:
         "call": Pair.of("call", label, calls, single, CALLS),
     }
     return Row(name, what, scalar.operations, Tree(arm), pairs)
+
+
+def numpy_call() -> Case:
+    """A call of numpy that makes an array of seven numbers, for comparison with single calls."""
+    q = np.linspace(0.1, 0.7, 7)
+
+    def calls() -> None:
+        for _ in range(CALLS):
+            np.negative(q)
+
+    return Case("One call, for comparison: ns", "np.negative(q) of seven numbers", calls, CALLS)
