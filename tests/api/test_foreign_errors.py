@@ -345,10 +345,7 @@ def test_files_without_an_end_are_refused(tmp_path: Path, capsys: pytest.Capture
 
 
 def test_only_files_are_replaced(tmp_path: Path) -> None:
-    """armlet renames a finished file to its final path.
-
-    This would delete a pipe, or a device such as /dev/null, at that path. So armlet refuses such a path.
-    """
+    """A path of a pipe or device such as /dev/null is refused. The finished file is renamed to its path, which would delete them."""
     pipe = tmp_path / "pipe"
     os.mkfifo(pipe)
     (tmp_path / "link").symlink_to(pipe)
