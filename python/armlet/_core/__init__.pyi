@@ -75,7 +75,6 @@ from .simulation import Simulator as Simulator
 from .simulation import _adjoint as _adjoint
 from .simulation import _adjoint_of_rows as _adjoint_of_rows
 from .simulation import _BatchStepper as _BatchStepper
-from .simulation import _check_starts as _check_starts
 from .simulation import _restore_observer as _restore_observer
 from .simulation import _restore_simulator as _restore_simulator
 from .simulation import _sensitivities as _sensitivities
@@ -157,7 +156,6 @@ __all__ = [
     "_c_of_arm",
     "_c_of_law",
     "_c_of_observer",
-    "_check_starts",
     "_restore",
     "_restore_arm",
     "_restore_arm_solver",

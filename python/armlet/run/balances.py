@@ -13,16 +13,16 @@ from __future__ import annotations
 
 import sys
 import warnings
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Balances", "energy_error", "quiet", "warn_of_balances"]
+__all__ = ["Balances", "energy_error", "quiet", "together", "warn_of_balances"]
 
 Array: TypeAlias = NDArray[np.float64]
 
@@ -78,6 +78,12 @@ class Balances:
     energy_missing: float | Array
     lyapunov_rise: float | Array
     lyapunov_error: float | Array
+
+
+def together(pieces: Sequence[Balances]) -> Balances:
+    """Return the balances of a batch from those of its pieces, (B,) each."""
+    names = [field.name for field in fields(Balances)]
+    return Balances(**{name: np.concatenate([np.atleast_1d(getattr(piece, name)) for piece in pieces]) for name in names})
 
 
 def warn_of_balances(caller: str, balances: Balances, ended: NDArray[np.bool_], undisturbed: bool) -> None:

@@ -16,7 +16,7 @@ from .. import _core
 from ..arguments import choice, finite, instance, shown
 from ..errors import InputError
 from ..status import Status, having
-from .balances import Balances, warn_of_balances
+from .balances import Balances, together, warn_of_balances
 from .metrics import MEASURES, metrics
 from .recorded import SERIES
 from .records import BatchRun
@@ -30,6 +30,8 @@ LEAST = 64
 #: Smallest number of pieces of a batch with the argument `out`, if each piece then has at least LEAST runs.
 PARTS = 32
 STATES = ("v0", "theta0", "theta_dot0")
+#: Keywords of a piece. The whole batch was checked before, so a piece does not warn of joint limits and of the sample time.
+CHECKED = {"check_limits": False, "check_sampling": False}
 
 
 def forces_of_runs(force: Any, rows: int) -> Any:
@@ -79,6 +81,14 @@ def measured_by_records(keywords: Mapping[str, Any]) -> bool:
 
 def batch_of(plant: Any, law: Any, q0: ArrayLike, keywords: dict[str, Any], undisturbed: bool) -> BatchRun:
     """Run one batch, and warn if the residual of a balance is too large."""
+    batch, balances = _with_balances(plant, law, q0, keywords)
+    if balances is not None:
+        warn_of_balances("simulate_batch", balances, having(batch.status, Status.SUCCESS), undisturbed)
+    return batch
+
+
+def _with_balances(plant: Any, law: Any, q0: ArrayLike, keywords: dict[str, Any]) -> tuple[BatchRun, Balances | None]:
+    """Run one batch. Return it with the residuals of its balances, which are None without monitors."""
     fields = _core.simulate_batch(plant, law, q0, keywords)
     fields["stats"] = {"ended": fields.pop("ended"), "engine": fields.pop("engine")}
     found, balances = fields.pop("metrics"), Balances(**fields.pop("balances"))
@@ -89,9 +99,7 @@ def batch_of(plant: Any, law: Any, q0: ArrayLike, keywords: dict[str, Any], undi
         fields["stats"] |= found | {"completed": completed}
     fields["sampled"] = keywords.get("sample_time") is not None
     batch = BatchRun(fields, law=law, plant=plant)
-    if found or batch.monitors:
-        warn_of_balances("simulate_batch", balances, having(batch.status, Status.SUCCESS), undisturbed)
-    return batch
+    return batch, balances if found or batch.monitors else None
 
 
 def in_pieces(
@@ -105,7 +113,8 @@ def in_pieces(
 ) -> BatchRun:
     """Run the batch of `simulate_batch` in pieces, and join the results.
 
-    If the metrics require the records, each piece is reduced to its metrics before the next piece runs.
+    Warnings and errors are those of the whole batch. If the metrics require the records, each piece is reduced to its metrics before the
+    next piece runs.
     """
     one = plant[0] if isinstance(plant, list) and plant else plant
     n = instance("simulate_batch", "plant", one, _core.Plant, "a plant such as RigidArm, or a list of them").arm.n
@@ -115,27 +124,19 @@ def in_pieces(
     measures = keywords["metrics"]
     if summed:
         keywords = keywords | {"keep": "all", "metrics": {}}
-    for name, value in (("plant", plant), ("law", law)):
-        if isinstance(value, list) and len(value) not in (1, rows):
-            raise InputError(f"simulate_batch: {name} has the wrong number of entries: expected 1 or {rows}, got {len(value)}")
     for name in STATES:
         if keywords.get(name) is not None:
-            keywords |= {name: _core.numbers("simulate_batch", name, keywords[name], start.shape)}
+            keywords |= {name: _core.numbers("simulate_batch", name, keywords[name], ("B", n))}
+    _check(plant, law, start, keywords)
+    keywords |= CHECKED
     nested = _is_nested(keywords.get("force"))
-    # This batch of zero runs raises the errors of invalid arguments before the first piece runs.
-    none = keywords | {name: _part(keywords.get(name), 0, 0) for name in STATES} | {"check_limits": False}
-    none |= {"force": None} if nested else {}
-    _core.simulate_batch(plant[:1] if isinstance(plant, list) else plant, law[:1] if isinstance(law, list) else law, start[:0], none)
-    _core._check_starts(plant, law, start, keywords)
-    keywords |= {"check_limits": False}
     size = _runs_per_piece(n, keywords)
-    # The result has at least 2 n numbers per run. If they do not fit in memory, the MemoryError is raised here, before the first piece.
-    np.empty((rows, 2 * n))
     if out is not None:
         _require_rows(out, rows)
         # Ctrl-C loses the piece that is running, so a piece is at most 1/PARTS of the batch, or LEAST runs if this is more.
         size = min(size, max(LEAST, rows // PARTS // LEAST * LEAST))
     pieces: list[BatchRun] = []
+    balances: list[Balances | None] = []
     for first in range(0, max(rows, 1), size):
         last = min(first + size, rows)
         own = keywords | {name: _part(keywords.get(name), first, last) for name in STATES}
@@ -146,13 +147,31 @@ def in_pieces(
             own["sample_time"] = replace(own["sample_time"], seed=own["sample_time"].seed + first)
         plants = plant[first:last] if isinstance(plant, list) and len(plant) > 1 else plant
         laws = law[first:last] if isinstance(law, list) and len(law) > 1 else law
-        piece = batch_of(plants, laws, start[first:last], own, undisturbed)
-        pieces.append(_summed(piece, measures, first, last) if summed else piece)
+        piece, residuals = _with_balances(plants, laws, start[first:last], own)
+        pieces.append(_summed(piece, measures, first, last, rows) if summed else piece)
+        balances.append(residuals)
         if out is not None:
             _write(out, pieces[-1], first, last)
         if progress is not None:
             progress(last, rows)
-    return pieces[0] if len(pieces) == 1 else _joined(pieces, law, plant)
+    batch = pieces[0] if len(pieces) == 1 else _joined(pieces, law, plant)
+    known = [each for each in balances if each is not None]
+    if len(known) == len(pieces):
+        warn_of_balances("simulate_batch", together(known), having(batch.status, Status.SUCCESS), undisturbed)
+    return batch
+
+
+def _check(plant: Any, law: Any, start: NDArray[np.float64], keywords: dict[str, Any]) -> None:
+    """Raise the errors of invalid arguments and issue the warnings about arguments, with the rows of the whole batch."""
+    # A batch of zero runs checks the arguments that all runs share, such as the times of the records.
+    none = keywords | CHECKED | {name: _part(keywords.get(name), 0, 0) for name in STATES}
+    none |= {"force": None} if _is_nested(keywords.get("force")) else {}
+    _core.simulate_batch(plant[:1] if isinstance(plant, list) else plant, law[:1] if isinstance(law, list) else law, start[:0], none)
+    # The result has at least 2 n numbers per run. If they do not fit in memory, the MemoryError is raised here, before the first piece.
+    np.empty((len(start), 2 * start.shape[1]))
+    # A batch of all runs that end at their start checks the arguments of each run. It has no step and no monitors.
+    short = {"t_end": 0.0, "t_eval": None, "monitors": False, "keep": "metrics" if keywords["keep"] == "metrics" else "final"}
+    _core.simulate_batch(plant, law, start, keywords | short)
 
 
 def _runs_per_piece(n: int, keywords: dict[str, Any]) -> int:
@@ -194,9 +213,15 @@ def _part(value: NDArray[np.float64] | None, first: int, last: int) -> NDArray[n
     return None if value is None else value[first:last]
 
 
-def _summed(piece: BatchRun, measures: Mapping[str, Any], first: int, last: int) -> BatchRun:
-    """Reduce a piece to the last record of each run, with the metrics in `stats`. The piece has the rows `first` to `last` of the batch."""
-    if np.ndim(measures.get("reference", 0.0)) == 3:
+def _summed(piece: BatchRun, measures: Mapping[str, Any], first: int, last: int, rows: int) -> BatchRun:
+    """Reduce a piece to the last record of each run, with the metrics in `stats`.
+
+    The piece has the rows `first` to `last` of a batch of `rows` runs.
+    """
+    if first == 0:
+        records = piece.q.shape[1:]
+        _core.numbers("metrics", "reference", measures["reference"], records[1:], records, (rows, *records))
+    if np.ndim(measures["reference"]) == 3:
         measures = {**measures, "reference": measures["reference"][first:last]}
     found = metrics(piece, **measures)
     fields: dict[str, Any] = {name: getattr(piece, name)[:, -1:] for name in SERIES if getattr(piece, name) is not None}

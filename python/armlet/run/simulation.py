@@ -208,8 +208,7 @@ def simulate_batch(
 
     A failed run raises no error. `status` has one entry per run, and the rows of a failed run are NaN from its failure on. The bits of the
     other runs do not change. The results have the same bits for every number of threads. One warning per balance (energy, Lyapunov) counts
-    the runs with a large residual. A batch with `progress`, `out` or a reference per record issues them per piece, with indices from the
-    first run of the piece.
+    the runs with a large residual. A batch with `progress`, `out` or a reference per record issues them after its last piece.
 
     Args:
         plant, law: one for all runs, or a list with one per run.

@@ -101,7 +101,7 @@ mod _core {
     #[pymodule_export]
     use super::seal::{_restore, _seal, _share};
     #[pymodule_export]
-    use super::simulate::{_check_starts, simulate, simulate_batch};
+    use super::simulate::{simulate, simulate_batch};
     #[pymodule_export]
     use super::stored_array::{_restore_array, _stored_array};
 

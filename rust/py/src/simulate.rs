@@ -1,6 +1,6 @@
 //! `simulate` and `simulate_batch`: conversion of the arguments to a problem of the core, and of the records to a dict of arrays.
 
-use crate::arrays::{Axis, Form, adopted, flag, numbers, object, owned, text, written_array};
+use crate::arrays::{adopted, flag, object, text, written_array};
 use crate::elastic::warn_of_sampling;
 use crate::errors::{Failure, entry, input_error};
 use crate::event;
@@ -156,7 +156,10 @@ pub fn simulate_batch<'py>(
                 return Err(input_error(py, NAME, "force", problem).into());
             }
             let p = problem.laws[0].initial_state().len();
-            warn_of_sampling(py, NAME, &problem)?;
+            // A piece of a batch does not warn, because the whole batch was checked before.
+            if given.get("check_sampling")?.map_or(Ok(true), |check| flag(NAME, "check_sampling", &check))? {
+                warn_of_sampling(py, NAME, &problem)?;
+            }
             given.limit_check()?.problem(py, NAME, &problem, true)?;
             Ok((long(py, || core::simulate_batch(problem, keep, threads, &mut signalled))?, rows, p))
         })?;
@@ -186,27 +189,5 @@ pub fn simulate_batch<'py>(
         put(&fields, "ended", batch.ended, &[rows])?;
         fields.set_item("engine", batch.engine)?;
         Ok(fields)
-    })
-}
-
-/// Check the starts `q0` `(B, n)` and the joint references of the laws against joint limits, for a batch that is simulated in parts.
-#[entered]
-#[pyfunction]
-pub fn _check_starts(
-    plant: &Bound<'_, PyAny>,
-    law: &Bound<'_, PyAny>,
-    q0: &Bound<'_, PyAny>,
-    keywords: &Bound<'_, PyDict>,
-) -> PyResult<()> {
-    const NAME: &str = "simulate_batch";
-    let py = plant.py();
-    entry(py, NAME, || {
-        let loops = Loops::of(NAME, plant, law, keywords)?;
-        let (plants, laws) = loops.specs()?;
-        let n = plants[0].n();
-        let q0 = owned(numbers(NAME, "q0", q0, &[Form(&[Axis::Any("B"), Axis::Is(n)])])?.1)?;
-        let starts = q0.chunks_exact(n).enumerate().map(|(run, q)| (plants[run.min(plants.len() - 1)], q));
-        let found = long(py, || Ok(core::outside(starts, &laws, true)))?;
-        loops.given.limit_check()?.warn(py, NAME, found)
     })
 }
