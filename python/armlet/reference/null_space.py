@@ -80,7 +80,8 @@ def rate_of_rotation(r: Array, rate: Array, acceleration: Array) -> tuple[Array,
     def means(scales: Array) -> Array:
         """A(s r) of each s in `scales`, by quadrature, (k, 3, 3)."""
         turns = rotation_matrices(r, np.outer(scales, NODES).ravel()).reshape(scales.size, NODES.size, 3, 3)
-        return np.einsum("j,kjab->kab", WEIGHTS, turns)
+        total: Array = np.einsum("j,kjab->kab", WEIGHTS, turns)
+        return total
 
     A = means(np.ones(1))[0]
     change = WEIGHTS @ np.cross(NODES[:, None] * (means(NODES) @ rate), rotation_matrices(r, NODES) @ rate)
