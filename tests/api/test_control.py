@@ -117,7 +117,7 @@ def test_a_small_step_of_the_linear_loop_is_the_simulated_one() -> None:
 def test_poles(plant: al.Plant, law: al.Law | None) -> None:
     """The poles equal the eigenvalues of `equilibrium`.
 
-    Those of an arm alone equal the undamped frequencies of its mass and stiffness matrices.
+    For an arm alone, the magnitudes of the poles equal the undamped frequencies of its mass and stiffness matrices.
     """
     if law is not None:
         rest = al.equilibrium(plant, law, None, q0=HOLD)

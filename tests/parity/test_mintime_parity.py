@@ -74,10 +74,12 @@ def test_two_limits() -> None:
 def test_shapes(shape: str) -> None:
     """Times of trapezoidal and minimum-jerk profiles agree.
 
-    armlet has closed forms and bounds the factor k at each point. The reference bisects the largest torque excess, to 1e-14 of the limits.
+    The torque at the time u T is k s''(u) + G sin x(u), with k = I D / T^2 (see `armlet.reference.profiles`). For the trapezoid,
+    armlet computes the bounds of k in closed form. For minimum jerk, they are extremes over u. The reference finds both bounds by bisection
+    of the largest torque excess, to 1e-14 of the limits.
 
-    Where the torque hardly depends on k, this leaves a larger error in k. For minimum jerk the reference finds `missing` with parabolas
-    through a grid, to 2e-5.
+    Where the torque hardly depends on k, the bisection leaves a larger error in k. For minimum jerk the reference finds `missing`, the
+    smallest torque excess, with parabolas through a grid, to 2e-5.
     """
     rng = np.random.default_rng(6)
     seen = {True: 0, False: 0}

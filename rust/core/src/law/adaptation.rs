@@ -1,4 +1,4 @@
-//! The parameters of an adaptation: which parameters are estimated, the metric, and additional terms of the adaptation.
+//! The parameters of an adaptation: which parameters are estimated, the metric, and composite and concurrent adaptation.
 //!
 //! - The law estimates all inertial parameters `pi`, or a base set `b` ([`Base`]). `b` is a linear map of `pi` with `Y pi = Y_b b`, where
 //!   `Y` is the regressor and `Y_b` contains its independent columns.

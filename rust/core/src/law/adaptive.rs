@@ -153,7 +153,7 @@ impl AdaptiveSpec {
         (self.model.n(), self.estimate.len())
     }
 
-    /// Whether the law estimates only parameters of bodies, without leakage, dead zone and additional adaptation.
+    /// Whether the law estimates only parameters of bodies, without leakage, dead zone, composite and concurrent adaptation.
     pub(super) fn is_plain(&self) -> bool {
         self.columns.is_empty() && self.restraint.is_none() && self.composite.is_none() && self.concurrent.is_none()
     }

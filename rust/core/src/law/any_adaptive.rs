@@ -1,4 +1,4 @@
-//! Adaptive tracking of any arm, with joint columns, restraint, projection and additional adaptation.
+//! Adaptive tracking of any arm, with joint columns, restraint, projection, and composite or concurrent adaptation.
 
 use super::adaptation::Adaptation;
 use super::adaptive::AdaptiveSpec;
@@ -36,7 +36,7 @@ impl Definition for AdaptiveSpec {
     }
 
     /// The terms of the law: desired motion, errors `e` and `e_dot`, references `v_r` and `a_r`, sliding variable `s` and regressor `Y`.
-    /// The torque and the rate of the estimate follow, then the terms of additional adaptation.
+    /// The torque and the rate of the estimate follow, then the terms of composite and concurrent adaptation.
     fn terms(&self, at: &Instant) -> Vec<Term> {
         let n = self.model.n();
         let (p, z) = (self.estimate.len(), at.z);
@@ -133,11 +133,11 @@ pub struct AnyAdaptive<S: Real> {
     /// The entries of the base set in `Y' s`, the product of the transposed regressor and the sliding variable.
     kept: Vec<S>,
     projector: Option<Projector<S>>,
-    /// The buffers of joint columns, restraint and additional adaptation; `None` for the plain adaptation.
+    /// The buffers of joint columns, restraint, and composite or concurrent adaptation; `None` for the plain adaptation.
     more: Option<More<S>>,
 }
 
-/// The optional parts of an adaptive law: joint columns, restraint (leakage and dead zone), and additional adaptation.
+/// The optional parts of an adaptive law: joint columns, restraint (leakage and dead zone), and composite or concurrent adaptation.
 struct More<S> {
     joints: LaneColumns<S>,
     restraint: LaneRestraint<S>,
@@ -147,7 +147,8 @@ struct More<S> {
     entries: Vec<S>,
     /// The product `y = Y' s` of the transposed regressor and the sliding variable, `(p,)`.
     y: Vec<S>,
-    /// The vector `w` that replaces `y` in the rate of the estimate, `(p,)`; empty without restraint and without additional adaptation.
+    /// The vector `w` that replaces `y` in the rate of the estimate, `(p,)`. It is empty without restraint, composite and concurrent
+    /// adaptation.
     w: Vec<S>,
     /// The difference `y - w`, `(p,)`; empty if `w` is empty.
     back: Vec<S>,

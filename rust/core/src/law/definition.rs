@@ -202,8 +202,8 @@ pub trait Law<S: Real> {
     }
 
     /// The rate at which the law's Lyapunov function decreases at the last evaluation, W; zero for a law without such a function. It
-    /// assumes a plant that differs from the law's model only in the estimated parameters, and a law without leakage, dead zone and
-    /// additional adaptation.
+    /// assumes a plant that differs from the law's model only in the estimated parameters. It also assumes a law without leakage, dead
+    /// zone, composite and concurrent adaptation.
     fn dissipation(&self) -> S {
         S::zero()
     }

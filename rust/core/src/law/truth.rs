@@ -62,7 +62,7 @@ pub struct Truth<S> {
 }
 
 impl<S: Real> Truth<S> {
-    /// Create the true parameters for laws with joint columns, restraint or additional adaptation; `None` for other laws.
+    /// Create the true parameters for laws with joint columns, restraint, composite or concurrent adaptation; `None` for other laws.
     pub fn new<'a>(of: impl Fn(usize) -> Option<&'a AdaptiveSpec>, plant: impl Fn(usize) -> &'a PlantSpec) -> Option<Self> {
         let own = of(0).filter(|law| !law.is_plain())?;
         let truths: Vec<Vec<f64>> = (0..S::LANES).map(|lane| of(lane).unwrap_or(own).truth(plant(lane))).collect();
@@ -81,8 +81,8 @@ impl<S: Real> Truth<S> {
         Some(Truth { parameters, rubbing: fixed(rubbing), viscous, coulomb, rotors: fixed(rotors) })
     }
 
-    /// The contribution of the plant's friction, known rotors, restraint (leakage and dead zone) and additional adaptation to the rate of
-    /// the Lyapunov function `V1`: `s' (tau_f - Y_f a_f + (B - B_0) a_r) + (a - a_hat)' (y - w)`.
+    /// A part of the rate of the Lyapunov function `V1`: `s' (tau_f - Y_f a_f + (B - B_0) a_r) + (a - a_hat)' (y - w)`. It contains the
+    /// effects of the plant's friction, known rotors, restraint (leakage and dead zone), and composite and concurrent adaptation.
     ///
     /// `columns` has the entries of the joint columns, and `back` is `y - w`.
     pub(super) fn added(&self, [s, v, a_r]: [&[S]; 3], columns: &[S], estimate: &[S], back: &[S]) -> S {

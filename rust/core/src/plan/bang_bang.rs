@@ -224,7 +224,7 @@ impl BangBangReport {
         self.thetaf >= self.theta0
     }
 
-    /// The angles along the motion, rad, of the start, the switch and the end.
+    /// The angles `x = direction theta`, rad, of the start, the switch and the end.
     fn ends(&self) -> [f64; 3] {
         let sign = if self.forward() { 1.0 } else { -1.0 };
         [sign * self.theta0, sign * (0.5 * self.theta0 + 0.5 * self.thetaf), sign * self.thetaf]

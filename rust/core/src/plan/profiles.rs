@@ -54,8 +54,8 @@ pub struct ProfileReport {
     pub missing: f64,
 }
 
-/// A bound of `k` or a gravity torque, N m, and its place. The place is the angle along the motion, rad. In `minimum_jerk_time` it is the
-/// time fraction `u`.
+/// A bound of `k` or a gravity torque, N m, and its place. The place is the angle `x = direction theta`, rad. In `minimum_jerk_time` it is
+/// the time fraction `u`.
 type At = (f64, f64);
 
 /// Link, ends and direction of a motion.

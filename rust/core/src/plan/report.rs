@@ -212,13 +212,14 @@ pub enum MonotoneReason {
     },
     /// The link cannot pass `x`, because gravity exceeds the torque on a part of the way.
     Hump {
-        /// Angle, rad. In a result it is `theta`. Within the planner it is the angle along the motion.
+        /// Angle, rad. In a result it is `theta`. Within the planner it is `direction theta`. The `direction` is 1 if the motion increases
+        /// `theta`, else -1.
         x: f64,
         /// Missing torque, N m.
         missing: f64,
     },
     /// With friction: push and brake have no point of equal speeds. The push ends at `push`, and the brake can begin at `brake`. In a
-    /// result both angles are `theta`. Within the planner they are angles along the motion.
+    /// result both angles are `theta`. Within the planner they are `direction theta`, as in `Hump`.
     Apart {
         /// Angle where the push ends, rad.
         push: f64,
@@ -230,7 +231,7 @@ pub enum MonotoneReason {
 }
 
 impl MonotoneReason {
-    /// Convert angles along the motion to `theta`: multiply them by `sign`.
+    /// Convert angles `direction theta` to `theta`: multiply them by the direction `sign`, which is 1 or -1.
     pub(super) fn along(self, sign: f64) -> Self {
         match self {
             MonotoneReason::Hump { x, missing } => MonotoneReason::Hump { x: sign * x, missing },

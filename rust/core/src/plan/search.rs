@@ -20,7 +20,8 @@
 
 use crate::interrupt::look;
 
-/// A motion with one reversal, as angles along the motion. Times are in units of `sqrt(I/2)` seconds without friction, else in seconds.
+/// A motion with one reversal. Its angles are `x = direction theta`, where `direction` is 1 or -1. Times are in units of `sqrt(I/2)`
+/// seconds without friction, else in seconds.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Swing {
     pub time: f64,

@@ -65,8 +65,8 @@ impl Columns {
         }
     }
 
-    /// The ranges of the series in a record: positions, velocities, inputs, motor positions and velocities, the law's state, bristles, and
-    /// each monitor.
+    /// The ranges of the quantities in a record: positions, velocities, inputs, motor positions and velocities, the law's state, bristles,
+    /// and each monitor.
     pub fn series(&self, size: usize, monitors: usize) -> Vec<Range<usize>> {
         let SampleColumns { q, v, tau, theta, theta_dot, z, bristles, monitors: first } = self.places(size);
         let own = [q, v, tau, theta, theta_dot, z, bristles].into_iter();

@@ -49,7 +49,7 @@ pub struct Listed {
     pub lanes: usize,
     /// The size of the machine code in bytes, and the number of spilled values. `None` if armlet makes no machine code for this processor.
     pub size: Option<(usize, usize)>,
-    /// The inputs of the program at any stage. An input that is a loop parameter has a value.
+    /// All inputs that one or more stages of the program read. An input that is a loop parameter has a value.
     pub inputs: Vec<(Named, Option<f64>)>,
     /// The stages "recorded" (if available), "simplified", "lowered" and "machine", each with its listing.
     pub stages: Vec<(&'static str, Listing)>,

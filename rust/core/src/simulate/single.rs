@@ -83,7 +83,7 @@ pub struct Run {
 struct RunRecorder<'a> {
     run: &'a mut Run,
     columns: Columns,
-    /// The range of each series in a record.
+    /// The range of each quantity in a record.
     numbers: Vec<Range<usize>>,
     problem: &'a Problem<'a>,
     /// The monitors. They are created at the first record that has no monitors from a program, because creation compiles an arm.

@@ -48,10 +48,10 @@ use series::Series;
 use std::ops::Range;
 use structure::FunctionStore;
 
-/// The names of the series of a record, and the range of each series in the record.
+/// The names of the quantities in a record, and the range of each quantity in the record.
 pub type RecordParts = Vec<(&'static str, Range<usize>)>;
 
-/// Return the series of a record `[x, tau]`, and the number of elements of the record.
+/// Return the quantities of a record `[x, tau]`, and the number of elements of the record.
 pub fn record_parts(problem: &Problem) -> (RecordParts, usize) {
     let columns = Columns::of(problem);
     let size = problem.plant(0).states() + columns.p;

@@ -1,10 +1,13 @@
-//! The tangents of all records, one array for each series, in the layout of the result.
+//! The tangents of all records, in the layout of the result. A *tangent* is the derivative of a number with respect to one parameter.
+//!
+//! A record `[x, tau]` has the numbers of the state and the input at one time. A *series* is one quantity at all records, such as `q`.
 
 use crate::error::Result;
 use crate::memory;
 use std::ops::Range;
 
-/// The tangents of the series of a record `[x, tau]`. Each array has the shape `(records, numbers, parameters)`.
+/// The tangents, with one array for each series. The array has the shape `(records, numbers, parameters)`, where `numbers` is the size of
+/// the quantity in one record.
 pub struct Series {
     parts: Vec<(Range<usize>, Vec<f64>)>,
     parameters: usize,
@@ -21,7 +24,7 @@ fn columns<const M: usize>(from: &[f64], lanes: usize, to: &mut [f64], width: us
 }
 
 impl Series {
-    /// Return arrays of zeros for `records` records. `parts` are the ranges of the series in a record.
+    /// Return arrays of zeros for `records` records. `parts` are the ranges of the quantities in a record.
     pub fn zeros(parts: impl Iterator<Item = Range<usize>>, records: usize, parameters: usize) -> Result<Self> {
         let part = |range: Range<usize>| {
             let numbers = records.saturating_mul(range.len()).saturating_mul(parameters);
