@@ -1,6 +1,7 @@
-"""Every law with every option as C: its torque equals armlet's to the last bit in 1,000 states, or the law is refused by name.
+"""Every law with every option as C: its torque equals armlet's to the last bit in 1,000 states, or `export_c` raises an error.
 
-The table has an entry for each class of laws and for each of its arguments. A class or an argument without an entry fails a test.
+The error names the law. The table has an entry for each class of laws and for each of its arguments. A class or an argument without an
+entry fails a test.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Arguments of absurd size are refused quickly and by name. No memory is allocated, and the process does not end."""
+"""An argument of absurd size quickly raises an error that names it. No memory is allocated, and the process does not end."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Tasks, their laws, solvers and inverse kinematics: invalid arguments are refused by name; every object can be pickled and printed."""
+"""Tasks, their laws, solvers and inverse kinematics: an error names an invalid argument; every object can be pickled and printed."""
 
 from __future__ import annotations
 

@@ -132,7 +132,7 @@ def test_a_clean_record_gives_the_parameters_back(name: str) -> None:
     found = arm.identify(q, v, a, tau, armature=True, friction=True)
     assert found.rank == found.base.count and found.condition < 100.0 and found.unidentified == ()
     np.testing.assert_allclose(found.values, found.base.values, rtol=1e-10, atol=1e-11)
-    # The record is exact, so the nearest parameters are the arm's, up to rounding.
+    # Of all arms with the identified base parameters, `found.arm` is nearest to `arm`. The record is exact, so they agree up to rounding.
     np.testing.assert_allclose(found.arm.parameters, arm.parameters, rtol=1e-9, atol=1e-10)
     wrong = arm.with_parameters(arm.parameters * 1.3)
     again = wrong.identify(q, v, a, tau, armature=True, friction=True)

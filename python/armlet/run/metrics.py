@@ -144,7 +144,7 @@ def metrics(
     - `lyapunov` has risen since the previous record by more than `tolerance` times its largest value so far;
     - `|lyapunov_balance|` exceeds `tolerance` times the largest Lyapunov function so far;
     - `|energy_balance|` exceeds `tolerance` times the largest magnitude of the energy so far;
-    - `|skewness|`, the largest entry of the symmetric part of `dM/dt - 2 C`, exceeds `tolerance`.
+    - `skewness`, the largest absolute entry of `N + N'` with `N = dM/dt - 2 C` and the transpose `'`, exceeds `tolerance`.
 
     Args:
         run: the run, or the batch.

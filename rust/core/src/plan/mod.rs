@@ -16,6 +16,7 @@
 //! - A *phase* is a part of a motion with constant torque. A *push* starts at rest. A *brake* ends at rest, and is computed backwards in
 //!   time.
 //! - A *swing* is a motion with one reversal, the *turn*. A *back-swing* first moves away from the goal. An *overshoot* first passes it.
+//! - The three *families* of motions are monotone motions, back-swings and overshoots.
 //! - `e` is the distance from the start of a back-swing to its turn.
 //! - A *maximum of gravity* is an angle where the kinetic energy of a phase has a local minimum. Gravity slows the link down before this
 //!   angle, and no longer after it.

@@ -1,4 +1,4 @@
-//! The fastest swing of a family: a one-dimensional search over the turning point.
+//! The fastest swing of one kind, back-swing or overshoot: a one-dimensional search over the turning point.
 //!
 //! ```text
 //! minimise T(e),   e > 0 the distance of the turn behind the start, in the intervals where the swing is feasible

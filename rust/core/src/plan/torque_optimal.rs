@@ -59,7 +59,7 @@ impl Family {
     }
 }
 
-/// The fastest motion of the three families.
+/// The fastest motion of the three families: monotone, back-swing and overshoot.
 ///
 /// ```
 /// use armlet_core::plan::torque_optimal_time;
@@ -90,7 +90,7 @@ pub struct Best {
     pub t_turn: f64,
 }
 
-/// The monotone optimum, and the fastest motion of the three families.
+/// The fastest monotone motion, and the fastest motion of the three families: monotone, back-swing and overshoot.
 ///
 /// ```
 /// use armlet_core::plan::{MonotoneReason, torque_optimal_time};
@@ -121,7 +121,7 @@ pub struct TorqueOptimum {
     pub sturm_bound: f64,
     /// Whether the monotone motion exists, or the reason why not.
     pub reason: MonotoneReason,
-    /// The fastest motion of the three families.
+    /// The fastest motion of the three families: monotone, back-swing and overshoot.
     pub best: Best,
     pub(super) theta0: f64,
     pub(super) thetaf: f64,

@@ -147,7 +147,7 @@ impl TorqueProfile {
 }
 
 impl TorqueOptimum {
-    /// The motion of the fastest family; `None` if no motion was found.
+    /// The fastest motion of the three families (monotone, back-swing and overshoot); `None` if no motion was found.
     pub fn profile(&self) -> Option<TorqueProfile> {
         TorqueProfile::new(self, &self.best)
     }

@@ -66,7 +66,7 @@ pub struct MeasureLayout {
     /// magnitude of its balance, J.
     pub lyapunov: Range<usize>,
     pub violations: usize,
-    /// The sum of skewness and balances over all records. It is not finite if one of them was not finite.
+    /// The sum of the skewness of `dM/dt - 2 C` and of the balances over all records. It is not finite if one of them was not finite.
     pub sum: usize,
     pub error_final: Range<usize>,
     pub distance_final: Range<usize>,
@@ -91,7 +91,7 @@ pub struct Plan {
     pub settle: f64,
     pub tolerance: f64,
     pub bounds: Option<Bounds>,
-    /// Whether energy and skewness are monitored.
+    /// Whether the energy and the skewness of `dM/dt - 2 C` are monitored.
     pub energy: bool,
     /// Whether the Lyapunov function is monitored.
     pub lyapunov: bool,

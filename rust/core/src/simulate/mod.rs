@@ -8,6 +8,8 @@
 //! - The *exogenous input* is the desired motion and the external force.
 //! - A *record* is the stored data at one time: state, input and monitors. *Metrics* are numbers that summarise all records of a run.
 //! - A *sample* is one evaluation of a sampled law. Its output is *held* until the next sample.
+//! - The *skewness* is the largest absolute entry of `N + N'` with `N = dM/dt - 2 C`, which is zero in theory. `M` is the mass matrix, `C`
+//!   the Coriolis matrix, and `'` the transpose.
 //! - A *lane* is one element of a SIMD register. A *group* is a set of runs that are computed at the same time, one per lane.
 //! - A *loop parameter* is a number that is constant in a run, such as a mass, a gain, a target or a limit.
 //! - A *program* is a recorded computation (the module `trace`). It *declines* a step if its results are not valid. Its *frame* is its

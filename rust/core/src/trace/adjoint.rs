@@ -2,9 +2,9 @@
 //!
 //! For `y = f(x)` with the Jacobian `J = dy/dx`, and weights `y_bar` of the outputs, the adjoint computes `x_bar = J' y_bar`. Its
 //! operations follow the operations of `y`. An *entry* is the index of a recorded operation. Entry 0 is the constant zero. An entry adds no
-//! operation if it has no effect on an output, or if it does not depend on a varying input. At a corner (such as `|x|` at zero), the result
-//! is the derivative of the selected branch. The other branch has the weight zero. Its numbers may be infinite, and zero times infinity is
-//! NaN. Therefore, a product with the weight zero is set to zero.
+//! operation if it has no effect on an output, or if it does not depend on a differentiated input. At a corner (such as `|x|` at zero), the
+//! result is the derivative of the selected branch. The other branch has the weight zero. Its numbers may be infinite, and zero times
+//! infinity is NaN. Therefore, a product with the weight zero is set to zero.
 
 use super::tape::{Op, Tape};
 
@@ -13,7 +13,7 @@ struct Reversal {
     tape: Tape,
     /// For each entry, the entry that contains its weight.
     bars: Vec<u32>,
-    /// Whether each entry depends on a varying input.
+    /// Whether each entry depends on a differentiated input.
     moves: Vec<bool>,
 }
 

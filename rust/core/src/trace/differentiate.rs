@@ -2,8 +2,8 @@
 //!
 //! For `y = f(x)` with the Jacobian `J = dy/dx`, and a direction `x_dot` of the inputs, the tangent is `y_dot = J x_dot`. Its operations
 //! follow the operations of `y`. An *entry* is the index of a recorded operation. Entry 0 is the constant zero. An entry that does not
-//! depend on a varying input has the derivative zero, and folding removes all operations on this zero. At a corner (such as `|x|` at zero),
-//! the result is the derivative of the selected branch, as in `scalar::Dual`.
+//! depend on a differentiated input has the derivative zero, and folding removes all operations on this zero. At a corner (such as `|x|` at
+//! zero), the result is the derivative of the selected branch, as in `scalar::Dual`.
 
 use super::tape::{Op, Tape};
 
@@ -65,7 +65,7 @@ pub(super) fn needed(ops: &[Op], outputs: &[u32]) -> Vec<bool> {
 }
 
 /// Record the derivative of entry `i` with operation `op`. `at(operand)` is the entry of the operand's derivative, which is 0 if the
-/// operand does not vary.
+/// derivative is zero.
 pub(super) fn rate(tape: &mut Tape, op: Op, i: u32, at: impl Fn(u32) -> u32) -> u32 {
     if op.operands().all(|a| at(a) == 0) {
         return 0;

@@ -33,8 +33,8 @@ pub struct Recording {
     /// The labels of the set-up parameters that became inputs.
     pub labels: Vec<Label>,
     /// The indices of the set-up parameters in `ops`, in the order of recording. Parameters of [`Real::fixed`] are included only if the
-    /// recording has varying parameters. Two loops can share a program if these lists are equal, and if the loops differ only in the values
-    /// of parameters.
+    /// recording has varying parameters (see [`Moving`]). Two loops can share a program if these lists are equal, and if the loops differ
+    /// only in the values of parameters.
     pub structure: Vec<u32>,
     /// Whether the code read a value that is not a constant, or gave two lanes different values. Then the recording is not valid.
     pub failed: bool,

@@ -1,5 +1,6 @@
 //! A tape is the list of recorded operations. An *entry* is the index of an operation in this list. The tape folds constants, zeros and
-//! ones, and equal operations share an entry. A *set-up parameter* is a number that is constant in a run, such as a mass or a gain.
+//! ones, and equal operations share an entry. A *set-up parameter* is a number that is constant in a run, such as a mass or a gain. The
+//! *varying* set-up parameters are those that [`Moving`] selects, for example to compute derivatives with respect to them.
 //!
 //! Folding does not change the value of a finite computation, except for the signs of zeros. For example, it simplifies `0 x`, `1 x`,
 //! `x + 0`, `-(-x)` and `a + (-b)`. It does not regroup sums or products. A tape without folding records every operation, for comparisons
@@ -80,7 +81,7 @@ impl Op {
     }
 }
 
-/// Selects the set-up parameters that vary. Each of them is a separate input, even if other parameters have the same value.
+/// Selects the varying set-up parameters. Each of them is a separate input, even if other parameters have the same value.
 #[derive(Clone, Debug)]
 pub enum Moving {
     Nothing,
@@ -98,8 +99,8 @@ pub(super) struct Tape {
     pub values: Vec<f64>,
     /// The labels of the set-up parameters that became inputs.
     pub labels: Labels,
-    /// The entries of the set-up parameters in the order of recording. A parameter that is recorded by `fixed` is in the list only if the
-    /// recording has varying parameters. Recordings can share a program only if their lists are equal.
+    /// The entries of the set-up parameters in the order of recording. A parameter that is recorded by `fixed` is in the list only if
+    /// `moving` is not `Nothing`. Recordings can share a program only if their lists are equal.
     pub structure: Vec<u32>,
     pub inputs: u32,
     pub set_up: bool,
@@ -112,7 +113,7 @@ pub(super) struct Tape {
 
 impl Tape {
     /// Return a tape with the constants 0, 1 and -1 as entries 0 to 2. A set-up parameter with such a value refers to these entries and not
-    /// to an input, unless it varies.
+    /// to an input, unless [`Moving`] selects it.
     pub fn new() -> Self {
         Tape::that(true)
     }
@@ -167,7 +168,7 @@ impl Tape {
         self.push(Op::Input(self.inputs - 1))
     }
 
-    /// Whether the next set-up parameter varies.
+    /// Whether `moving` selects the next set-up parameter.
     fn next_moves(&self) -> bool {
         match &self.moving {
             Moving::Nothing => false,
@@ -176,7 +177,7 @@ impl Tape {
         }
     }
 
-    /// Record a set-up parameter as an input. The values 0, 1 and -1 become constants instead, unless the parameter varies.
+    /// Record a set-up parameter as an input. The values 0, 1 and -1 become constants instead, unless `moving` selects the parameter.
     pub fn given(&mut self, x: f64) -> u32 {
         let label = self.labels.next();
         let entry = if (x == 0.0 || x.abs() == 1.0) && !self.next_moves() {
@@ -190,7 +191,8 @@ impl Tape {
         entry
     }
 
-    /// Record a set-up parameter. Parameters of equal value that are recorded with this function share one input, unless they vary.
+    /// Record a set-up parameter. Parameters of equal value that are recorded with this function share one input, unless `moving` selects
+    /// them.
     pub fn shared(&mut self, x: f64) -> u32 {
         if self.next_moves() {
             return self.given(x);
@@ -205,8 +207,8 @@ impl Tape {
         new
     }
 
-    /// Record a set-up parameter as a constant, unless it varies. The list `structure` contains it only in a recording with varying
-    /// parameters.
+    /// Record a set-up parameter as a constant, unless `moving` selects it. The list `structure` contains it only if `moving` is not
+    /// `Nothing`.
     pub fn fixed(&mut self, x: f64) -> u32 {
         if self.set_up && self.next_moves() {
             return self.given(x);

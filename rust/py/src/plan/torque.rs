@@ -69,7 +69,7 @@ pub fn torque_optimal_time<'py>(
     })
 }
 
-/// The fastest monotone motion, and the fastest motion of the three families, from `torque_optimal_time`.
+/// The fastest monotone motion, and the fastest of all monotone motions, back-swings and overshoots, from `torque_optimal_time`.
 #[pyclass(frozen, module = "armlet", name = "TorqueOptimum")]
 pub struct TorqueOptimum {
     core: plan::TorqueOptimum,

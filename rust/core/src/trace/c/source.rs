@@ -61,7 +61,8 @@ impl COptions {
     }
 }
 
-/// Names that a source file may define, without the prefix.
+/// Names of functions that a source file defines for internal use. In the file, the prefix and `_` precede each name. The functions of the
+/// caller must have other names.
 const OWN_NAMES: [&str; 5] = ["finite", "refuse", "answer", "sin_cos", "sin_cos_unfused"];
 
 /// Whether the name consists of a letter, followed by letters, digits and `_`.
@@ -69,8 +70,8 @@ fn is_identifier(name: &str) -> bool {
     name.starts_with(|c: char| c.is_ascii_alphabetic()) && name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_')
 }
 
-/// Check names of functions. Errors: `Input` if a name is not an identifier of C, is repeated, or is one that a source file may define.
-/// Also `Input` if a name is another name with `_` and a number, because the parts of a long function have such names.
+/// Check names of functions. Errors: `Input` if a name is not an identifier of C, is repeated, or is one of `OWN_NAMES`. Also
+/// `Input` if a name is another name with `_` and a number, because the parts of a long function have such names.
 pub fn require_names<'a>(argument: &str, names: impl Iterator<Item = &'a str>) -> Result<()> {
     let names: Vec<&str> = names.collect();
     let mut earlier = HashSet::new();
