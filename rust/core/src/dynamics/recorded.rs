@@ -119,13 +119,17 @@ impl ArmFunction {
     pub fn rows(&self, inputs: &[&[f64]], out: &mut [f64], mut direct: impl FnMut(usize, &mut [f64]) -> Result<()>) -> Result<()> {
         let mut evaluation = free(&self.others).and_then(|mut others| others.pop()).unwrap_or_else(|| self.first.clone());
         let (lanes, length) = (evaluation.lanes(), self.length);
-        let inputs: Vec<Rows> = inputs.iter().zip(&self.widths).map(|(numbers, &width)| Rows { numbers, width }).collect();
+        let mut all = [Rows::default(); 4];
+        for (rows, (numbers, &width)) in all.iter_mut().zip(inputs.iter().zip(&self.widths)) {
+            *rows = Rows { numbers, width };
+        }
+        let inputs = &all[..inputs.len()];
         for (block, out) in out.chunks_mut(BLOCK * lanes * length).enumerate() {
             let start = block * BLOCK * lanes;
             let mut sound = true;
             evaluation.forget();
             for (group, out) in out.chunks_mut(lanes * length).enumerate() {
-                evaluation.read(&inputs, start + group * lanes);
+                evaluation.read(inputs, start + group * lanes);
                 evaluation.run_on();
                 sound &= evaluation.write(0, length, out);
             }
@@ -135,7 +139,7 @@ impl ArmFunction {
             // Find the rows that the program cannot compute, group by group.
             for (group, out) in out.chunks_mut(lanes * length).enumerate() {
                 let at = start + group * lanes;
-                evaluation.read(&inputs, at);
+                evaluation.read(inputs, at);
                 evaluation.run();
                 for (lane, row) in out.chunks_exact_mut(length).enumerate() {
                     if !evaluation.is_near(lane) || row.iter().any(|x| !x.is_finite()) {

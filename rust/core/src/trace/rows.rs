@@ -7,7 +7,7 @@ use crate::scalar::{Isa, isa};
 use std::ops::Range;
 
 /// The rows of one input, one after another. Each row has `width` numbers.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub struct Rows<'a> {
     pub numbers: &'a [f64],
     pub width: usize,
