@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import matplotlib
@@ -12,6 +13,7 @@ import pytest
 from matplotlib.figure import Figure
 
 import armlet as al
+from armlet.demo import demonstrate
 from armlet.figures import style
 from armlet.figures.minimum_time import MinimumTime
 from armlet.figures.time_path import PathTiming
@@ -168,3 +170,25 @@ def test_without_matplotlib_nothing_is_drawn(name: str, monkeypatch: pytest.Monk
         draw(None)
     assert str(fault.value) == f"{caller}: matplotlib is not installed: pip install 'armlet[plot]'"
     assert not style.available()
+
+
+def test_no_text_of_the_demonstration_is_cut_off(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Titles and axis labels are within their figures."""
+    drawn: list[str] = []
+    cut: list[str] = []
+    save = Figure.savefig
+
+    def savefig(figure: Figure, file: Any, **options: Any) -> None:
+        save(figure, file, **options)
+        figure.draw_without_rendering()
+        for ax in figure.axes:
+            texts = [ax.title, ax._left_title, ax._right_title, ax.xaxis.label, ax.yaxis.label]
+            for text in (text for text in texts if text.get_text()):
+                box = text.get_window_extent()
+                inside = box.x0 >= figure.bbox.x0 and box.x1 <= figure.bbox.x1 and box.y0 >= figure.bbox.y0 and box.y1 <= figure.bbox.y1
+                (drawn if inside else cut).append(text.get_text())
+
+    monkeypatch.setattr(Figure, "savefig", savefig)
+    demonstrate(tmp_path)
+    assert not cut, cut
+    assert len(drawn) > 40
