@@ -78,13 +78,19 @@ def test_rows_are_simulators(plant: al.Plant, rows: int) -> None:
 def test_rows_that_are_not_there() -> None:
     arms = _core._BatchStepper(PLANTS["rigid"], 3, 2e-3)
     with pytest.raises(al.InputError, match=r"rows is out of range: expected numbers below 3, got 3 \(first bad index 1\)"):
-        arms.put([0, 3], np.zeros((2, 2)), np.zeros((2, 2)))
+        arms.put([0, 3], np.ones((2, 2)), np.ones((2, 2)))
+    assert not arms.states.any(), "a refused call changes no row"
     with pytest.raises(al.InputError, match=r"tau has the wrong shape: expected \(3, 2\), got \(2, 2\)"):
         arms.step(np.zeros((2, 2)), 1)
     with pytest.raises(al.InputError, match="steps is not a positive integer"):
         arms.step(np.zeros((3, 2)), 0)
     with pytest.raises(al.InputError, match="dt is not positive"):
         _core._BatchStepper(PLANTS["rigid"], 3, 0.0)
+    moving = _core._BatchStepper(PLANTS["velocity"], 3, 2e-3)
+    moving.step(np.full((3, 2), 0.5), 1)
+    with pytest.raises(al.InputError, match="steps is not a positive integer"):
+        moving.step(np.ones((3, 2)), 0)
+    assert (moving.put([], np.zeros((0, 2)), np.zeros((0, 2)))[1] == 0.5).all(), "a refused call keeps the inputs"
 
 
 def test_environments_are_copied_with_their_states() -> None:

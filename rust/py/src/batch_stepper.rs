@@ -52,17 +52,18 @@ impl _BatchStepper {
         const NAME: &str = "_BatchStepper.step";
         entry(py, NAME, || {
             let (n, rows) = (self.plant.n(), self.tau.len() / self.plant.n());
-            self.tau = owned(numbers(NAME, "tau", tau, &[Form(&[Axis::Is(rows), Axis::Is(n)])])?.1)?;
+            let given = owned(numbers(NAME, "tau", tau, &[Form(&[Axis::Is(rows), Axis::Is(n)])])?.1)?;
             let steps = count(NAME, "steps", steps)?;
             let Self { stepper, x, tau, .. } = self;
             let before = x.clone();
-            let ended = long(py, || {
-                if stepper.advance(tau, steps, default_threads(), &mut signalled, x) {
+            long(py, || {
+                if stepper.advance(&given, steps, default_threads(), &mut signalled, x) {
                     *x = before;
+                } else {
+                    *tau = given;
                 }
                 Ok(())
-            });
-            ended?;
+            })?;
             self.read(py)
         })
     }
@@ -84,11 +85,11 @@ impl _BatchStepper {
                 items(NAME, "rows", "a list", rows, all)?.iter().map(|row| whole(NAME, "rows", row)).collect::<Result<_, _>>()?;
             let shape = [Axis::Is(rows.len()), Axis::Is(n)];
             let (q, v) = (numbers(NAME, "q", q, &[Form(&shape)])?.1, numbers(NAME, "v", v, &[Form(&shape)])?.1);
+            if let Some((k, row)) = rows.iter().enumerate().find(|(_, row)| **row >= all) {
+                let problem = format!("is out of range: expected numbers below {all}, got {row} (first bad index {k})");
+                return Err(input_error(py, NAME, "rows", problem).into());
+            }
             for (k, &row) in rows.iter().enumerate() {
-                if row >= all {
-                    let problem = format!("is out of range: expected numbers below {all}, got {row} (first bad index {k})");
-                    return Err(input_error(py, NAME, "rows", problem).into());
-                }
                 let (q, v) = (&q[k * n..(k + 1) * n], &v[k * n..(k + 1) * n]);
                 let v: &[f64] = if self.plant.kind().has_speeds() { v } else { &[] };
                 self.x[row * states..(row + 1) * states].copy_from_slice(&self.plant.initial_state(q, v, None, None));
