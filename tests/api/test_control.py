@@ -68,7 +68,7 @@ def test_a_loop_responds_as_it_is_simulated(plant: al.Plant, law: al.Law) -> Non
 
 @pytest.mark.parametrize("plant", [al.RigidArm(ARM), al.RigidArm(SEVEN, friction=True), ELASTIC], ids=["rigid", "friction", "elastic"])
 def test_an_arm_responds_as_it_is_simulated(plant: al.Plant) -> None:
-    """Under a constant torque, an arm responds as it is simulated.
+    """Under a constant torque, the response of `to_control` equals the simulation of the arm.
 
     The tolerances are larger than for a loop. The errors of the integrators grow here, and the dry friction of seven axes switches.
     """

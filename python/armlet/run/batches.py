@@ -82,9 +82,15 @@ def measured_by_records(keywords: Mapping[str, Any]) -> bool:
 def batch_of(plant: Any, law: Any, q0: ArrayLike, keywords: dict[str, Any], undisturbed: bool) -> BatchRun:
     """Run one batch, and warn if the residual of a balance is too large."""
     batch, balances = _with_balances(plant, law, q0, keywords)
-    if balances is not None:
-        warn_of_balances("simulate_batch", balances, having(batch.status, Status.SUCCESS), undisturbed)
+    _warn(batch, [balances], undisturbed)
     return batch
+
+
+def _warn(batch: BatchRun, pieces: Sequence[Balances | None], undisturbed: bool) -> None:
+    """Warn once if a residual of a balance of `pieces`, the parts of the batch, is too large. Without monitors they are None."""
+    known = [each for each in pieces if each is not None]
+    if known:
+        warn_of_balances("simulate_batch", together(known), having(batch.status, Status.SUCCESS), undisturbed)
 
 
 def _with_balances(plant: Any, law: Any, q0: ArrayLike, keywords: dict[str, Any]) -> tuple[BatchRun, Balances | None]:
@@ -155,9 +161,7 @@ def in_pieces(
         if progress is not None:
             progress(last, rows)
     batch = pieces[0] if len(pieces) == 1 else _joined(pieces, law, plant)
-    known = [each for each in balances if each is not None]
-    if len(known) == len(pieces):
-        warn_of_balances("simulate_batch", together(known), having(batch.status, Status.SUCCESS), undisturbed)
+    _warn(batch, balances, undisturbed)
     return batch
 
 

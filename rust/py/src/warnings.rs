@@ -61,7 +61,7 @@ impl LimitCheck {
     }
 
     /// Issue one warning for all positions in `found`, or return an error for the first position.
-    pub fn warn(self, py: Python<'_>, function: &str, found: impl IntoIterator<Item = (String, Outside)>) -> Result<(), Failure> {
+    fn warn(self, py: Python<'_>, function: &str, found: impl IntoIterator<Item = (String, Outside)>) -> Result<(), Failure> {
         if self == LimitCheck::Ignore {
             return Ok(());
         }

@@ -1,5 +1,5 @@
-//! Adaptive methods: common definitions. A method chooses the size of each step on the way from `t` to `t_end`. A step from the state `x`
-//! to the state `x_new` has the error estimate
+//! Adaptive methods: common definitions. A method integrates from `t` to `t_end`, and chooses the size of each step. A step from the
+//! state `x` to the state `x_new` has the error estimate
 //!
 //! `error = sqrt(1/m sum ((x_new - x_embedded)_i / (atol_i + rtol_i max(|x_i|, |x_new_i|)))^2)`,
 //!

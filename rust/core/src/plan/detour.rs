@@ -5,8 +5,8 @@ use super::monotone::{Energies, Monotone};
 use super::sine::{gravity_range, sine};
 
 /// A lower bound of the time from `x0` to the turn and back to `x0`, divided by `2 sqrt(e)`. The unit of the time is `sqrt(I/2)` seconds.
-/// `up` and `down` are the largest net torques `p_+` towards the goal and `p_-` away from it, N m. The way to the turn adds
-/// `sqrt((p_+ + p_-)/(p_+ p_-))`, and the way back to `x0` adds `sqrt(1/p_+)`.
+/// `up` and `down` are the largest net torques `p_+` towards the goal and `p_-` away from it, N m. The result is a
+/// sum. The term for the motion to the turn is `sqrt((p_+ + p_-)/(p_+ p_-))`. The term for the return to `x0` is `sqrt(1/p_+)`.
 pub(super) fn detour(up: f64, down: f64) -> f64 {
     (((up + down) / down).sqrt() + 1.0) / up.sqrt()
 }

@@ -210,7 +210,7 @@ pub enum MonotoneReason {
         /// Missing torque, N m.
         missing: f64,
     },
-    /// The link cannot pass `x`, because gravity exceeds the torque on a part of the way.
+    /// The link cannot pass `x`, because gravity exceeds the torque in an interval of the motion.
     Hump {
         /// Angle, rad. In a result it is `theta`. Within the planner it is `direction theta`. The `direction` is 1 if the motion increases
         /// `theta`, else -1.

@@ -91,7 +91,6 @@ pub use gradient::{
 };
 pub use listed::{Listed, list_loop, watch_steps};
 pub use measure_options::Measures;
-pub use outside::outside;
 pub use priority_batch::{solve_rows, solve_stacks, solve_stacks_by};
 pub use problem::{Options, Problem};
 #[doc(hidden)]

@@ -5,7 +5,6 @@ use super::problem::Problem;
 use crate::arm::{Arm, Outside};
 use crate::dynamics::Model;
 use crate::law::{JointReference, LawSpec};
-use crate::plant::PlantSpec;
 
 /// Return the arm of a model, or `None` for a model without joint limits.
 fn limited(model: &Model) -> Option<&Arm> {
@@ -34,31 +33,26 @@ fn wanted(law: &LawSpec, motion: bool) -> Vec<Vec<f64>> {
     }
 }
 
-/// Return the first position outside of the joint limits for each of the arguments `q0`, `law.target` and `law.motion`, if there is one.
-/// The string is the argument with the index of the position. `starts`: plants with their initial positions, shape `(n,)`, rad or m. Only
-/// the two ends of a motion are checked. If `batch` is true, the index of an initial position includes its row.
-pub fn outside<'a>(starts: impl Iterator<Item = (&'a PlantSpec, &'a [f64])>, laws: &[&LawSpec], batch: bool) -> Vec<(String, Outside)> {
-    let starts = starts.filter_map(|(plant, q)| Some((limited(plant.model())?, q)));
-    let mut found: Vec<_> = Outside::first(starts).map(|start| (format!("q0{}", start.index(batch)), start)).into_iter().collect();
-    for (name, motion) in [("law.target", false), ("law.motion", true)] {
-        let arms = laws.iter().filter_map(|law| Some((limited(law.model())?, wanted(law, motion))));
-        let all: Vec<(&Arm, Vec<f64>)> = arms.flat_map(|(arm, rows)| rows.into_iter().map(move |q| (arm, q))).collect();
-        if let Some(mut target) = Outside::first(all.iter().map(|(arm, q)| (*arm, &q[..]))) {
-            if laws.len() == 1 {
-                // The two ends of a motion belong to one law. So the number of checked rows is one.
-                target.of = 1;
-            }
-            found.push((format!("{name}[{}]", target.joint), target));
-        }
-    }
-    found
-}
-
 impl Problem<'_> {
-    /// Call [`outside`] for the initial positions and laws of this problem.
+    /// Return the first position outside of the joint limits for each of the arguments `q0`, `law.target` and `law.motion`, if there is
+    /// one. The string is the argument with the index of the position. Only the two ends of a motion are checked. If `batch` is true, the
+    /// index of an initial position includes its row.
     pub fn outside(&self, batch: bool) -> Vec<(String, Outside)> {
         // One plant may have several initial states. A problem that is not yet validated may also have too many of them.
         let starts = self.x0.chunks_exact(self.plants[0].states()).enumerate();
-        outside(starts.map(|(run, x)| (self.plants[run.min(self.plants.len() - 1)], x)), &self.laws, batch)
+        let starts = starts.filter_map(|(run, x)| Some((limited(self.plants[run.min(self.plants.len() - 1)].model())?, x)));
+        let mut found: Vec<_> = Outside::first(starts).map(|start| (format!("q0{}", start.index(batch)), start)).into_iter().collect();
+        for (name, motion) in [("law.target", false), ("law.motion", true)] {
+            let arms = self.laws.iter().filter_map(|law| Some((limited(law.model())?, wanted(law, motion))));
+            let all: Vec<(&Arm, Vec<f64>)> = arms.flat_map(|(arm, rows)| rows.into_iter().map(move |q| (arm, q))).collect();
+            if let Some(mut target) = Outside::first(all.iter().map(|(arm, q)| (*arm, &q[..]))) {
+                if self.laws.len() == 1 {
+                    // The two ends of a motion belong to one law. So the number of checked rows is one.
+                    target.of = 1;
+                }
+                found.push((format!("{name}[{}]", target.joint), target));
+            }
+        }
+        found
     }
 }
