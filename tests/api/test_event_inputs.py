@@ -64,11 +64,33 @@ def test_stops() -> None:
         (al.JointStops(1e3, -1.0, upper=1.0), "damping"),
         (al.JointStops(1e3, lower=1.0, upper=1.0), "lower"),
         (al.JointStops(1e3, upper=[1.0, 1.0, 1.0]), "(2,)"),
-        (al.JointStops(1e3, upper=NAN), "lower"),
+        (al.JointStops(1e3, upper=NAN), "upper is not a number"),
+        (al.JointStops(1e3, lower=[-1.0, NAN], upper=1.0), "first bad index 1"),
+        (al.JointStops([1e3, INF], upper=1.0), "stiffness"),
+        (al.JointStops(1e3, [0.0, INF], upper=1.0), "damping"),
+        (al.JointStops(1e3, lower=[-INF, INF], upper=INF), "lower"),
         (1e3, "JointStops"),
     ):
         refused(functools.partial(al.RigidArm, ARM, stops=stops), "RigidArm", word)
         refused(functools.partial(al.ElasticArm, ARM, 800.0, 0.4, stops=stops), "ElasticArm", word)
+
+
+def test_stops_with_infinite_limits() -> None:
+    """A joint without limits has no stop. The run equals one whose stop of that joint is far away."""
+    finite = al.JointStops(1e3, 20.0, lower=[-1e6, -0.2], upper=[1e6, 1e6])
+    for infinite in (
+        al.JointStops(1e3, 20.0, lower=[-INF, -0.2], upper=INF),
+        al.JointStops(1e3, 20.0, lower=[-INF, -0.2], upper=[INF, INF]),
+        al.JointStops(1e3, 20.0, lower=np.array([-INF, -0.2]), upper=(INF, 1e9)),
+    ):
+        for plant in (al.RigidArm, functools.partial(al.ElasticArm, stiffness=800.0, motor_inertia=0.4)):
+            law = LAW if plant is al.RigidArm else STATE
+            q = [
+                al.simulate(plant(ARM, stops=stops), law, [0.0, -0.3], t_end=0.05, dt=1e-3, monitors=False).q  # type: ignore[operator]  # either constructor
+                for stops in (finite, infinite)
+            ]
+            # Stops that do not touch add zero. Only the order of sums may differ.
+            np.testing.assert_allclose(q[1], q[0], rtol=0, atol=1e-12)
 
 
 def test_torque_sensors() -> None:

@@ -1,6 +1,6 @@
-//! The argument `stops` of a plant: an `armlet.JointStops`. Its missing position limits are the limits of the arm.
+//! The argument `stops` of a plant: an `armlet.JointStops`. Its missing position limits are the limits of the arm. An infinite limit is no stop.
 
-use crate::arrays::{Axis, Form, SCALAR, numbers, require_finite, spread};
+use crate::arrays::{Axis, Form, SCALAR, numbers, require_no_nan, spread};
 use crate::errors::{Failure, input_error};
 use armlet_core::dynamics::Model;
 use armlet_core::plant::Stops;
@@ -23,9 +23,7 @@ pub fn stops(function: &'static str, model: &Model, value: Option<&Bound<'_, PyA
             return Ok(None);
         }
         let (shape, values) = numbers(function, name, &given, &[SCALAR, Form(&[Axis::Is(n)])])?;
-        if !shape.is_empty() {
-            require_finite(value.py(), function, name, &shape, &values)?;
-        }
+        require_no_nan(value.py(), function, name, &shape, &values)?;
         Ok(Some(spread(&shape, values, n)?))
     };
     let lower = read("lower")?.unwrap_or_else(|| limits(false));

@@ -64,7 +64,7 @@ impl Stops {
             require_rows(name, values, n)?;
         }
         for i in 0..n {
-            require_spring(stiffness[i], damping[i])?;
+            require_spring(stiffness[i], damping[i]).map_err(|error| error.at([i]))?;
             if !(lower[i] < upper[i]) {
                 return Err(Error::input("lower", format!("is not below upper: expected < {}, got {}", upper[i], lower[i])).at([i]));
             }

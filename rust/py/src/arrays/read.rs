@@ -71,6 +71,13 @@ pub fn require_finite(py: Python<'_>, function: &str, name: &str, shape: &[usize
     }
 }
 
+/// Refuse NaN. Infinity is accepted, because it means that there is no limit.
+pub fn require_no_nan(py: Python<'_>, function: &str, name: &str, shape: &[usize], values: &[f64]) -> Result<(), Failure> {
+    let Some(k) = values.iter().position(|x| x.is_nan()) else { return Ok(()) };
+    let place = if shape.is_empty() { String::new() } else { format!(" (first bad index {})", index_of(shape, k)) };
+    Err(input_error(py, function, name, format!("is not a number: expected numbers or infinity, got nan{place}")).into())
+}
+
 /// Convert numbers to an owned vector. Insufficient memory is an error.
 pub fn owned(values: Cow<'_, [f64]>) -> Result<Vec<f64>, Failure> {
     match values {

@@ -3,7 +3,7 @@
 //! A *knot* is a path position at which pieces of the path meet. A path of P pieces has P + 1 knots.
 
 use crate::arm::ArmModel;
-use crate::arrays::{Axis, Form, Looked, SCALAR, number, numbers, require_finite, spread, text};
+use crate::arrays::{Axis, Form, Looked, SCALAR, number, numbers, require_finite, require_no_nan, spread, text};
 use crate::errors::{Failure, input_error};
 use armlet_core::motion::Path;
 use armlet_core::plan::{PathLimits, TipLimits};
@@ -150,10 +150,7 @@ fn positions(range: [Given; 2], n: usize) -> Result<Option<Range>, Failure> {
         None => Ok(vec![without; n]),
         Some(value) => {
             let (shape, values) = numbers(NAME, name, value, &[SCALAR, Form(&[Axis::Is(n)])])?;
-            if let Some(k) = values.iter().position(|x| x.is_nan()) {
-                let problem = format!("is not a number: expected numbers or infinity, got nan (first bad index {k})");
-                return Err(Failure::from(input_error(value.py(), NAME, name, problem)));
-            }
+            require_no_nan(value.py(), NAME, name, &shape, &values)?;
             spread(&shape, values, n)
         }
     };
