@@ -5,6 +5,7 @@ A *loss* is one number computed from the records of a run. A *tangent* is the de
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -162,10 +163,14 @@ def _of_batch(
     return values, shaped
 
 
+#: Names of numbers that change the reference of the joints, of a law and of the law inside a `Guarded` law.
+MOVING = re.compile(r"(law\.)*(motion\.|target\b)")
+
+
 def require_still_reference(function: str, loss: Any, names: Sequence[str]) -> None:
     """Raise an error if a name changes the reference trajectory and a named term of the loss measures the error from this reference."""
     terms = [loss] if isinstance(loss, str) else list(loss) if isinstance(loss, Mapping) else []
-    moving = [name for name in names if name.startswith(("law.motion.", "motion.", "law.target"))]
+    moving = [name for name in names if MOVING.match(name)]
     if moving and any(str(term).startswith("error") for term in terms):
         problem = f"expected no name that moves the reference, got {moving[0]}; use a function with a fixed reference"
         raise InputError(f"{function}: loss measures the error from the reference of the law: {problem}")

@@ -27,8 +27,6 @@ Array: TypeAlias = NDArray[np.float64]
 
 # Quantities recorded over time, in the order of the columns in tables and files.
 SERIES = ("q", "v", "tau", "estimate", "theta", "theta_dot", "friction", "bristles")
-# Laws that always track frames or tasks. A run takes no desired motion of the joints from them.
-TASK_MOTIONS = ("ElasticTracking", "PriorityVelocity", "PriorityAcceleration")
 # Optional fields. A run computes a field from its plant and law if the field was not passed to the constructor.
 OTHERS = ("parameters", "target", "limits", "position_error", "orientation_error", "contact_force", "residual", "touched", "contact_state")
 LIMITS = ("q_min", "q_max", "v_max", "effort")
@@ -68,13 +66,12 @@ class Recorded:
         laws, plants = _rows(law), _rows(plant)
         self.law_name = given.pop("law_name", None) or ("" if law is None else type(laws[0]).__name__)
         self._desired: tuple[Array, ...] | None = given.pop("desired", None)
-        motions = [None] if self.law_name in TASK_MOTIONS else [getattr(each, "motion", None) for each in laws]
-        motions = motions if motion is None else _rows(motion)
+        motions = _joint_motions(laws) if motion is None else _rows(motion)
         if len(motions) > 1 and all(each == motions[0] for each in motions):
             motions = motions[:1]  # all motions are equal, so one is sampled
-        self._motions = motions if None not in motions else []
+        self._motions = motions
         arms: list[Any] = [getattr(each, "arm", None) for each in plants]
-        self._laws, self._made_by, self._plants, self._arms, self.arm = laws, law, plants, arms, arms[0]
+        self._laws, self._plants, self._arms, self.arm = laws, plants, arms, arms[0]
         self._sampled = bool(given.pop("sampled", True))
         # The first numbers of an adaptive law's state are the parameter estimate. The states of its filters follow.
         self._estimated = len(laws[0].parameter_names) if isinstance(laws[0], _core.Adaptive) else None
@@ -105,10 +102,9 @@ class Recorded:
     @cached_property
     def target(self) -> Array | None:
         """The joint position that a law in joint space holds, (n,) or (B, n), rad or m; None for other laws."""
-        laws = [each.law if isinstance(each, _core.Guarded) else each for each in _rows(self._made_by)]
-        if self._made_by is None or not all(getattr(each, "_holds_joints", False) for each in laws):
+        targets = [getattr(each, "_joint_target", None) for each in self._laws]
+        if any(each is None for each in targets):
             return None
-        targets = [each.__getnewargs_ex__()[1]["target"] for each in laws]
         return np.array(targets if len(targets) > 1 else targets[0], dtype=np.float64)
 
     @cached_property
@@ -231,6 +227,20 @@ class Recorded:
             if values is not None:
                 columns |= {f"{name}{i + 1}": values[(*row, slice(None), i)] for i in range(values.shape[-1])}
         return columns | {name: values[row] for name, values in self.monitors.items()}
+
+
+def _joint_motions(laws: list[Any]) -> list[Any]:
+    """Return the motion of the joints that each law tracks.
+
+    The list is empty if no law tracks a motion of the joints, or if a law has no reference of the joints.
+    If some laws of a batch track a motion, a constant target of another law counts as a motion at rest.
+    """
+    motions = [getattr(law, "_joint_motion", None) for law in laws]
+    if all(motion is None for motion in motions):
+        return []
+    targets = [None if motion is not None else getattr(law, "_joint_target", None) for law, motion in zip(laws, motions, strict=True)]
+    held = [motion if target is None else _core.Hold(target) for motion, target in zip(motions, targets, strict=True)]
+    return held if None not in held else []
 
 
 def _limits(arms: list[Any]) -> dict[str, Array] | None:

@@ -203,10 +203,14 @@ class BatchRun(_Stored):
         for name in ("position_error", "orientation_error", "contact_force", "residual", "touched", "contact_state"):
             values = getattr(self, name)
             items[name] = None if values is None else values[i]
-        if self._desired is not None:
+        # Where other rows track a motion, `desired` of the batch has a motion at rest for a row with a constant target.
+        held = None if self.target is not None else getattr(self._laws[i if len(self._laws) > 1 else 0], "_joint_target", None)
+        if held is not None:
+            items["target"] = held
+        elif self._desired is not None:
             items["desired"] = tuple(part if part.ndim == 2 else part[i] for part in self._desired)
         items["sensitivity"] = self.sensitivity and {name: of_row(one, i) for name, one in self.sensitivity.items()}
-        return Run(items, motion=self._motions[i if len(self._motions) > 1 else 0] if self._motions else None)
+        return Run(items, motion=self._motions[i if len(self._motions) > 1 else 0] if self._motions and held is None else None)
 
     def _times(self, i: int) -> Array:
         return self.t if self.t.ndim == 1 else self.t[i]

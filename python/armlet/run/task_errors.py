@@ -17,7 +17,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from .. import rotations
+from .. import _core, rotations
 from ..pose_curves import columns_of
 
 __all__ = ["frame_errors", "orientation_errors", "position_errors", "where_finite"]
@@ -85,6 +85,7 @@ def frame_errors(arms: Sequence[Any], frame: str, q: Array, q_d: Array) -> Array
 
 def _aims(law: Any, turns: bool) -> list[_Aim]:
     """Return the position rows of each task of a law that has a target, or the orientation rows if `turns` is true."""
+    law = law.law if isinstance(law, _core.Guarded) else law
     made = law.__getnewargs_ex__()[1] if hasattr(law, "__getnewargs_ex__") else {}
     given = [each.__getnewargs_ex__()[1] for each in made["tasks"] if type(each).__name__ == "Task"] if "tasks" in made else [made]
     aims = []

@@ -16,9 +16,10 @@ pub use rigid::*;
 
 use crate::arguments::Arguments;
 use crate::arm::Arm;
-use crate::arrays::{new_array, new_vector, number, of_shape, require_finite, vector};
+use crate::arrays::{adopted, new_array, new_vector, number, of_shape, require_finite, vector};
 use crate::errors::{Failure, entry, input_error};
 use crate::kept::{Kept, stands_on_arm};
+use crate::motion::Motion;
 use armlet_core::error::all_finite;
 use armlet_core::law::{JointReference, LawEvaluator, LawSpec};
 use armlet_core::plant::PlantKind;
@@ -199,15 +200,24 @@ impl Law {
         })
     }
 
-    /// The motion that the law tracks; None for a law with a constant target.
+    /// The motion that the law tracks, of the joints or of its frame; None for a law with a constant target or with several tasks.
     #[getter]
     fn motion(&self, py: Python<'_>) -> Option<Py<PyAny>> {
-        self.arguments.iter().find(|(name, _)| *name == "motion").map(|(_, value)| value.clone_ref(py))
+        let given = self.arguments.iter().filter(|(name, _)| matches!(*name, "motion" | "target")).map(|(_, value)| value.bind(py));
+        given.filter(|value| value.is_instance_of::<Motion>()).next().map(|motion| motion.clone().unbind())
     }
 
-    /// Whether the law has a constant `target` of joint positions.
+    /// The motion of the joints from which errors are measured; None for a law with another reference or without one.
     #[getter]
-    fn _holds_joints(&self) -> bool {
-        matches!(self.spec.joint_reference(), Some(JointReference::Target(_)))
+    fn _joint_motion<'py>(slf: &Bound<'py, Self>) -> PyResult<Option<Bound<'py, PyAny>>> {
+        let moves = matches!(slf.get().spec.joint_reference(), Some(JointReference::Motion));
+        moves.then(|| slf.as_any().getattr("motion")).transpose()
+    }
+
+    /// The constant position of the joints from which errors are measured, `(n,)`; None for a law with another reference or without one.
+    #[getter]
+    fn _joint_target<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyAny>>> {
+        let Some(JointReference::Target(target)) = self.spec.joint_reference() else { return Ok(None) };
+        adopted(py, &[target.len()], target).map(Some)
     }
 }
