@@ -31,6 +31,13 @@ def table() -> Any:
     return al.sweep(scenario, {"law.kp": [10.0, 20.0], "law.kd": [3.0, 4.0]})
 
 
+def sensitivity() -> Any:
+    law = al.PDGravity(ARM, [0.1, 0.2], 20.0, 5.0)
+    made = al.simulate(al.RigidArm(ARM), law, [0.0, 0.0], t_end=0.1, dt=1e-3, sensitivity=["law.kp"]).sensitivity
+    assert made is not None
+    return made["law.kp"]
+
+
 DRAWN: dict[str, tuple[str, Callable[..., Any]]] = {
     "run": ("Run.plot", lambda fig: run().plot(fig)),
     "compare": ("compare", lambda fig: al.compare([run()], fig=fig)),
@@ -40,6 +47,7 @@ DRAWN: dict[str, tuple[str, Callable[..., Any]]] = {
         "LoopProgram.plot",
         lambda fig: al.loop_program(al.RigidArm(ARM), al.PDGravity(ARM, [0.1, 0.2], 20.0, 5.0), method="euler").plot(fig),
     ),
+    "sensitivity": ("Sensitivity.plot", lambda fig: sensitivity().plot(fig)),
     "sweep": ("SweepTable.plot", lambda fig: table().plot(fig=fig)),
 }
 

@@ -72,11 +72,12 @@ def sheet(fig: Figure | None, size: tuple[float, float] | None) -> Iterator[Figu
 
     if fig is not None and not isinstance(fig, FigureBase):
         raise InputError(f"plot: fig is of the wrong type: expected a figure of matplotlib or None, got {shown(fig)}")
-    with matplotlib.rc_context(STYLE):  # type: ignore[arg-type]  # keys are rc names
-        if fig is None:
-            from matplotlib import pyplot
+    if fig is None:
+        from matplotlib import pyplot
 
-            fig = pyplot.figure()
+        # The first figure loads the backend. The backend of a notebook then changes settings, which `rc_context` must not reset.
+        fig = pyplot.figure()
+    with matplotlib.rc_context(STYLE):  # type: ignore[arg-type]  # keys are rc names
         if size is not None:
             fig.set_size_inches(size)
             fig.set_layout_engine("constrained")
