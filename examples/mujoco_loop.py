@@ -7,7 +7,8 @@ The loop is sampled: MuJoCo calls the law once per step and holds the torque dur
 integrate equal equations by the same method, so they differ only by rounding errors. With MuJoCo's semi-implicit Euler method they differ
 by the error of this method, which is proportional to the step.
 
-Run: ``python examples/mujoco_loop.py [figure.png]``; needs mujoco (``pip install 'armlet[mujoco]'``).
+Run: ``python examples/mujoco_loop.py [figure.png]``; needs mujoco (``pip install '.[mujoco]'`` in the folder of
+the sources).
 """
 
 import sys
@@ -19,7 +20,7 @@ import armlet as al
 try:
     import mujoco
 except ImportError:
-    sys.exit("mujoco_loop: mujoco is not installed: pip install 'armlet[mujoco]'")
+    sys.exit("mujoco_loop: mujoco is not installed: pip install '.[mujoco]' in the folder of armlet's sources")
 
 MODEL = """
 <mujoco>

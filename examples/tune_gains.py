@@ -6,7 +6,8 @@ Differential evolution finds gains of a joint controller for payloads that the c
 A two-joint arm in a horizontal plane is under PD control, with samples every 2 ms, 4 ms delay, noisy speeds and limited torque. The cost is
 the largest value, over three payloads, of the settling time plus terms for overshoot and torque.
 
-Run: ``python examples/tune_gains.py [figure.png]``; needs scipy (``pip install 'armlet[tune]'``).
+Run: ``python examples/tune_gains.py [figure.png]``; needs scipy (``pip install '.[tune]'`` in the folder of the
+sources).
 """
 
 import sys

@@ -293,7 +293,7 @@ def exciting_motion(
 ) -> ExcitingMotion:
     """Search for the periodic motion within limits whose record determines the base parameters best (D-optimality).
 
-    It requires scipy (`armlet[tune]`). The result is the best of the local optima that the search finds from random starts.
+    It requires scipy (extra `tune`). The result is the best of the local optima that the search finds from random starts.
 
     The limits of position, speed and acceleration are respected at every time. The limits of torque are respected at 64 points per
     harmonic, for the arm's present parameters and friction.
@@ -341,7 +341,7 @@ def exciting_motion(
     for name, value in (("armature", armature), ("friction", friction)):
         instance(_NAME, name, value, (bool, np.bool_), "True or False")
     bounds = _limits(arm, limits)
-    optimize = extra(_NAME, "scipy.optimize", "armlet[tune]")
+    optimize = extra(_NAME, "scipy.optimize", "tune")
     problem = _Problem(arm, bounds, _series(duration, harmonics, samples), sigma, bool(armature), bool(friction))
     best: tuple[float, _Array] | None = None
     for start in range(starts):

@@ -53,7 +53,7 @@ def _vector(name: str, value: ArrayLike, n: int | None, positive: bool) -> _Arra
 def point_to_point(q0: ArrayLike, q1: ArrayLike, v_max: ArrayLike, a_max: ArrayLike, j_max: ArrayLike) -> TimedPath:
     """Compute the fastest motion from rest at `q0` to rest at `q1` in which all joints arrive together, each within its limits.
 
-    It requires Ruckig: `pip install 'armlet[ruckig]'`. The motion ignores the dynamics; `time_path` respects limits of torque.
+    It requires Ruckig (extra `ruckig`). The motion ignores the dynamics; `time_path` respects limits of torque.
 
     Args:
         q0, q1: start and end, `(n,)`, rad or m.
@@ -81,7 +81,7 @@ def point_to_point(q0: ArrayLike, q1: ArrayLike, v_max: ArrayLike, a_max: ArrayL
     n = start.size
     end = _vector("q1", q1, n, False)
     limits = np.stack([_vector(name, value, n, True) for name, value in (("v_max", v_max), ("a_max", a_max), ("j_max", j_max))])
-    ruckig = extra(_NAME, "ruckig", "armlet[ruckig]")
+    ruckig = extra(_NAME, "ruckig", "ruckig")
     displacement = end - start
     length = float(np.abs(displacement).max())
     if not np.isfinite(length):

@@ -143,7 +143,7 @@ def _texts(arguments: Mapping[str, object] | None) -> dict[str, str]:
 
 def _expanded(path: str, folders: Sequence[Path], arguments: dict[str, str]) -> str:
     """Expand a xacro file and return the URDF text."""
-    xacro = extra(_NAME, "xacro", "armlet[xacro]")
+    xacro = extra(_NAME, "xacro", "xacro")
     if not os.path.isfile(path):
         raise InputError(f"{_NAME}: path_or_xml cannot be read: expected a URDF file or its text, got {path} (no such file)")
     with _XACRO, _packages_of(folders):
@@ -159,7 +159,7 @@ def _expanded(path: str, folders: Sequence[Path], arguments: dict[str, str]) -> 
 @contextmanager
 def _packages_of(folders: Sequence[Path]) -> Iterator[None]:
     """Inside this context, `$(find name)` of xacro searches `folders` first, then xacro's own search path."""
-    substitution = extra(_NAME, "xacro.substitution_args", "armlet[xacro]")
+    substitution = extra(_NAME, "xacro.substitution_args", "xacro")
     own = substitution._eval_find
 
     def find(name: str) -> str:

@@ -38,7 +38,7 @@ ARGUMENTS = {"M": ("q",), "C": ("q", "v"), "g": ("q",), "Y": ("q", "v", "v_r", "
 
 
 def _sympy() -> Any:
-    return extra("symbolic", "sympy", "armlet[sympy]")
+    return extra("symbolic", "sympy", "sympy")
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -118,7 +118,7 @@ def test_demo_without_matplotlib(
     system(lambda report: report.near("one", 1.0, 1.0, 0.0))
     assert cli.main(["demo", "--out", str(tmp_path / "out")]) == 0
     printed = capsys.readouterr().out
-    assert len([line for line in printed.splitlines() if "figures skipped" in line and "armlet[plot]" in line]) == 1
+    assert len([line for line in printed.splitlines() if "figures skipped" in line and ".[plot]" in line]) == 1
     assert [path.name for path in (tmp_path / "out").iterdir()] == ["report.html"]
 
 

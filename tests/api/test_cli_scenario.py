@@ -238,7 +238,7 @@ def test_without_matplotlib(
 ) -> None:
     monkeypatch.setitem(sys.modules, "matplotlib", None)
     assert cli.main([command, str(file), "--out", str(tmp_path / "out"), "--plot"]) == 2
-    assert "armlet[plot]" in one_line(capsys) and not (tmp_path / "out").exists()
+    assert ".[plot]" in one_line(capsys) and not (tmp_path / "out").exists()
 
 
 @pytest.mark.parametrize("name", TEMPLATES)

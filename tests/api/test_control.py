@@ -157,7 +157,7 @@ def test_without_python_control_one_line() -> None:
     call = "try:\n al.to_control(al.pendulum(1.0, 1.0))\nexcept ImportError as error: print(error)"
     code = f"import sys; sys.modules['control'] = None\nimport armlet as al\n{call}"
     done = subprocess.run([sys.executable, "-P", "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout == "to_control: python-control is not installed: pip install 'armlet[control]'\n"
+    assert done.stdout == "to_control: python-control is not installed: pip install '.[control]' in the folder of armlet's sources\n"
 
 
 DRY = ARM.with_drives(damping=[0.8, 0.5], friction=[1.5, 1.0])

@@ -109,7 +109,7 @@ def test_example(example: Path, tmp_path: Path) -> None:
     if needed is not None and find_spec(needed) is None:
         # Without the package, an example prints one line.
         assert result.returncode == 1
-        assert result.stderr == f"{example.stem}: {needed} is not installed: pip install 'armlet[{needed}]'\n"
+        assert result.stderr == f"{example.stem}: {needed} is not installed: pip install '.[{needed}]' in the folder of armlet's sources\n"
         return
     assert result.returncode == 0, result.stderr
     assert result.stdout.strip()

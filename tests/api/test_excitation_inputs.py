@@ -98,7 +98,7 @@ def test_an_exciting_motion_is_a_sinusoid() -> None:
 
 def test_without_scipy_the_error_names_the_package(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "scipy.optimize", None)
-    with pytest.raises(ImportError, match=r"exciting_motion: scipy is not installed: pip install 'armlet\[tune\]'"):
+    with pytest.raises(ImportError, match=r"exciting_motion: scipy is not installed: pip install '\.\[tune\]'"):
         short()
 
 

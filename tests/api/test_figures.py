@@ -176,7 +176,7 @@ def test_without_matplotlib_nothing_is_drawn(name: str, monkeypatch: pytest.Monk
     caller, draw = DRAWN[name]
     with pytest.raises(ImportError) as fault:
         draw(None)
-    assert str(fault.value) == f"{caller}: matplotlib is not installed: pip install 'armlet[plot]'"
+    assert str(fault.value) == f"{caller}: matplotlib is not installed: pip install '.[plot]' in the folder of armlet's sources"
     assert not style.available()
 
 

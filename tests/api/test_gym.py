@@ -340,5 +340,5 @@ def test_refusals_of_tasks_and_vectors() -> None:
 def test_without_gymnasium_one_line() -> None:
     code = "import sys; sys.modules['gymnasium'] = None\nimport armlet\ntry:\n import armlet.gym\nexcept ImportError as e: print(e)"
     done = subprocess.run([sys.executable, "-P", "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout == "armlet.gym: gymnasium is not installed: pip install 'armlet[gym]'\n"
+    assert done.stdout == "armlet.gym: gymnasium is not installed: pip install '.[gym]' in the folder of armlet's sources\n"
     assert armlet.gym.__name__ == "armlet.gym"

@@ -125,5 +125,5 @@ def test_refusals(monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(al.InputError, match="ArmEnv: arm has nothing to draw"):
         ArmEnv(pr, Track(al.Hold([0.0, 0.0])), tau_max=1.0, render_mode="rgb_array")
     monkeypatch.setitem(sys.modules, "matplotlib", None)
-    with pytest.raises(ImportError, match=r"ArmEnv: matplotlib is not installed: pip install 'armlet\[plot\]'"):
+    with pytest.raises(ImportError, match=r"ArmEnv: matplotlib is not installed: pip install '\.\[plot\]'"):
         ArmEnv(render_mode="rgb_array")

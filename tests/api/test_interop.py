@@ -31,5 +31,5 @@ def test_no_arm_is_made_of_what_is_no_model(name: str) -> None:
 def test_without_scipy_the_error_names_it(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "scipy.integrate", None)
     unwrap(al.scipy_method).__globals__["_method"].cache_clear()
-    with pytest.raises(ImportError, match="scipy_method: scipy is not installed: pip install scipy"):
+    with pytest.raises(ImportError, match=r"scipy_method: scipy is not installed: pip install '\.\[tune\]'"):
         al.scipy_method("dopri5")

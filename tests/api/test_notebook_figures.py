@@ -10,8 +10,9 @@ import subprocess
 import sys
 from pathlib import Path
 
-import armlet
 import test_figures
+
+import armlet
 
 BACKEND = """
 import matplotlib

@@ -154,11 +154,17 @@ def test_extras_that_are_missing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     for name in ("pyarrow", "pyarrow.parquet", "xarray", "matplotlib"):
         monkeypatch.setitem(sys.modules, name, None)
     run = made()
-    with pytest.raises(ImportError, match=r"^Run\.to_parquet: pyarrow is not installed: pip install 'armlet\[data\]'$"):
+    with pytest.raises(
+        ImportError, match=r"^Run\.to_parquet: pyarrow is not installed: pip install '\.\[data\]' in the folder of armlet's sources$"
+    ):
         run.to_parquet(tmp_path / "run.parquet")
-    with pytest.raises(ImportError, match=r"^Run\.to_xarray: xarray is not installed: pip install 'armlet\[data\]'$"):
+    with pytest.raises(
+        ImportError, match=r"^Run\.to_xarray: xarray is not installed: pip install '\.\[data\]' in the folder of armlet's sources$"
+    ):
         run.to_xarray()
-    with pytest.raises(ImportError, match=r"^compare: matplotlib is not installed: pip install 'armlet\[plot\]'$"):
+    with pytest.raises(
+        ImportError, match=r"^compare: matplotlib is not installed: pip install '\.\[plot\]' in the folder of armlet's sources$"
+    ):
         al.compare([run])
     assert not list(tmp_path.iterdir())
 

@@ -172,7 +172,9 @@ class TestXacro:
 
     def test_without_xacro_the_error_names_the_package(self, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setitem(sys.modules, "xacro", None)
-        with pytest.raises(ImportError, match=r"^load_urdf: xacro is not installed: pip install 'armlet\[xacro\]'$"):
+        with pytest.raises(
+            ImportError, match=r"^load_urdf: xacro is not installed: pip install '\.\[xacro\]' in the folder of armlet's sources$"
+        ):
             al.load_urdf(folder / "urdf" / "robot.urdf.xacro")
         with pytest.raises(al.ModelError, match=r"this is a xacro file: load_urdf expands \*.xacro"):
             al.load_urdf(XACRO)

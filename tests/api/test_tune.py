@@ -207,4 +207,4 @@ def test_without_scipy_one_line() -> None:
     call = "try:\n al.tune(None, {}, '')\nexcept ImportError as error: print(error)"
     code = f"import sys; sys.modules['scipy.optimize'] = None\nimport armlet as al\n{call}"
     done = subprocess.run([sys.executable, "-P", "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout == "tune: scipy is not installed: pip install 'armlet[tune]'\n"
+    assert done.stdout == "tune: scipy is not installed: pip install '.[tune]' in the folder of armlet's sources\n"

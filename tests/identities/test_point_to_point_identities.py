@@ -93,5 +93,7 @@ def test_limits_are_positive(name: str, bad: Any) -> None:
 def test_without_ruckig(monkeypatch: pytest.MonkeyPatch) -> None:
     """If Ruckig is missing, one line names the package to install."""
     monkeypatch.setitem(sys.modules, "ruckig", None)
-    with pytest.raises(ImportError, match=r"^point_to_point: ruckig is not installed: pip install 'armlet\[ruckig\]'$"):
+    with pytest.raises(
+        ImportError, match=r"^point_to_point: ruckig is not installed: pip install '\.\[ruckig\]' in the folder of armlet's sources$"
+    ):
         al.point_to_point([0.0], [1.0], 1.0, 1.0, 1.0)

@@ -394,4 +394,4 @@ def test_no_viser_is_needed(tmp_path: Path) -> None:
         code = hidden + f"from armlet.cli import main; sys.exit(main({arguments!r}))"
         done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60, cwd=tmp_path)
         assert done.returncode == 2 and done.stdout == ""
-        assert done.stderr == f"armlet: {arguments[0]}: viser is not installed: pip install 'armlet[live]'\n"
+        assert done.stderr == f"armlet: {arguments[0]}: viser is not installed: pip install '.[live]' in the folder of armlet's sources\n"

@@ -168,7 +168,7 @@ except ImportError as error:
     print(error)
 """
     done = subprocess.run([sys.executable, "-P", "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout == "symbolic: sympy is not installed: pip install 'armlet[sympy]'\n"
+    assert done.stdout == "symbolic: sympy is not installed: pip install '.[sympy]' in the folder of armlet's sources\n"
 
 
 def test_the_reference_s_pr_robot() -> None:

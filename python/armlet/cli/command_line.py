@@ -17,6 +17,7 @@ from pathlib import Path
 from .. import _core
 from ..arguments import one_line
 from ..errors import ArmletError
+from ..extras import missing
 from ..figures.style import available
 from .scenarios import register
 
@@ -32,7 +33,7 @@ def _demo(args: argparse.Namespace) -> int:
     if figures:
         print("figures: " + " ".join(str(path) for path in report.figures))
     else:
-        print("figures skipped: matplotlib is not installed (pip install 'armlet[plot]')")
+        print(missing("figures skipped", "matplotlib", "plot"))
     failed = report.failed
     print(f"{len(report.checks) - len(failed)} of {len(report.checks)} checks hold" + (f"; {len(failed)} FAILED" if failed else ""))
     return 1 if failed or not report.checks else 0

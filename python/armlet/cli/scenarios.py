@@ -17,7 +17,7 @@ import numpy as np
 from .. import _core
 from ..arguments import one_line, shown
 from ..errors import InputError
-from ..figures.style import available, literal
+from ..figures.style import literal, require
 from ..files import folder_for, write_whole
 from ..run.records import Run
 from ..run.sensitivity import series_of
@@ -59,15 +59,10 @@ def _warnings_on_lines() -> Iterator[None]:
                 print(one_line(f"armlet: warning: {warning.message}"), file=sys.stderr)
 
 
-def _can_plot(command: str) -> None:
-    if not available():
-        raise InputError(f"{command}: --plot needs matplotlib: pip install 'armlet[plot]'")
-
-
 def _prepare(args: argparse.Namespace) -> None:
     """Make the folder of the output and check that it is writable, before the run starts."""
     if args.plot:
-        _can_plot("run")
+        require("run: --plot")
     if args.out is not None or args.plot:
         folder_for(args.out or Path())
 
@@ -165,7 +160,7 @@ def _sweep(args: argparse.Namespace) -> int:
     if "sweep" not in scenario.data:
         raise InputError(f"{args.scenario}: $.sweep: is missing: expected a table with the keys vary, draws, seed, chunk")
     if args.plot:
-        _can_plot("sweep")
+        require("sweep: --plot")
     given: dict[str, Any] = {"out": args.out, "progress": sys.stderr.isatty()}
     if args.workers is None:
         table = sweep(scenario, **given)

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from ..arguments import one_line, shown
 from ..errors import InputError
+from ..extras import missing
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -55,7 +56,7 @@ def require(caller: str) -> None:
         ImportError: matplotlib is not installed; the message begins with `caller`.
     """
     if not available():
-        raise ImportError(f"{caller}: matplotlib is not installed: pip install 'armlet[plot]'")
+        raise missing(caller, "matplotlib", "plot")
 
 
 def literal(text: str) -> str:

@@ -1,4 +1,4 @@
-"""Gymnasium environments of arms: `ArmEnv` simulates one arm, `ArmVectorEnv` many arms. It requires gymnasium (`armlet[gym]`).
+"""Gymnasium environments of arms: `ArmEnv` simulates one arm, `ArmVectorEnv` many arms. It requires gymnasium (extra `gym`).
 
 Importing this module registers `armlet/Reach-v0`, a planar arm of two joints whose tip moves to a random target.
 
@@ -15,10 +15,12 @@ Importing this module registers `armlet/Reach-v0`, a planar arm of two joints wh
 
 from __future__ import annotations
 
+from ..extras import missing
+
 try:
     import gymnasium
 except ImportError:
-    raise ImportError("armlet.gym: gymnasium is not installed: pip install 'armlet[gym]'") from None
+    raise missing("armlet.gym", "gymnasium", "gym") from None
 
 from .environment import ArmEnv
 from .tasks import Reach, Task, Track

@@ -1,6 +1,6 @@
 """Pictures of environments: the arm as lines between its joints, and a green ring at its target.
 
-It requires matplotlib (`armlet[plot]`).
+It requires matplotlib (extra `plot`).
 """
 
 from __future__ import annotations

@@ -44,7 +44,7 @@ STEP = 1e-3
 def to_control(
     plant: Plant | Arm, law: Law | None = None, x0: ArrayLike | None = None, *, t: float = 0.0, u0: ArrayLike | None = None
 ) -> Any:
-    """Convert an arm, or the closed loop of an arm and a law, to a system of python-control (`armlet[control]`).
+    """Convert an arm, or the closed loop of an arm and a law, to a system of python-control (extra `control`).
 
     The inputs of an arm are `tau1..`, N m or N (`u1..` of a velocity-controlled arm, rad/s or m/s). The inputs of a loop are disturbances
     `d1..`, which are added to the arm's inputs. The states are `q1..`, `v1..`, `theta1..`, `theta_dot1..`, `estimate1..`. The outputs are
@@ -80,7 +80,7 @@ def to_control(
     >>> al.to_control(arm, law).state_labels
     ['q1', 'v1']
     """
-    control = extra("to_control", "control", "armlet[control]", "python-control")
+    control = extra("to_control", "control", "control", "python-control")
     loop = _Loop(plant if isinstance(plant, Plant) else RigidArm(_arm(plant)), law)
     names = {"inputs": loop.inputs, "outputs": loop.outputs, "states": loop.states}
     if x0 is None:

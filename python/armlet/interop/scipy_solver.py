@@ -82,7 +82,7 @@ def _relative(rtol: Any) -> Any:
 
 
 def _scipy() -> Any:
-    return extra("scipy_method", "scipy.integrate", "scipy")
+    return extra("scipy_method", "scipy.integrate", "tune")
 
 
 @cache

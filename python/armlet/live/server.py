@@ -27,7 +27,7 @@ def load_viser(command: str) -> Any:
     Raises:
         ImportError: viser is not installed; the message contains the install command.
     """
-    return extra(command, "viser", "armlet[live]")
+    return extra(command, "viser", "live")
 
 
 def open_server(command: str, host: str, port: int) -> Server:

@@ -48,7 +48,7 @@ def to_parquet(columns: Columns, path: str | PathLike[str]) -> None:
     Raises:
         ImportError: pyarrow is not installed.
     """
-    pyarrow, parquet = (extra("Run.to_parquet", module, "armlet[data]") for module in ("pyarrow", "pyarrow.parquet"))
+    pyarrow, parquet = (extra("Run.to_parquet", module, "data") for module in ("pyarrow", "pyarrow.parquet"))
     table = pyarrow.table({name: pyarrow.array(np.asarray(values)) for name, values in columns.items()})
     write_whole(path, lambda file: parquet.write_table(table, file))
 
@@ -59,7 +59,7 @@ def to_xarray(run: Recorded) -> xr.Dataset:
     Raises:
         ImportError: xarray is not installed.
     """
-    xarray = extra("Run.to_xarray", "xarray", "armlet[data]")
+    xarray = extra("Run.to_xarray", "xarray", "data")
     unit = ", ".join(dict.fromkeys(run.units))
     force = ", ".join(dict.fromkeys(run.input_units))
     units = {"q": unit, "theta": unit, "tau": force, "estimate": "SI", "friction": force, "bristles": unit}
@@ -82,4 +82,4 @@ def pandas_for(caller: str) -> Any:
     Raises:
         ImportError: pandas is not installed.
     """
-    return extra(caller, "pandas", "armlet[data]")
+    return extra(caller, "pandas", "data")

@@ -96,7 +96,7 @@ class Run(_Stored):
         self.status = Status(int(status))
 
     def plot(self, fig: Any = None) -> Any:
-        """Draw the figure for the run's law, and return its axes. It requires matplotlib (`armlet[plot]`).
+        """Draw the figure for the run's law, and return its axes. It requires matplotlib (extra `plot`).
 
         Args:
             fig: a matplotlib figure for the drawing; None makes one with pyplot.
@@ -109,7 +109,7 @@ class Run(_Stored):
         return plot(self, fig)
 
     def animate(self, path: str | PathLike[str], arm: Any = None, **keywords: Any) -> None:
-        """Write a film of the arm in motion, GIF or MP4. It requires matplotlib (`armlet[plot]`).
+        """Write a film of the arm in motion, GIF or MP4. It requires matplotlib (extra `plot`).
 
         Args:
             path: path of the file. The format is MP4 if the name ends in .mp4, else GIF.
@@ -129,7 +129,7 @@ class Run(_Stored):
         to_csv({"t": self.t, **self._table()}, path)
 
     def to_parquet(self, path: str | PathLike[str]) -> None:
-        """Write the table of `to_pandas` as Parquet. It requires pyarrow (`armlet[data]`).
+        """Write the table of `to_pandas` as Parquet. It requires pyarrow (extra `data`).
 
         Args:
             path: path of the file.
@@ -137,7 +137,7 @@ class Run(_Stored):
         to_parquet({"t": self.t, **self._table()}, path)
 
     def to_xarray(self) -> xr.Dataset:
-        """Convert the series of the run to a dataset of xarray. It requires xarray (`armlet[data]`).
+        """Convert the series of the run to a dataset of xarray. It requires xarray (extra `data`).
 
         Returns:
             A dataset with the coordinates `t` (s) and `joint`. The attribute `units` of each series is its unit.
@@ -145,7 +145,7 @@ class Run(_Stored):
         return to_xarray(self)
 
     def to_pandas(self) -> pd.DataFrame:
-        """Convert the series of the run to a table of pandas. It requires pandas (`armlet[data]`).
+        """Convert the series of the run to a table of pandas. It requires pandas (extra `data`).
 
         Returns:
             A table with one row per recorded time (index `t`, s) and the columns q1.., v1.., tau1.., .., and the monitors.
@@ -219,7 +219,7 @@ class BatchRun(_Stored):
         return (self[i] for i in range(len(self)))
 
     def to_pandas(self) -> pd.DataFrame:
-        """Convert the series of all runs to one table of pandas. It requires pandas (`armlet[data]`).
+        """Convert the series of all runs to one table of pandas. It requires pandas (extra `data`).
 
         Returns:
             A table with the columns of `Run.to_pandas`, indexed by (run, t).

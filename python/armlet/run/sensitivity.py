@@ -77,7 +77,7 @@ class Sensitivity:
         return f"Sensitivity({self.name!r}, shape={self.shape}, {rows}{self.q.shape[-3]} records)"
 
     def plot(self, fig: Any = None) -> Any:
-        """Draw the derivatives over time: a column per joint, rows for position, velocity, input. It requires matplotlib (`armlet[plot]`).
+        """Draw the derivatives over time: a column per joint, rows for position, velocity, input. It requires matplotlib (extra `plot`).
 
         Args:
             fig: a matplotlib figure for the drawing; None makes one with pyplot.

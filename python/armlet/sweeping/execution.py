@@ -51,7 +51,7 @@ class SweepTable(dict[str, NDArray[Any]]):
     """
 
     def to_pandas(self) -> pd.DataFrame:
-        """Convert the table to a table of pandas. It requires pandas (`armlet[data]`).
+        """Convert the table to a table of pandas. It requires pandas (extra `data`).
 
         Returns:
             A pandas table, indexed by `cell`.

@@ -111,7 +111,7 @@ def tune(
     progress: Callable[[int, float], object] | bool | None = None,
     **metrics: Any,
 ) -> Tuning:
-    """Search for the gains, or any other values of a scenario, with the lowest cost. It requires scipy (`armlet[tune]`).
+    """Search for the gains, or any other values of a scenario, with the lowest cost. It requires scipy (extra `tune`).
 
     The candidates of a generation, under all conditions, run as batches. The same seed has the same result, to the bit, for every number of
     threads.
@@ -259,7 +259,7 @@ def _descended(
 
 
 def _scipy() -> Any:
-    return extra("tune", "scipy.optimize", "armlet[tune]")
+    return extra("tune", "scipy.optimize", "tune")
 
 
 def _listener(progress: Any, generations: int) -> Callable[[int, float], object]:

@@ -16,7 +16,7 @@ const MOST_JOINTS: usize = 4;
 impl Arm {
     /// Formulas of an arm of at most four joints as sympy expressions: `M(q)`, `C(q, v)`, `g(q)` and the regressor `Y(q, v, v_r, a_r)`.
     ///
-    /// The extra `armlet[sympy]` installs sympy. The inertial parameters of joint 1 are the symbols `m1, mcx1, .., Izz1`, and `Ir1` is the
+    /// The extra `sympy` installs sympy. The inertial parameters of joint 1 are the symbols `m1, mcx1, .., Izz1`, and `Ir1` is the
     /// inertia of its rotor. The parameters of `planar_pr` are `A, B, C`. Parameters that are zero in this arm do not appear in `M`, `C`
     /// and `g`. Each expression is collected by parameter and simplified.
     ///
