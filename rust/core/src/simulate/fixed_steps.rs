@@ -61,7 +61,7 @@ where
         if let Some(record) = here
             && (offset == 0.0 || ahead)
         {
-            if hold != 0 && offset == 0.0 && step.is_multiple_of(hold) {
+            if hold != 0 && offset == 0.0 && step.is_multiple_of(hold) && schedule.is_on_grid(step) {
                 system.sample(record.t, x.as_ref());
             }
             match schedule.within {

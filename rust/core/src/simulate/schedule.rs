@@ -205,6 +205,11 @@ impl Schedule {
         if step >= self.steps { self.t_end } else { step as i64 as f64 * self.dt }
     }
 
+    /// Whether step `step` begins at a multiple of `dt`. The end of the run, which is the start of step `steps`, may be between two multiples.
+    pub fn is_on_grid(&self, step: usize) -> bool {
+        step < self.steps || self.is_end(self.t_end, step as f64 * self.dt)
+    }
+
     fn locate(&self, t: f64) -> RecordTime {
         let step = ((t / self.dt).floor() as usize).min(self.steps);
         for near in [step, (step + 1).min(self.steps)] {

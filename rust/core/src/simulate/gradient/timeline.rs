@@ -181,7 +181,7 @@ impl TimelineBuilder<'_> {
         for step in 0..=schedule.steps {
             look();
             let t = schedule.time(step);
-            if hold != 0 && step.is_multiple_of(hold) {
+            if hold != 0 && step.is_multiple_of(hold) && schedule.is_on_grid(step) {
                 self.sample(after_jump(self.passed(t, ON_STEP * schedule.dt), t))?;
             }
             while let Some(record) = schedule.record(self.timeline.records).filter(|record| record.step == step) {
