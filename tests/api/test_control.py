@@ -23,6 +23,9 @@ SPRING = al.ElasticImpedance(ARM, [0.6, 0.4], [300.0, 200.0], [40.0, 30.0], 800.
 MOTORS = al.MotorPD(ARM, HOLD, 400.0, 60.0, STIFF)
 PD = al.PDGravity(ARM, HOLD, kp=100.0, kd=20.0)
 ADAPTIVE = al.Adaptive(al.planar_pr(2.0, 0.5, 0.5), MOTION, [40.0, 20.0], [20.0, 10.0], 5.0, estimate=[1.0, 0.2, 0.4])
+FILTERED = al.PID(ARM, MOTION, 80.0, 60.0, 15.0, derivative_filter=300.0, observer_bandwidth=20.0)
+COMPOSITE = al.Adaptive(ARM, MOTION, 40.0, 20.0, 0.5, composite=1.0)
+PUSHED = al.CartesianImpedance(ARM, [0.6, 0.4], 300.0, 40.0, frame="link2", axes="xy", integral_gain=200.0)
 REACH = al.PriorityVelocity(ARM, [al.Task("link2", "xy", [0.5, 0.4], 5.0)])
 
 LOOPS: dict[str, tuple[al.Plant, al.Law]] = {
@@ -30,6 +33,11 @@ LOOPS: dict[str, tuple[al.Plant, al.Law]] = {
     "computed torque": (al.RigidArm(ARM), al.ComputedTorque(ARM, MOTION, 100.0, 20.0)),
     "adaptive": (al.RigidArm(al.planar_pr(2.0, 0.5, 0.5)), ADAPTIVE),
     "adaptive, all parameters": (al.RigidArm(ARM), al.Adaptive(ARM, MOTION, 40.0, 20.0, 0.5)),
+    "PID": (al.RigidArm(ARM), al.PID(ARM, MOTION, 80.0, 60.0, 15.0)),
+    "PID with filter and observer": (al.RigidArm(ARM), FILTERED),
+    "composite": (al.RigidArm(ARM), COMPOSITE),
+    "impedance with integral": (al.RigidArm(ARM), PUSHED),
+    "guarded": (al.RigidArm(ARM), al.Guarded(FILTERED, al.MomentumObserver(ARM, 30.0))),
     "elastic, closed form": (
         al.ElasticArm(al.planar_pr(2.0, 0.5, 0.5), 800.0, 0.4),
         al.MotorPD(al.planar_pr(2.0, 0.5, 0.5), HOLD, 90.0, 30.0, 800.0),

@@ -45,6 +45,16 @@ class Law:
         theta_dot: ArrayLike | None = None,
         state: ArrayLike | None = None,
     ) -> dict[str, Any]: ...  # values are arrays; for laws of prioritised tasks, also lists with one entry per level of priority
+    def _slope(
+        self,
+        t: float,
+        q: ArrayLike,
+        v: ArrayLike,
+        *,
+        theta: ArrayLike | None = None,
+        theta_dot: ArrayLike | None = None,
+        state: ArrayLike | None = None,
+    ) -> _Array | None: ...
     def __getnewargs_ex__(self) -> tuple[tuple[()], dict[str, Any]]: ...
 
 @final

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from .. import _core
 from .style import COLOURS, literal, require, sheet
 
 if TYPE_CHECKING:
@@ -214,7 +215,7 @@ def _estimates(run: Recorded) -> list[Panel]:
     """The panels of the state of the law: estimates or an integral."""
     assert run.estimate is not None
     if run.law_name in ("PID", "CartesianImpedance"):
-        return [_integral]
+        return [] if _has_filters_alone(run._laws[0]) else [_integral]
     # The state of a composite law consists of the estimate and then of filter states. Only the estimate is drawn.
     count = run.estimate[..., : run._estimated].shape[-1]
     links = _links(run)
@@ -222,6 +223,11 @@ def _estimates(run: Recorded) -> list[Panel]:
         return [_estimate]
     beside: list[Panel] = [_rotors_and_friction] if count > 10 * links else []
     return [*(partial(_bodies, kind=kind) for kind in KINDS), *beside]
+
+
+def _has_filters_alone(law: Any) -> bool:
+    """Whether the state of a PID law has no integral."""
+    return isinstance(law, _core.PID) and law.__getnewargs_ex__()[1].get("ki") is None
 
 
 def _integral(ax: Axes, run: Recorded) -> None:

@@ -6,11 +6,12 @@
     velocity  x = [q]                       q' = u
 
 `'` is the derivative. `tau_f` is the friction of `RigidArm(friction=True)`, otherwise zero. `B` and `F` are inertia and viscous friction of
-the motors, `K` and `D` stiffness and damping of the joints. In a closed loop, `u = law(t, x) + d` with a disturbance `d`. The state of the
-law, such as an adaptive estimate, is the last part of x.
+the motors, `K` and `D` stiffness and damping of the joints. In a closed loop, `u = law(t, x) + d` with a disturbance `d`. The state of
+the law is the last part of x: adaptive estimates, integrals, and states of filters and observers.
 
 The linear system about `(x0, u0)` has the derivatives of x' with respect to x and u. For an arm with frames they are exact (Carpentier and
-Mansard 2018). Derivatives of a closed-form arm (`pendulum`, `planar_pr`) and of the law are five-point differences
+Mansard 2018), and so are the derivatives of a law, by dual numbers. Derivatives of a closed-form arm (`pendulum`, `planar_pr`) and of a law
+that branches on its data (`PriorityVelocity`, `PriorityAcceleration`) are five-point differences
 `f' = (f(-2h) - 8 f(-h) + 8 f(h) - f(2h)) / (12 h)`.
 """
 
@@ -48,14 +49,15 @@ def to_control(
 
     The inputs of an arm are `tau1..`, N m or N (`u1..` of a velocity-controlled arm, rad/s or m/s). The inputs of a loop are disturbances
     `d1..`, which are added to the arm's inputs. The states are `q1..`, `v1..`, `theta1..`, `theta_dot1..`, `estimate1..`. The outputs are
-    the states and, of a loop, also the law's outputs `tau1..` or `u1..`.
+    the states and, of a loop, also the law's outputs `tau1..` or `u1..`. The states `estimate1..` are the state of the law, in the order of
+    `Run.estimate`: adaptive estimates, integrals, and states of filters and observers.
 
     Args:
         plant: the plant, without a wall and without joint stops; an arm means `RigidArm(arm)`.
         law: the law of the loop; None: only the arm.
         x0: None: return the nonlinear system. Otherwise linearise about this state: q, (n,), or all states. With q alone, the arm is at
-            rest, the springs support gravity, and the law has its initial estimate. The states of the linear system are deviations from
-            this state.
+            rest, the springs support gravity, and the law has the state of the start of a run. The states of the linear system are
+            deviations from this state.
         t: time of the law for the linearisation, s.
         u0: input about which an arm is linearised, (n,). None: the input with which a rigid arm has zero acceleration; zero for a
             velocity-controlled arm. With a law, the law determines it.
@@ -134,9 +136,7 @@ class _Loop:
         self.m = len(parts) * n
         self.p = 0
         if law is not None:
-            # One evaluation raises the errors of invalid arguments, and shows the number of the law's states.
-            state, others = self._given(np.zeros(self.m))
-            self.p = len(law.terms(0.0, *state, **others).get("estimate_rate", ()))
+            self.p = len(self._start(np.zeros(self.m)))
         self.states = [f"{part}{i + 1}" for part in parts for i in range(n)] + [f"estimate{i + 1}" for i in range(self.p)]
         drive = "u" if self.velocity else "tau"
         self.inputs = [f"{drive if law is None else 'd'}{i + 1}" for i in range(n)]
@@ -149,12 +149,21 @@ class _Loop:
         motors = {"theta": x[2 * n : 3 * n], "theta_dot": x[3 * n : 4 * n]} if self.elastic else {}
         return (x[:n], np.zeros(n) if self.velocity else x[n : 2 * n]), motors | ({"state": x[self.m :]} if self.p else {})
 
+    def _start(self, x: Array) -> Array:
+        """The law's state at the start of a run from the plant's state x."""
+        if self.law is None:
+            return np.zeros(0)
+        state, others = self._given(x[: self.m])
+        others.pop("state", None)
+        start: Array = self.law.terms(0.0, *state, **others).get("state", np.zeros(0))
+        return start
+
     def _law(self, t: float, x: Array) -> tuple[Array, Array]:
         """The output of the law, which is the plant's input, and the rate of the law's state."""
         if self.law is None:
             return np.zeros(self.n), np.zeros(0)
         state, others = self._given(x)
-        rate = self.law.terms(t, *state, **others)["estimate_rate"] if self.p else np.zeros(0)
+        rate = self.law.terms(t, *state, **others)["state_rate"] if self.p else np.zeros(0)
         return self.law(t, *state, **others), rate
 
     def rates(self, t: float, x: Array, u: Array) -> Array:
@@ -174,7 +183,7 @@ class _Loop:
         return x if self.law is None else np.concatenate([x, self._law(t, x)[0]])
 
     def state(self, x0: ArrayLike) -> Array:
-        """The whole state. If `x0` is only q, add velocities of zero, motor positions at equilibrium, and the law's initial estimate."""
+        """The whole state. If `x0` is only q, add velocities of zero, motor positions at equilibrium, and the law's initial state."""
         n = self.n
         given = finite("to_control", "x0", _core.numbers("to_control", "x0", x0, *dict.fromkeys([(n,), (self.m + self.p,)])))
         if len(given) == self.m + self.p:
@@ -183,9 +192,7 @@ class _Loop:
         x[:n] = given
         if self.elastic:
             x[2 * n : 3 * n] = given + np.linalg.solve(self.K, self.arm.gravity(given))
-        if self.p and self.law is not None:
-            estimate = self.law.__getnewargs_ex__()[1].get("estimate")
-            x[self.m :] = 0.0 if estimate is None else estimate
+        x[self.m :] = self._start(x)
         return x
 
     def linear(self, t: float, x: Array, u0: ArrayLike | None) -> tuple[Array, Array, Array, Array]:
@@ -199,7 +206,9 @@ class _Loop:
         A[:m, :m], B[:m] = self._open(x, u)
         if self.law is None:
             return A, B, np.eye(len(x)), np.zeros((len(x), n))
-        slope = _slope(lambda x: np.concatenate(self._law(t, x)), x)
+        state, others = self._given(x)
+        exact = self.law._slope(t, *state, **others)
+        slope = _slope(lambda x: np.concatenate(self._law(t, x)), x) if exact is None else exact
         A += B @ slope[:n]
         A[m:] += slope[n:]
         return A, B, np.concatenate([np.eye(len(x)), slope[:n]]), np.zeros((len(x) + n, n))

@@ -44,29 +44,30 @@ class PID(Law):
         n = arm.n
         self.arm, self.motion = arm, target if callable(target) else Hold(target)
         self.breaks = getattr(self.motion, "breaks", ())
-        self.kp, self.ki, self.kd = gain(kp, n), np.zeros((n, n)) if ki is None else gain(ki, n), gain(kd, n)
+        self.kp, self.ki, self.kd = gain(kp, n), None if ki is None else gain(ki, n), gain(kd, n)
         self.limit = np.broadcast_to(np.inf if tau_max is None else np.asarray(tau_max, dtype=np.float64), (n,))
         self.friction, self.v_s = friction, np.asarray(friction_speed, dtype=np.float64)
         self.rate = None if derivative_filter is None else np.asarray(derivative_filter, dtype=np.float64)
         self.bandwidth = None if observer_bandwidth is None else np.asarray(observer_bandwidth, dtype=np.float64)
         first = arm.mass_matrix(self.motion(0.0)[0])
         self.inertia = np.diag(first) if nominal_inertia is None else np.asarray(nominal_inertia, dtype=np.float64)
-        self.state0 = np.zeros(n * (1 + (self.rate is not None) + (self.bandwidth is not None)))
+        self.state0 = np.zeros(n * sum(part is not None for part in (self.ki, self.rate, self.bandwidth)))
 
     def start(self, q: Array, v: Array) -> Array:
         state = self.state0.copy()
-        n = self.arm.n
+        first = 0 if self.ki is None else self.arm.n
         if self.rate is not None:
-            state[n : 2 * n] = q
+            state[first : first + self.arm.n] = q
         elif self.bandwidth is not None:
-            state[n:] = self.inertia * v
+            state[first:] = self.inertia * v
         return state
 
     def terms(
         self, t: float, q: Array, v: Array, theta: Array | None = None, theta_dot: Array | None = None, state: Array | None = None
     ) -> Terms:
-        parts = np.split(self.start(q, v) if state is None else state, self.state0.size // self.arm.n)
-        w = parts.pop(0)
+        z = self.start(q, v) if state is None else state
+        parts = list(z.reshape(-1, self.arm.n))
+        w = np.zeros_like(q) if self.ki is None else parts.pop(0)
         q_d, v_d, a_d = self.motion(t)
         e = q_d - q
         v_f = v if self.rate is None else self.rate * (q - parts[0])
@@ -78,11 +79,14 @@ class PID(Law):
             ahead, d = self.inertia * a_d, self.bandwidth * (self.inertia * v_f - parts[-1])
         u = nominal + ahead + self.kp @ e + self.kd @ (v_d - v_f) + w - d
         tau = np.clip(u, -self.limit, self.limit)
-        rate = self.ki @ e
-        winds_up = (np.abs(u) > self.limit) & (np.sign(u) == np.sign(rate))
-        rates = [np.where(winds_up, 0.0, rate)]
+        rates = []
+        if self.ki is not None:
+            rate = self.ki @ e
+            winds_up = (np.abs(u) > self.limit) & (np.sign(u) == np.sign(rate))
+            rates.append(np.where(winds_up, 0.0, rate))
         if self.rate is not None:
             rates.append(v_f)
         if self.bandwidth is not None:
             rates.append(tau - nominal + d)
-        return {"tau": tau, "state_rate": np.concatenate(rates), "e": e, "u": u, "integral": w, "disturbance": d, "v_f": v_f}
+        state_rate = np.concatenate([np.zeros(0), *rates])
+        return {"tau": tau, "state_rate": state_rate, "e": e, "u": u, "integral": w, "disturbance": d, "v_f": v_f}

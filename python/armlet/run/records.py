@@ -48,8 +48,8 @@ class Run(_Stored):
         tau: the plant's input, (K, n), N m or N. At a jump it is the input after the jump. For elastic arms it is the torque of the motors.
             Under velocity control it is the commanded velocity, rad/s or m/s.
         estimate: the state of the law, (K, p); None for laws without a state. For Adaptive it is the parameter estimate, and then the
-            filters of a composite law. For CartesianImpedance it is the integral wrench, and for PID the integral torque and then the
-            filters. For Guarded it is the state of the inner law, and then that of the observer.
+            filters of a composite law. For CartesianImpedance it is the integral wrench, and for PID the integral torque, with `ki`, and
+            then the filters. For Guarded it is the state of the inner law, and then that of the observer.
         theta, theta_dot: motor positions and velocities of elastic arms, (K, n), rad or m, rad/s or m/s; else None.
         friction: torques of the `StickSlip` or `LuGre` friction of the joints or motors, (K, n), N m or N; else None.
         bristles: the deflections of the bristles of `LuGre` friction, (K, n), rad or m; else None.

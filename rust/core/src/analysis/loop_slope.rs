@@ -2,6 +2,7 @@
 //! dual numbers, so `A` is exact up to rounding.
 
 use crate::error::Result;
+use crate::interrupt::look;
 use crate::law::LawSpec;
 use crate::linalg::dot;
 use crate::linalg::eigenvalues::eigenvalues;
@@ -42,6 +43,31 @@ pub fn loop_slope(
         moving[j].rate = 0.0;
     }
     slope
+}
+
+/// Compute the derivative of `[tau, z_dot]` with respect to `[x, z]`, `(n + p, states + p)`, row-major, at time `t` (s). `tau` is the output
+/// of the law, `z` its state, and `x` the plant's state. The result is `None` if the law branches on its data.
+pub fn law_slope(law: &LawSpec, t: f64, x: &[f64], z: &[f64]) -> Option<Vec<f64>> {
+    if law.route().is_scalar() {
+        return None;
+    }
+    let (n, s, rows) = (law.model().n(), x.len() + z.len(), law.model().n() + z.len());
+    let desired = law.desired(t);
+    let mut law = LawSpec::build::<Dual>(|_| law);
+    let mut moving: Vec<Dual> = x.iter().chain(z).map(|&x| Dual::splat(x)).collect();
+    let mut results = vec![Dual::default(); rows];
+    let mut slope = vec![0.0; rows * s];
+    for j in 0..s {
+        look();
+        moving[j].rate = 1.0;
+        let trig: Vec<(Dual, Dual)> = moving[..n].iter().map(|q| q.sin_cos()).collect();
+        let (x, z) = moving.split_at(x.len());
+        let (tau, dz) = results.split_at_mut(n);
+        law.evaluate(&desired, &trig, x, z, tau, dz);
+        results.iter().enumerate().for_each(|(i, result)| slope[i * s + j] = result.rate);
+        moving[j].rate = 0.0;
+    }
+    Some(slope)
 }
 
 /// The modes of a loop about an equilibrium.

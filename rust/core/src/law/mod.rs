@@ -236,11 +236,18 @@ impl LawSpec {
         desired
     }
 
-    /// The named terms of the law at time `t`, at the plant's state `x` and the law's state `z`.
+    /// The named terms of the law at time `t`, at the plant's state `x` and the law's state `z`. For a law with a state, the last two are
+    /// `z` and its rate.
     pub fn terms_at(&self, t: f64, x: &[f64], z: &[f64]) -> Vec<Term> {
-        let desired = self.desired(t);
-        let trig: Vec<(f64, f64)> = x[..self.model().n()].iter().map(|q| Real::sin_cos(*q)).collect();
-        self.terms(&Instant { t, desired: &desired, trig: &trig, x, z })
+        let (n, desired) = (self.model().n(), self.desired(t));
+        let trig: Vec<(f64, f64)> = x[..n].iter().map(|q| Real::sin_cos(*q)).collect();
+        let mut terms = self.terms(&Instant { t, desired: &desired, trig: &trig, x, z });
+        if !z.is_empty() {
+            let mut rate = vec![0.0; z.len()];
+            LawSpec::build::<f64>(|_| self).evaluate(&desired, &trig, x, z, &mut vec![0.0; n], &mut rate);
+            terms.extend([("state", vec![z.len()], z.to_vec()), ("state_rate", vec![z.len()], rate)]);
+        }
+        terms
     }
 
     /// A copy of the law whose spring is `kappa` times as stiff; `None` for a law without a spring. The spring has the stiffness `K_m` of a

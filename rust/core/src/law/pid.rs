@@ -14,7 +14,7 @@
 //! limits, so it does not wind up either. With the observer, motions that are slow compared with `h` follow `m a = tau - g - f` (Ohnishi,
 //! Shibata and Murakami 1996). So with the observer, the feed-forward term in `u` is `m a_d` instead of `M a_d`.
 //!
-//! The law's state is `w`, then `y` with a filter, then `s` with an observer, `(n,)` each.
+//! The law's state is `w` with an integral gain `Ki`, then `y` with a filter, then `s` with an observer, `(n,)` each.
 
 use super::definition::{Build, Definition, JointReference, Law, facts};
 use super::sizes::{require_rows, require_same_dof, require_size};
@@ -100,7 +100,8 @@ impl PidSpec {
         require_size("kp", &kp, n)?;
         ki.as_ref().map_or(Ok(()), |ki| require_size("ki", ki, n))?;
         require_size("kd", &kd, n)?;
-        Ok(PidSpec { model, motion, kp, ki, kd, options: PidOptions::default(), start: vec![0.0; n] })
+        let start = vec![0.0; if ki.is_some() { n } else { 0 }];
+        Ok(PidSpec { model, motion, kp, ki, kd, options: PidOptions::default(), start })
     }
 
     /// Replace the options of the law. Errors: `WrongShape` for a wrong length. `Input` for numbers that are not positive or not finite
@@ -117,8 +118,8 @@ impl PidSpec {
         } else if options.nominal_inertia.is_some() {
             return Err(Error::input("nominal_inertia", "is not used: expected None without observer_bandwidth"));
         }
-        let states = 1 + usize::from(options.derivative_filter.is_some()) + usize::from(options.observer_bandwidth.is_some());
-        self.start = vec![0.0; states * n];
+        let parts = [self.ki.is_some(), options.derivative_filter.is_some(), options.observer_bandwidth.is_some()];
+        self.start = vec![0.0; parts.into_iter().filter(|&used| used).count() * n];
         self.options = options;
         Ok(self)
     }
@@ -156,15 +157,15 @@ impl Definition for PidSpec {
     }
 
     fn restarts(&self) -> bool {
-        self.start.len() > self.model.n()
+        self.options.derivative_filter.is_some() || self.options.observer_bandwidth.is_some()
     }
 
     fn joint_reference(&self) -> Option<JointReference> {
         Some(if self.moves() { JointReference::Motion } else { JointReference::held(&self.motion) })
     }
 
-    /// The terms of the law: desired motion, error, gravity, terms of the options, integral torque and its rate. The last two terms are the
-    /// torque before and after its limits.
+    /// The terms of the law: desired motion, error, gravity, terms of the options. With an integral gain, the integral torque and its rate
+    /// follow. The last two terms are the torque before and after its limits.
     fn terms(&self, at: &Instant) -> Vec<Term> {
         let n = self.model.n();
         let mut law = Self::build::<f64>(|_| self);
@@ -185,8 +186,11 @@ impl Definition for PidSpec {
         if law.observer.is_some() {
             terms.push(("disturbance", law.disturbance));
         }
-        rate.truncate(n);
-        terms.extend([("integral", at.z[..n].to_vec()), ("integral_rate", rate), ("u", law.free), ("tau", tau)]);
+        if self.ki.is_some() {
+            rate.truncate(n);
+            terms.extend([("integral", at.z[..n].to_vec()), ("integral_rate", rate)]);
+        }
+        terms.extend([("u", law.free), ("tau", tau)]);
         terms.into_iter().map(|(name, values)| (name, vec![n], values)).collect()
     }
 }
@@ -269,12 +273,20 @@ pub struct Pid<S: Real> {
     free: Vec<S>,
 }
 
+impl<S: Real> Pid<S> {
+    /// The length of the integral torque `w` in the law's state: zero without an integral gain.
+    fn integrals(&self) -> usize {
+        if self.ki.is_some() { self.e.len() } else { 0 }
+    }
+}
+
 impl<S: Real> Law<S> for Pid<S> {
     /// Set the states of the velocity filter and the observer such that the filter's output and the disturbance `d` start at zero.
     fn restart(&mut self, _: &[(S, S)], x: &[S], z: &mut [S]) {
         let n = self.e.len();
+        let first = self.integrals();
         if self.filter.is_some() {
-            z[n..2 * n].copy_from_slice(&x[..n]);
+            z[first..first + n].copy_from_slice(&x[..n]);
         }
         if let Some((_, inertia)) = &self.observer {
             let before = z.len() - n;
@@ -288,12 +300,13 @@ impl<S: Real> Law<S> for Pid<S> {
         let n = tau.len();
         let (q, v) = (&x[..n], &x[n..2 * n]);
         let (v_d, a_d) = (&desired[n..2 * n], &desired[2 * n..3 * n]);
-        let (dw, behind) = dz.split_at_mut(n);
+        let (w, filters) = z.split_at(self.integrals());
+        let (dw, behind) = dz.split_at_mut(w.len());
         for i in 0..n {
             self.e[i] = desired[i] - q[i];
         }
         match &self.filter {
-            Some(rate) => (0..n).for_each(|i| self.speed[i] = rate[i] * (q[i] - z[n + i])),
+            Some(rate) => (0..n).for_each(|i| self.speed[i] = rate[i] * (q[i] - filters[i])),
             None => self.speed.copy_from_slice(v),
         }
 
@@ -316,11 +329,11 @@ impl<S: Real> Law<S> for Pid<S> {
             self.work[i] = if self.moves { v_d[i] - self.speed[i] } else { -self.speed[i] };
         }
         self.kd.add_to(&self.work, tau);
-        for (tau, &w) in tau.iter_mut().zip(z) {
+        for (tau, &w) in tau.iter_mut().zip(w) {
             *tau += w;
         }
         if let Some((bandwidth, inertia)) = &self.observer {
-            let s = &z[z.len() - n..];
+            let s = &filters[filters.len() - n..];
             for i in 0..n {
                 self.disturbance[i] = bandwidth[i] * inertia[i].mul_add(self.speed[i], -s[i]);
                 let ahead = if self.moves { inertia[i] * a_d[i] } else { S::zero() };
@@ -329,16 +342,16 @@ impl<S: Real> Law<S> for Pid<S> {
         }
         self.free.copy_from_slice(tau);
 
-        match &self.ki {
-            Some(ki) => ki.multiply(&self.e, dw),
-            None => dw.fill(S::zero()),
+        if let Some(ki) = &self.ki {
+            ki.multiply(&self.e, dw);
         }
         if let Some(limits) = &self.limits {
-            for (i, &limit) in limits.iter().enumerate() {
-                let (free, rate) = (tau[i], dw[i]);
-                let down = S::select(free.lt(-limit), rate.max(S::zero()), rate);
-                dw[i] = S::select(limit.lt(free), rate.min(S::zero()), down);
-                tau[i] = free.clamped(-limit, limit);
+            for ((rate, &free), &limit) in dw.iter_mut().zip(&self.free).zip(limits) {
+                let down = S::select(free.lt(-limit), rate.max(S::zero()), *rate);
+                *rate = S::select(limit.lt(free), rate.min(S::zero()), down);
+            }
+            for (tau, &limit) in tau.iter_mut().zip(limits) {
+                *tau = tau.clamped(-limit, limit);
             }
         }
         let (filtered, observed) = behind.split_at_mut(if self.filter.is_some() { n } else { 0 });

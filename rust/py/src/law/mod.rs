@@ -18,8 +18,10 @@ use crate::arguments::Arguments;
 use crate::arm::Arm;
 use crate::arrays::{adopted, new_array, new_vector, number, of_shape, require_finite, vector};
 use crate::errors::{Failure, entry, input_error};
+use crate::interrupts::long;
 use crate::kept::{Kept, stands_on_arm};
 use crate::motion::Motion;
+use armlet_core::analysis::loop_slope::law_slope;
 use armlet_core::error::all_finite;
 use armlet_core::law::{JointReference, LawEvaluator, LawSpec};
 use armlet_core::plant::PlantKind;
@@ -165,7 +167,7 @@ impl Law {
     }
 
     /// Return a dict of the quantities that the law computes at one instant, such as its error. It has the same arguments as a call of the
-    /// law.
+    /// law. For a law with a state, `state` is this state, `(p,)`, and `state_rate` its rate, 1/s times its units.
     #[pyo3(signature = (t, q, v, *, theta=None, theta_dot=None, state=None))]
     fn terms<'py>(
         &self,
@@ -197,6 +199,31 @@ impl Law {
                 parts.set_item(name, array)?;
             }
             Ok(parts)
+        })
+    }
+
+    /// The derivative of `[tau, z_dot]` with respect to `[x, z]`, `(n + p, states + p)`. `tau` is the input of the plant, `x` the plant's
+    /// state, and `z` the law's state. None for a law that branches on its data. The arguments are those of a call of the law.
+    #[pyo3(signature = (t, q, v, *, theta=None, theta_dot=None, state=None))]
+    fn _slope<'py>(
+        &self,
+        py: Python<'py>,
+        t: &Bound<'py, PyAny>,
+        q: &Bound<'py, PyAny>,
+        v: &Bound<'py, PyAny>,
+        theta: Option<&Bound<'py, PyAny>>,
+        theta_dot: Option<&Bound<'py, PyAny>>,
+        state: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Option<Bound<'py, PyAny>>> {
+        entry(py, "Law._slope", || {
+            let (t, x, z) = call_arguments("Law._slope", &self.spec, t, (q, v), [theta, theta_dot], state)?;
+            let Some(slope) = long(py, || Ok(law_slope(&self.spec, t, &x, &z)))? else { return Ok(None) };
+            let columns = x.len() + z.len();
+            let array = new_array(py, &[slope.len() / columns, columns], |out| {
+                out.copy_from_slice(&slope);
+                Ok(())
+            })?;
+            Ok(Some(array))
         })
     }
 

@@ -97,7 +97,7 @@ impl PDGravity {
 
 /// PID control with gravity compensation: `u = g(q) + Kp (q_d - q) + Kd (v_d - v) + w` with `w_dot = Ki (q_d - q)`.
 ///
-/// The torque `tau` is `u`, clipped to `tau_max`. The integral torque `w` `(n,)`, N m or N, is the first part of the law's state. It starts
+/// The torque `tau` is `u`, clipped to `tau_max`. With `ki`, the integral torque `w` `(n,)`, N m or N, is the first part of the law's state. It starts
 /// at zero, and `run.estimate[:, :n]` records it. The integral removes the error that a constant unknown load would cause. While `u_i`
 /// exceeds the limit of joint `i`, `w_i` does not grow in that direction. For a moving target the law adds `M(q) a_d` to `u`.
 ///
