@@ -35,13 +35,16 @@ class Equilibrium:
         x: the controlled coordinates, (m,), m or rad; joint positions for a law of joints.
         theta: motor positions of elastic joints, (n,), rad or m; None for a rigid arm.
         estimate: the law's integral wrench, (m,), N and N m; None without `integral_gain`.
+        residual: unbalanced torque, (n,), N m or N: the output of the law minus `tau`. It is zero up to rounding. If it is not, the search
+            found no equilibrium, for example because no torque opposes a force along a free motion. Then the arm moves from this state, and
+            `reachable`, `spurious` and `stable` are False. A residual counts as zero if a change of the positions by 1e-10 could cause it.
         reachable: whether the arm can reach x_d + K^-1 F, or x_d if the law has an integral. x_d is the law's target and K its stiffness.
             False if a wall, a joint stop or a limit of the law holds the arm.
         spurious: for an impedance law, whether the spring force does not balance F, although the joint torques are balanced. Then
             J'(K (x_d - x) + F) = 0 with K (x_d - x) + F != 0, which requires a singular J. For `MotorPD` and `StateFeedback` with exact
             plant parameters, whether the equilibrium is not the target although no force and no contact acts.
         wall_force: force of the plant's wall on its frame, (3,), world axes, N; None without a wall.
-        stable: whether all eigenvalues except those of free motions have negative real parts, up to rounding.
+        stable: whether the residual is zero and all eigenvalues, except those of free motions, have negative real parts, up to rounding.
         eigenvalues: eigenvalues of the closed loop, linearised at the equilibrium, complex, 1/s, sorted by real part.
         free_motions: the number of free motions, which have eigenvalue zero and no restoring force. Without a posture task, the null-space
             motions of a redundant arm are free. With bristle friction at rest, every joint is free.
@@ -50,6 +53,7 @@ class Equilibrium:
     q: Array
     tau: Array
     x: Array
+    residual: Array
     reachable: bool
     spurious: bool
     stable: bool
@@ -95,7 +99,8 @@ def equilibrium(
     the motor positions, and K_J is the stiffness of elastic joints. The forces of a wall and of joint stops act in addition to F.
 
     The equilibrium of an impedance law with the target x_d and the stiffness K is x_d + K^-1 F if that pose is reachable and regular. At a
-    singular pose with an unbalanced spring, `spurious` is true. If small deviations from the equilibrium grow, `stable` is false. For a law
+    singular pose with an unbalanced spring, `spurious` is true. If small deviations from the equilibrium grow, `stable` is false. If the
+    search ends at a state that is not at rest, the residual is not zero, and all flags are false. For a law
     with a null space, an integral or limits, u(q) is not the gradient of a potential. The search then follows a slow motion of the loop,
     M dq/dt = u(q) + J'F - g(q), with the mass matrix M.
 

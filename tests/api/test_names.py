@@ -34,7 +34,7 @@ RESULTS = {
     "batch": "t q v tau estimate status stats monitors",
     "priority": "v residuals ranks status",
     "diagnosis": "ranks stacked_rank projected_ranks overlap singular_values kind",
-    "equilibrium": "q theta tau x reachable spurious stable eigenvalues",
+    "equilibrium": "q theta tau x residual reachable spurious stable eigenvalues",
     "bang_bang": "feasible t_min t_max a_min a_max reason hold_start hold_end",
     "optimum": "feasible t theta_switch t_switch certified_global best",
     "best": "t switches kind",

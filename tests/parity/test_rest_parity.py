@@ -70,6 +70,7 @@ def test_rest(name: str, contact: str) -> None:
     close(ours.q, theirs.q, 1e-9)
     close(ours.tau, theirs.tau, 1e-8)
     close(ours.x, theirs.x, 1e-9)
+    np.testing.assert_allclose(ours.residual, 0.0, rtol=0.0, atol=1e-9)
     if ours.theta is not None:
         close(ours.theta, theirs.theta, 1e-9)
     assert (ours.reachable, ours.stable) == (theirs.reachable, theirs.stable)
@@ -147,3 +148,34 @@ def test_free_motions(axes: str, elastic: bool) -> None:
     np.testing.assert_allclose(
         np.sort_complex(np.round(ours.eigenvalues / scale, 7)), np.sort_complex(np.round(again.eigenvalues / scale, 7)), atol=1e-6
     )
+
+
+@pytest.mark.parametrize("case", ["free motion", "motor limit", "joint stiffness"])
+def test_residuals_and_equilibria_of_imperfect_loops(case: str) -> None:
+    """A force along a free motion, a motor at its limit with a full motor inertia, and a law with another joint stiffness."""
+    found = []
+    for kit in (al, reference):
+        if case == "free motion":
+            cart = {"type": "P", "phi": [2.0, 0, 0, 0, 0.1, 0, 0.1, 0, 0, 0.1]}
+            rail = kit.Arm.from_chain([cart | {"axis": [1, 0, 0]}, cart | {"axis": [0, 1, 0]}], gravity=[0.0, -2.0, -9.0])
+            law = kit.CartesianImpedance(rail, [0.3], 300.0, 40.0, frame="link2", axes="y")
+            given: dict[str, Any] = {"force": [10.0, 3.0, 0.0], "force_frame": "link2", "q0": [0.0, 0.1]}
+            found.append(kit.equilibrium(kit.RigidArm(rail), law, **given))
+            continue
+        arm = kit.planar_arm([0.5, 0.4])
+        stiffness, motors = np.array([800.0, 500.0]), np.array([[0.4, 0.1], [0.1, 0.25]])
+        believed, more = (0.8, {}) if case == "joint stiffness" else (1.0, {"tau_max": [12.0, 40.0]})
+        arguments: Any = ([0.8, 0.3], 900.0 * np.eye(2), 40.0 * np.eye(2), np.diag(believed * stiffness), motors, np.diag([0.02, 0.0125]))
+        law = kit.ElasticImpedance(arm, *arguments, frame="link2", axes="xy", **more)
+        found.append(kit.equilibrium(kit.ElasticArm(arm, np.diag(stiffness), motors), law, [-40.0, 10.0], q0=[0.3, 0.9]))
+    ours, theirs = found
+    close(ours.residual, theirs.residual, 1e-7)
+    if case != "motor limit":
+        # The differences of the reference, over 0.01 rad, cross the limit. So its eigenvalues there are not those of the equilibrium.
+        assert (ours.reachable, ours.stable) == (theirs.reachable, theirs.stable)
+    if case == "free motion":
+        np.testing.assert_allclose(ours.residual, [10.0, 0.0], rtol=0.0, atol=1e-9)
+        assert not ours.stable and not ours.reachable
+    else:
+        close(ours.q, theirs.q, 1e-8)
+        close(ours.tau, theirs.tau, 1e-7)

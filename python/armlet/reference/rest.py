@@ -30,6 +30,7 @@ class Equilibrium(NamedTuple):
     theta: Array | None
     tau: Array
     x: Array
+    residual: Array
     reachable: bool
     spurious: bool
     stable: bool
@@ -123,8 +124,14 @@ def equilibrium(
         away = bool((np.abs(q - law.target) > 1e-6 * (1.0 + np.abs(law.target))).any())
         spurious = away and not pressed and (push is None or not push.any()) and law.arm is plant.arm
     values, free = eigenvalues(plant, law, push, load, q, theta, w)
-    stable = bool(values.real.max() < 1e-7 * float(np.abs(values).max()))
-    return Equilibrium(q, theta, tau, x, reachable, spurious, stable, values, w if w.size else None, free)
+    motors = () if theta is None else (theta, still)
+    parts = law.terms(0.0, q, still, *motors, **({"state": w} if w.size else {}))
+    residual = np.asarray(parts["tau"] - tau)
+    # The descent stops at changes of 1e-14 of the positions, so the residual is a rounding error or the force along a free motion.
+    balanced = bool(np.abs(residual).max() <= 1e-7 * (1.0 + np.abs(tau).max()))
+    stable = balanced and bool(values.real.max() < 1e-7 * float(np.abs(values).max()))
+    reachable, spurious = reachable and balanced, spurious and balanced
+    return Equilibrium(q, theta, tau, x, residual, reachable, spurious, stable, values, w if w.size else None, free)
 
 
 def _reaches(task: Any, goal: Array, q0: Array) -> bool:

@@ -92,6 +92,7 @@ pub fn equilibrium<'py>(
         put(&fields, "q", &found.q)?;
         put(&fields, "tau", &found.tau)?;
         put(&fields, "x", &found.x)?;
+        put(&fields, "residual", &found.residual)?;
         if plant.elastic().is_some() {
             put(&fields, "theta", &found.theta)?;
         }

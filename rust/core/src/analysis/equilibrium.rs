@@ -16,7 +16,7 @@ use super::rest::Rest;
 use crate::dynamics::ArmAt;
 use crate::error::{Error, Result, finite};
 use crate::interrupt::look;
-use crate::law::{CartesianImpedanceSpec, LawSpec};
+use crate::law::{CartesianImpedanceSpec, ElasticImpedanceSpec, LawSpec};
 use crate::linalg::{Gain, cholesky, symmetric_eigen};
 use crate::memory;
 use crate::motion::Motion;
@@ -50,6 +50,9 @@ pub struct Equilibrium {
     pub x: Vec<f64>,
     /// The law's integral wrench `w`, `(m,)`, N and N m; empty without an integral.
     pub integral: Vec<f64>,
+    /// Unbalanced torque, `(n,)`, N m or N: the output of the law minus `tau`. It is zero up to rounding, unless no equilibrium was found.
+    /// Then `reachable`, `spurious` and `stable` are false.
+    pub residual: Vec<f64>,
     /// Whether the pose `x_d + K_m^-1 F`, or `x_d` with an integral, can be reached. A wall, a stop or a limit of the law may prevent this.
     /// For a law of joints: whether neither the wall nor a stop is in contact.
     pub reachable: bool,
@@ -58,7 +61,7 @@ pub struct Equilibrium {
     pub spurious: bool,
     /// Force of the wall on its frame, `(3,)`, N, world axes.
     pub wall_force: [f64; 3],
-    /// Whether all eigenvalues, except those of free motions, have negative real parts, up to rounding.
+    /// Whether the residual is zero and all eigenvalues, except those of free motions, have negative real parts, up to rounding.
     pub stable: bool,
     /// The number of free motions, which no torque opposes, such as null motions of a redundant arm without a posture.
     pub free_motions: usize,
@@ -226,27 +229,37 @@ pub fn equilibrium(plant: &PlantSpec, law: &LawSpec, wrench: &[f64; 6], force_fr
             format!("is made for another plant: expected a law for {} of {n} joints, got {}", plant.kind().name(), law.name()),
         );
     }
-    // The limits of an elastic law apply to the motor torque, which equals the joint torque at rest.
-    let outer = law.storage().map(|law| law.outer.clone().into()).or(law.outer());
-    let held = match (outer, law.torque_share()) {
-        (Some(outer), _) => outer,
-        (None, Some(_)) => law.clone(),
+    // With the plant's joint stiffness and without limits of the motor torque, a law that reduces the motor inertia is at rest where its
+    // outer loop balances the load.
+    let exact = law.joint_stiffness() == plant.elastic().map(|plant| &plant.stiffness) && !law.storage().is_some_and(limits_motors);
+    let held = match (law.outer(), law.torque_share()) {
+        (Some(outer), _) if exact => outer,
+        (Some(_), _) | (None, Some(_)) => law.clone(),
         _ => return fault("law", format!("is not at rest by a spring: expected an impedance or PD law, got {}", law.name())),
     };
+    let task = law.impedance().or(law.storage().map(|law| &law.outer));
     if !held.motions().iter().all(|motion| matches!(motion, Motion::Hold(_))) {
         return fault("law", "has a target that moves: expected a law with a fixed target".into());
     }
     let rest = Rest { plant, law: &held, wrench: *wrench, frame: force_frame };
     let mut q = q0.to_vec();
     let mut integral = Vec::new();
-    match &held {
-        LawSpec::CartesianImpedance(task) if !task.options().has_potential() => {
-            rest.settle(&mut q)?;
-            integral = q.split_off(n);
+    if held.reduction().is_some() || task.is_some_and(|task| !task.options().has_potential()) {
+        // For a law that reduces the motor inertia, the search starts at the equilibrium of its outer loop, with limits of the joint torque.
+        let outer = held.storage().map(|law| law.outer.clone().into()).or(held.outer().filter(|_| held.reduction().is_some()));
+        if let Some(outer) = &outer {
+            let mut near = q.clone();
+            if (Rest { plant, law: outer, wrench: *wrench, frame: force_frame }).settle(&mut near).is_ok() {
+                q = near;
+            }
         }
-        _ => rest.descend(&mut q)?,
+        rest.settle(&mut q)?;
+        integral = q.split_off(n);
+    } else {
+        rest.descend(&mut q)?;
     }
     q.truncate(n);
+    let (residual, balanced) = Rest { plant, law, wrench: *wrench, frame: force_frame }.unbalanced(&q, &integral);
     let (tau, wall_force) = rest.load(&q);
     let pressed = wall_force.iter().any(|&f| f != 0.0) || plant.stops().is_some_and(|stops| stops.energy(&q) > 0.0);
     let mut state = q.clone();
@@ -260,7 +273,7 @@ pub fn equilibrium(plant: &PlantSpec, law: &LawSpec, wrench: &[f64; 6], force_fr
     // At rest, speeds and deflections of friction bristles are zero.
     state.resize(plant.states(), 0.0);
     let (mut reachable, mut spurious, mut x) = (!pressed, false, q.clone());
-    if let LawSpec::CartesianImpedance(task) = &held {
+    if let Some(task) = task {
         // The external wrench in the coordinates of the task, if it acts at the frame of the task.
         let same = force_frame.is_none_or(|frame| frame == task.coordinates.frame);
         let push: Vec<f64> = task.coordinates.rows.iter().map(|&row| if same { wrench[row] } else { 0.0 }).collect();
@@ -290,5 +303,11 @@ pub fn equilibrium(plant: &PlantSpec, law: &LawSpec, wrench: &[f64; 6], force_fr
         spurious = knows && !pressed && wrench.iter().all(|&w| w == 0.0) && away;
     }
     let Modes { free: free_motions, eigenvalues, stable } = loop_modes(plant, law, &state, &integral, wrench, force_frame)?;
-    Ok(Equilibrium { q, theta, tau, x, integral, reachable, spurious, wall_force, stable, free_motions, eigenvalues })
+    let [reachable, spurious, stable] = [reachable, spurious, stable].map(|flag| flag && balanced);
+    Ok(Equilibrium { q, theta, tau, x, integral, residual, reachable, spurious, wall_force, stable, free_motions, eigenvalues })
+}
+
+/// Whether the law limits the motor torque.
+fn limits_motors(law: &ElasticImpedanceSpec) -> bool {
+    law.outer.options().tau_max.is_some()
 }

@@ -6,7 +6,12 @@
 //!
 //! `r(q) = u(q) - L(q)`, or `r(q, theta) = [K (theta - q) - L(q), (I + Kt)^-1 (tau(q, theta) - K (theta - q))]`.
 //!
-//! `K` is the joint stiffness, and `Kt` the torque gain of the law. For a law with a potential, `r` is minus its gradient. Then Newton's
+//! `K` is the joint stiffness, and `Kt` the torque gain of the law. A law may reduce the motor inertia `B` to `B0` and depend on `theta`.
+//! Then the springs carry the load, and `q` is the only unknown:
+//!
+//! `r(q) = B0 B^-1 (tau(q, theta) - L(q))`, `theta = q + K^-1 L(q)`.
+//!
+//! For a law with a potential, `r` is minus its gradient. Then Newton's
 //! method, with the absolute values of the eigenvalues of `-dr/dy`, descends to a minimum of the potential.
 //!
 //! A law with a null space, an integral or limits has no potential. Its unknowns `y = [q, w]` include its integral `w`. The search
@@ -52,21 +57,60 @@ pub struct Rest<'a> {
     pub frame: Option<usize>,
 }
 
+/// The motor positions in the residual, and the factor of the balance of motor torques.
+enum Motors {
+    /// The law does not depend on them.
+    Absent,
+    /// They are unknowns: the joint stiffness `K`, and the factor `(I + Kt)^-1`.
+    Unknown(Gain, Gain),
+    /// The springs carry the load: the compliance `K^-1`, and the factor.
+    Carrying(Gain, Gain),
+}
+
 impl Rest<'_> {
-    /// The stiffness of the plant's joints, and `(I + Kt)^-1`; `None` unless the motor positions are unknowns in addition to the link
-    /// positions.
-    fn motors(&self) -> Option<(&Gain, Gain)> {
-        Some((&self.plant.elastic()?.stiffness, self.law.torque_share()?))
+    /// The motor positions in the search for an equilibrium.
+    fn motors(&self) -> Motors {
+        let Some(plant) = self.plant.elastic() else { return Motors::Absent };
+        match (self.law.torque_share(), self.law.reduction()) {
+            (Some(share), _) => Motors::Unknown(plant.stiffness.clone(), share),
+            (None, Some(reduction)) => {
+                Motors::Carrying(plant.stiffness.inverse(), reduction.reduced_inertia.product(&reduction.motor_inertia.inverse()))
+            }
+            (None, None) => Motors::Absent,
+        }
+    }
+
+    /// Compute the unbalanced torque `tau(q, theta) - L(q)`, `(n,)`, N m or N, at the state `integral` of the law. `theta` are the motor
+    /// positions whose springs carry the load. Also return whether this torque and the rate of the law's state are zero.
+    ///
+    /// A torque counts as zero if a relative change of all positions by `ROUNDING` could cause it.
+    pub fn unbalanced(&self, q: &[f64], integral: &[f64]) -> (Vec<f64>, bool) {
+        const ROUNDING: f64 = 1e-10;
+        let n = q.len();
+        let motors = || match self.plant.elastic() {
+            Some(plant) => Motors::Carrying(plant.stiffness.inverse(), Gain::unchecked(n, vec![1.0; n])),
+            None => Motors::Absent,
+        };
+        let (mut here, mut slope) = (Forces::<f64>::new(self, motors()), Forces::<Dual>::new(self, motors()));
+        let y = [q, integral].concat();
+        let mut r = vec![0.0; y.len()];
+        here.residual(&y, &mut r);
+        let mut scale: Vec<f64> = (0..y.len()).map(|i| here.load.get(i).map_or(0.0, |load| load.abs())).collect();
+        slopes(&mut slope, &y, |i, j, rate| scale[i] += (rate * (1.0 + y[j].abs())).abs());
+        let balanced = r.iter().zip(&scale).all(|(r, scale)| r.abs() <= ROUNDING * scale);
+        r.truncate(n);
+        (r, balanced)
     }
 
     /// Compute the load of the joints `L(q)`, `(n,)`, N m or N, and the force of the wall, `(3,)`, N.
     pub fn load(&self, q: &[f64]) -> (Vec<f64>, [f64; 3]) {
-        let mut forces = Forces::<f64>::new(self);
+        let mut forces = Forces::<f64>::new(self, Motors::Absent);
         let wall = forces.load(q);
         (forces.load, wall.array())
     }
 
-    /// Move `q` to the equilibrium of a law without a potential, by pseudo-transient continuation. The law's integral is appended to `q`.
+    /// Move `q` to the equilibrium of a law without a potential, by pseudo-transient continuation. The law's integral is appended to `q`,
+    /// unless `q` already contains its start.
     /// Errors: `Solve` if no equilibrium is found, `Input` after an overflow.
     pub fn settle(&self, q: &mut Vec<f64>) -> Result<()> {
         const STEPS: usize = 1000;
@@ -74,10 +118,10 @@ impl Rest<'_> {
         const REACH: f64 = 0.3;
         /// The largest product of `h` and the fastest rate. It prevents rounding errors from growing along directions without stiffness.
         const LONGEST: f64 = 1e8;
-        let n = q.len();
-        q.extend(self.law.initial_state());
+        let n = self.plant.n();
+        q.extend(&self.law.initial_state()[q.len() - n..]);
         let (y, size) = (q, n + self.law.initial_state().len());
-        let (mut here, mut slope) = (Forces::<f64>::new(self), Forces::<Dual>::new(self));
+        let (mut here, mut slope) = (Forces::<f64>::new(self, self.motors()), Forces::<Dual>::new(self, self.motors()));
         let (mut r, mut mass, mut best) = (vec![0.0; size], vec![0.0; n * n], f64::INFINITY);
         let mut h = 0.0f64;
         for _ in 0..STEPS {
@@ -123,14 +167,14 @@ impl Rest<'_> {
         /// The smallest eigenvalue, relative to the largest, that counts. A direction with a smaller eigenvalue is a free motion of a
         /// redundant arm. The rounding error of `dr/dq` is 1e-15.
         const FLAT: f64 = 1e-9;
-        if let Some((stiffness, _)) = self.motors() {
+        if let Motors::Unknown(stiffness, _) = self.motors() {
             let stretch = stiffness.inverse().times(&self.load(q).0);
             let theta: Vec<f64> = q.iter().zip(stretch).map(|(q, s)| q + s).collect();
             q.extend(theta);
         }
         let y = q;
         let n = y.len();
-        let (mut here, mut slope) = (Forces::<f64>::new(self), Forces::<Dual>::new(self));
+        let (mut here, mut slope) = (Forces::<f64>::new(self, self.motors()), Forces::<Dual>::new(self, self.motors()));
         let (mut r, mut ahead, mut trial) = (vec![0.0; n], vec![0.0; n], vec![0.0; n]);
         let mut best = f64::INFINITY;
         for _ in 0..STEPS {
@@ -185,15 +229,26 @@ struct Forces<'a, S: Real> {
     load: Vec<S>,
     tau: Vec<S>,
     stops: Vec<Stop>,
-    motors: Option<(AnyGain<S>, AnyGain<S>)>,
+    /// The joint stiffness, or the compliance of springs that carry the load.
+    elasticity: Option<AnyGain<S>>,
+    /// The factor of the balance of motor torques.
+    share: Option<AnyGain<S>>,
+    /// Whether the springs carry the load.
+    carrying: bool,
     stretch: Vec<S>,
     spring: Vec<S>,
 }
 
 impl<'a, S: Real> Forces<'a, S> {
-    fn new(rest: &'a Rest<'a>) -> Self {
+    fn new(rest: &'a Rest<'a>, motors: Motors) -> Self {
         let n = rest.plant.n();
         let zeros = |k: usize| vec![S::zero(); k];
+        let carrying = matches!(motors, Motors::Carrying(..));
+        let (elasticity, share) = match motors {
+            Motors::Absent => (None, None),
+            Motors::Unknown(elasticity, share) | Motors::Carrying(elasticity, share) => (Some(elasticity), Some(share)),
+        };
+        let lanes = |gain: Option<Gain>| gain.map(|gain| AnyGain::from_lanes(|_| &gain));
         Forces {
             rest,
             law: LawSpec::build::<S>(|_| rest.law),
@@ -203,7 +258,9 @@ impl<'a, S: Real> Forces<'a, S> {
             load: zeros(n),
             tau: zeros(n),
             stops: rest.plant.stops().into_iter().flat_map(|stops| stops.all()).collect(),
-            motors: rest.motors().map(|(k, share)| (AnyGain::from_lanes(|_| k), AnyGain::from_lanes(|_| &share))),
+            elasticity: lanes(elasticity),
+            share: lanes(share),
+            carrying,
             stretch: zeros(n),
             spring: zeros(n),
         }
@@ -243,26 +300,39 @@ impl<'a, S: Real> Forces<'a, S> {
         push
     }
 
-    /// Write the residual `r` of the unknowns `y` to the argument `r`.
+    /// Write the residual `r` of the unknowns `y` to the argument `r`. After `q`, the unknowns are the motor positions or the law's state.
     fn residual(&mut self, y: &[S], r: &mut [S]) {
         let n = self.load.len();
-        let (q, theta) = y.split_at(n);
+        let (q, behind) = y.split_at(n);
         self.x[..n].copy_from_slice(q);
         self.load(q);
-        let Some((stiffness, share)) = &self.motors else {
+        let (Some(elasticity), Some(share)) = (&self.elasticity, &self.share) else {
             let (r, rate) = r.split_at_mut(n);
-            self.law.evaluate(&self.desired, self.arm.trig(), &self.x[..2 * n], theta, r, rate);
+            self.law.evaluate(&self.desired, self.arm.trig(), &self.x[..2 * n], behind, r, rate);
             for i in 0..n {
                 r[i] -= self.load[i];
             }
             return;
         };
-        self.x[2 * n..3 * n].copy_from_slice(theta);
+        if self.carrying {
+            let (r, rate) = r.split_at_mut(n);
+            elasticity.multiply(&self.load, &mut self.stretch);
+            for i in 0..n {
+                self.x[2 * n + i] = q[i] + self.stretch[i];
+            }
+            self.law.evaluate(&self.desired, self.arm.trig(), &self.x, behind, &mut self.tau, rate);
+            for i in 0..n {
+                self.tau[i] -= self.load[i];
+            }
+            share.multiply(&self.tau, r);
+            return;
+        }
+        self.x[2 * n..3 * n].copy_from_slice(behind);
         self.law.evaluate(&self.desired, self.arm.trig(), &self.x, &[], &mut self.tau, &mut []);
         for i in 0..n {
-            self.stretch[i] = theta[i] - q[i];
+            self.stretch[i] = behind[i] - q[i];
         }
-        stiffness.multiply(&self.stretch, &mut self.spring);
+        elasticity.multiply(&self.stretch, &mut self.spring);
         for i in 0..n {
             r[i] = self.spring[i] - self.load[i];
             self.tau[i] -= self.spring[i];
