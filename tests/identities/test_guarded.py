@@ -133,6 +133,17 @@ def test_retract_moves_along_the_residual_and_then_holds() -> None:
     assert moved @ [6.0, -4.0, 0.0] > 0.0
 
 
+def test_retract_has_its_velocity_at_the_sample_of_contact() -> None:
+    """The torque is g + D_c (V r_c / max |r_c| - v), with the residual r_c = K (p - w) of this sample."""
+    law = guarded(gain=50.0, **RETRACT)
+    q, v, r = np.array([0.3, 0.8]), np.array([0.2, -0.1]), np.array([3.0, -6.0])
+    state = np.zeros(10)  # w, the integral of r, and the state of the reaction
+    state[:2] = TWO.mass_matrix(q) @ v - r / 50.0
+    wanted = TWO.gravity(q) + 40.0 * (0.5 * r / 6.0 - v)
+    np.testing.assert_allclose(law(0.0, q, v, state=state), wanted, rtol=0, atol=1e-9)
+    assert law.terms(0.0, q, v, state=state)["reacting"][0] == 1.0
+
+
 def test_a_wall_is_hit_less_hard_with_a_reaction() -> None:
     motion = al.Quintic([0.9, -1.4], [0.4, -0.3], 1.0)
     tip = TWO.position(motion(0.5)[0], "link2")

@@ -219,3 +219,24 @@ def test_integral_action_removes_a_force_and_does_not_wind_up() -> None:
     assert np.abs(found.estimate).max() < 80.0
     free = al.CartesianImpedance(arm, [3.0, 0.0, 0.3], 50.0, 60.0, frame=frame, integral_gain=200.0)
     assert np.abs(al.simulate(plant, free, Q0, t_end=3.0, dt=1e-3, record_every=50).estimate).max() > 400.0
+
+
+@pytest.mark.parametrize("projection", ["consistent", "static"])
+@pytest.mark.parametrize("bend", [0.003, 0.01])
+def test_the_clamp_does_not_depend_on_the_unit_of_mass(bend: float, projection: Any) -> None:
+    """Near a singularity, masses of a hundredth leave the loss and the projector unchanged, and `L` has a hundredth of its value.
+
+    The rows of `J M^-1/2` are scaled to a root mean square of one. So `sigma` has no unit, and `eps` limits a pure number.
+    """
+    q = np.array([0.3, bend, bend])
+    found = []
+    for scale in (1.0, 0.01):
+        arm = al.planar_arm([0.5, 0.4, 0.3], masses=scale * np.array([3.0, 2.0, 1.0]))
+        posture = al.NullSpace([0.0, 0.5, 0.5], 20.0, 4.0, projection=projection)
+        made = al.CartesianImpedance(arm, [1.1, 0.2], 300.0, 40.0, frame="link3", axes="xy", nullspace=posture, eps=0.2)
+        found.append(made.terms(0.0, q, np.zeros(3)))
+    assert 0.05 < found[0]["loss"] < 1.0
+    np.testing.assert_allclose(found[1]["loss"], found[0]["loss"], rtol=1e-9)
+    np.testing.assert_allclose(found[1]["null_torque"], found[0]["null_torque"], rtol=0.0, atol=1e-9)
+    ratio = 0.01 if projection == "consistent" else 1.0
+    np.testing.assert_allclose(found[1]["L"], ratio * found[0]["L"], rtol=1e-8, atol=1e-9 * ratio * np.abs(found[0]["L"]).max())

@@ -183,3 +183,13 @@ def test_invalid_projections_are_refused_and_valid_ones_stored() -> None:
         assert "projection=" in repr(one)
         state = np.asarray(one.terms(0.0, [0.1, 0.2], [0.3, 0.4], state=-arm.parameters)["estimate_rate"])
         np.testing.assert_array_equal(again.terms(0.0, [0.1, 0.2], [0.3, 0.4], state=-arm.parameters)["estimate_rate"], state)
+
+
+def test_a_bound_of_a_given_mass_has_a_radius_of_gyration_of_0_141_m() -> None:
+    """Without an estimate, the law starts at the lower bound. Its mean square distance from each plane is (0.1 m)^2."""
+    arm = al.load_urdf(al.example_urdf("six_axis"))
+    law = al.Adaptive(arm, al.Hold(np.zeros(6)), 40.0, 20.0, 0.5, projection=0.5)
+    bodies = law.terms(0.0, np.zeros(6), np.zeros(6))["state"].reshape(-1, 10)
+    np.testing.assert_allclose(bodies[:, 0], 0.5, rtol=1e-12)
+    # The moments of inertia I_xx, I_yy and I_zz about the centre are m r^2.
+    np.testing.assert_allclose(np.sqrt(bodies[:, [4, 6, 9]] / bodies[:, :1]), 0.1 * np.sqrt(2.0), rtol=1e-12)

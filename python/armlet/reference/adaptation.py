@@ -24,7 +24,7 @@ from .lagrange import Array, solve
 
 LAYER = 0.5  # the value of f at which the correction of the rate reaches its full size
 PULL = 10.0  # the factor 10 of f^2 in c: the rate, 1/s, at which an estimate below the smallest bodies returns to them
-GYRATION = 0.1  # radius of gyration, m, of a smallest body whose argument is its mass
+DISTANCE = 0.1  # root mean square distance, m, of a smallest body of given mass from each plane through its centre
 PR = np.array([[[1.0, 0.0], [0.0, 0.0]], [[0.0, 1.0], [1.0, 0.0]], [[0.0, 0.0], [0.0, 1.0]]])
 
 
@@ -74,7 +74,7 @@ def least_bodies(projection: ArrayLike, p: int) -> Array:
     given = np.asarray(projection, dtype=np.float64)
     if given.ndim:
         return given
-    second = float(given) * GYRATION**2
+    second = float(given) * DISTANCE**2
     if p == 3:
         return np.array([float(given), 0.0, second])
     return np.tile(parameters_of(np.diag([second] * 3 + [float(given)])), p // 10)

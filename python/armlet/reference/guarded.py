@@ -79,7 +79,7 @@ class Guarded(Law):
                 latch[1] = 1.0
             if before or found:
                 reacting = 1.0
-                tau = self._react(g, y, y_dot, latched, before)
+                tau = self._react(g, r, y, y_dot, latched, before)
                 rates = np.zeros_like(rates)
         tau = np.clip(tau, -self.limit, self.limit)
         known = tau
@@ -93,14 +93,13 @@ class Guarded(Law):
         parts: Terms = inner | {"tau": tau, "state_rate": rates, "residual": r, "reacting": np.array([reacting])}
         return parts
 
-    def _react(self, g: Array, y: Array, y_dot: Array, latched: Array, before: bool) -> Array:
-        """The torque of the reaction."""
-        y_c, y_c_dot, n = y, np.zeros_like(y), y.size
-        if before:
-            y_c = latched[2 : 2 + n] / latched[0]
-            if self.reaction == "retract":
-                r_c = latched[2 + n :]
-                away = self.speed * r_c / np.max(np.abs(r_c))
-                y_c = y_c + away * min(latched[1], self.duration)
-                y_c_dot = away if latched[1] < self.duration else y_c_dot
+    def _react(self, g: Array, r: Array, y: Array, y_dot: Array, latched: Array, before: bool) -> Array:
+        """The torque of the reaction. `r` is the residual, which is r_c at the sample of contact."""
+        n = y.size
+        y_c, r_c = (latched[2 : 2 + n] / latched[0], latched[2 + n :]) if before else (y, r)
+        y_c_dot = np.zeros_like(y)
+        if self.reaction == "retract":
+            away = self.speed * r_c / np.max(np.abs(r_c))
+            y_c = y_c + away * min(latched[1], self.duration)
+            y_c_dot = away if latched[1] < self.duration else y_c_dot
         return np.asarray(g + self.stiffness @ (y_c - y) + self.damping @ (y_c_dot - y_dot))

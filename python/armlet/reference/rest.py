@@ -124,8 +124,8 @@ def equilibrium(
         away = bool((np.abs(q - law.target) > 1e-6 * (1.0 + np.abs(law.target))).any())
         spurious = away and not pressed and (push is None or not push.any()) and law.arm is plant.arm
     values, free = eigenvalues(plant, law, push, load, q, theta, w)
-    motors = () if theta is None else (theta, still)
-    parts = law.terms(0.0, q, still, *motors, **({"state": w} if w.size else {}))
+    turned: tuple[Array, ...] = () if theta is None else (theta, still)
+    parts = law.terms(0.0, q, still, *turned, **({"state": w} if w.size else {}))
     residual = np.asarray(parts["tau"] - tau)
     # The descent stops at changes of 1e-14 of the positions, so the residual is a rounding error or the force along a free motion.
     balanced = bool(np.abs(residual).max() <= 1e-7 * (1.0 + np.abs(tau).max()))

@@ -147,12 +147,13 @@ impl<S: Real> Guarded<S> {
             self.push[i] = -y_dot[i];
         }
         if let Some([speed, duration]) = self.retreat {
-            let latched = &z[2 + n..2 + 2 * n];
-            let most = latched.iter().fold(zero, |most, r| most.max(r.abs()));
+            // At the sample of contact, `r_c` is the residual of this sample.
+            let latched = |i: usize| S::select(before, z[2 + n + i], self.residual[i]);
+            let most = (0..n).fold(zero, |most, i| most.max(latched(i).abs()));
             let most = S::select(zero.lt(most), most, one);
             let (travel, rate) = (speed * elapsed.min(duration), S::select(elapsed.lt(duration), speed, zero));
             for i in 0..n {
-                let along = S::select(before, latched[i] / most, zero);
+                let along = latched(i) / most;
                 self.work[i] = travel.mul_add(along, self.work[i]);
                 self.push[i] = rate.mul_add(along, self.push[i]);
             }

@@ -43,7 +43,7 @@ const PR: usize = 3;
 /// # let (motion, adaptation) = (Motion::hold(vec![0.0])?, Adaptation::Euclidean(gain(10, 2.0)?));
 ///
 /// let law = AdaptiveSpec::new(model, motion, gain(1, 50.0)?, gain(1, 10.0)?, adaptation, None, None)?;
-/// // Every estimate keeps at least the inertia of 0.1 kg with a radius of gyration of 0.05 m. So it cannot start at zero.
+/// // Every estimate keeps at least the inertia of 0.1 kg at a distance of 0.05 m from each plane. So it cannot start at zero.
 /// let law = law.projected(Projection::of_mass(10, 0.1, 0.05)?)?;
 /// assert!((LawSpec::from(law).initial_state()[0] - 0.1).abs() < 1e-12);
 /// # Ok::<(), armlet_core::error::Error>(())

@@ -42,7 +42,7 @@ use pyo3::types::{PyBool, PyString, PyTuple};
 ///         its squared unit per N m. It cannot be combined with `base` or `projection`.
 ///     projection: lower bound that keeps the estimated bodies physically possible (keyword only). In continuous time, the pseudo-inertia
 ///         of each body `k` stays above half of its bound: `P_k >= P_k^min / 2`. The argument is the mass of the bounds of all bodies, kg,
-///         with a radius of gyration of 0.1 m. It may also be the inertial parameters of all bounds, in the shape of `arm.parameters`. The
+///         with a radius of gyration of 0.141 m about each axis. It may also be the inertial parameters of all bounds, in the shape of `arm.parameters`. The
 ///         true bodies must exceed the bounds. An initial estimate below the bounds is replaced by the nearest estimate that satisfies
 ///         them. It cannot be combined with `natural` or `base`.
 ///     friction: estimate friction: True for "viscous" and "coulomb", or some of "viscous", "coulomb", "stribeck" (keyword only).
@@ -102,7 +102,8 @@ fn base_of<'py>(given: &mut Arguments<'py>, base: &Bound<'py, PyAny>, p: usize) 
     Ok(Base { columns, projection })
 }
 
-/// The radius of gyration, m, of the lower bound of a body if `projection` is a mass. `project_parameters` uses the same length.
+/// The root mean square distance, m, of the lower bound of a body from each plane through its centre, if `projection` is a mass. The radius
+/// of gyration about an axis is `sqrt(2)` times this length. `project_parameters` uses the same length.
 const LENGTH: f64 = 0.1;
 
 /// Read the lower bounds of the projection: one mass, kg, for all bodies, or the `p` inertial parameters of the bounds.
