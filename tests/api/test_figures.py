@@ -141,12 +141,12 @@ def test_estimates_of_an_arm_with_a_mimic_joint() -> None:
 
 
 def test_joints_are_named_once() -> None:
-    """Joints and dashes are explained above the panels. No panel has a legend over its data."""
+    """Joints and dashes are explained below the panels. No panel has a legend over its data."""
     law = al.ComputedTorque(ARM, al.Quintic([0.0, 0.0], [0.5, 0.5], 1.0), 50.0, 10.0)
     figure = Figure()
     axes = al.simulate(al.RigidArm(ARM), law, [0.0, 0.0], t_end=0.1, dt=1e-3).plot(figure)
     (legend,) = figure.legends
-    assert [text.get_text() for text in legend.get_texts()] == ["1 joint1", "2 joint2", "desired"]
+    assert [text.get_text() for text in legend.get_texts()] == ["joint1", "joint2", "desired"]
     assert not [ax for ax in axes.flat if ax.get_legend()]
 
 
@@ -167,7 +167,7 @@ def test_many_joints_share_no_panel() -> None:
     axes = al.simulate(al.RigidArm(arm), al.PDGravity(arm, [0.1] * 9, 1.0, 0.1), [0.0] * 9, t_end=1e-3, method="dop853").plot(Figure())
     titles = [ax.get_title(loc="left") for ax in axes.flat]
     assert titles[:2] == ["Joint positions, 1 to 5", "Joint positions, 6 to 9"] and "Joint torques, 6 to 9" in titles
-    assert [text.get_text() for text in axes[0, 1].get_legend().get_texts()] == [f"{i} joint{i}" for i in range(6, 10)]
+    assert [text.get_text() for text in axes[0, 1].get_legend().get_texts()] == [f"joint{i}" for i in range(6, 10)]
 
 
 @pytest.mark.parametrize("name", DRAWN)

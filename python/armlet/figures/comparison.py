@@ -12,7 +12,7 @@ from ..arguments import instance, shown
 from ..border import border
 from ..errors import InputError
 from ..run.records import Run
-from .style import COLOURS, literal, require, sheet
+from .style import COLOURS, legend_below, literal, require, sheet
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -79,6 +79,7 @@ def compare(runs: Sequence[Run], labels: Sequence[str] | None = None, *, fig: Fi
                 (line,) = axes[0, j].plot(run.t, first[:, j], **style)
                 if run.tau is not None:
                     axes[1, j].plot(run.t, run.tau[:, j], **style)
+            line.set_label(names[k] if labels is not None else literal(names[k]))
             lines.append(line)
         for j, unit in enumerate(given[0].units):
             axes[0, j].set_title(f"Joint {j + 1}")
@@ -87,9 +88,7 @@ def compare(runs: Sequence[Run], labels: Sequence[str] | None = None, *, fig: Fi
                 axes[1, j].set_ylabel(f"input ({literal(given[0].input_units[j])})")
             axes[-1, j].set_xlabel("time (s)")
         # The legend is outside of the axes, so that it covers no data.
-        figure.legend(
-            lines, names if labels is not None else [literal(name) for name in names], loc="outside upper center", ncols=min(4, len(names))
-        )
+        legend_below(figure, lines)
     result: NDArray[Any] = axes
     return result
 

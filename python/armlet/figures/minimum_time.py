@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._core import bang_bang_time, torque_optimal_time
-from .style import COLOURS, require, sheet
+from .style import COLOURS, legend_below, require, sheet
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -70,7 +70,7 @@ class MinimumTime:
             self._phase_plane(axes[1, 1], motions)
             self._durations(axes[1, 2], [float(t[-1]) for _, _, (t, _, _, _) in motions])
             handles = axes[0, 0].get_legend_handles_labels()[0] + axes[1, 0].get_legend_handles_labels()[0][1:]
-            figure.legend(handles=handles, loc="outside upper center", ncols=len(handles), frameon=False)
+            legend_below(figure, handles)
         result: Array = axes
         return result
 

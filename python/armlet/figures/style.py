@@ -5,9 +5,9 @@ matplotlib is an optional package. This module imports it only when a function n
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from ..arguments import one_line, shown
 from ..errors import InputError
@@ -16,7 +16,7 @@ from ..extras import missing
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["COLOURS", "available", "literal", "require", "sheet"]
+__all__ = ["COLOURS", "available", "legend_below", "literal", "require", "sheet"]
 
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#999999")
 STYLE = {
@@ -83,3 +83,19 @@ def sheet(fig: Figure | None, size: tuple[float, float] | None) -> Iterator[Figu
             fig.set_size_inches(size)
             fig.set_layout_engine("constrained")
         yield fig
+
+
+def legend_below(figure: Figure, handles: Sequence[Any], title: str | None = None) -> None:
+    """Draw a legend of `handles`, which have labels, below all axes. It covers no data, and no title of the figure.
+
+    All rows but the last have an equal number of entries, as many as fit in the width of the figure.
+    """
+    if not handles:
+        return
+    # At 8 points a letter is about 1/15 inch wide, and an entry has a line and a gap of about five letters.
+    most = int(15.0 * figure.get_figwidth() / (5 + max(len(handle.get_label()) for handle in handles)))
+    rows = -(-len(handles) // max(1, most))
+    columns = -(-len(handles) // rows)
+    # matplotlib fills columns first. This order fills rows first.
+    order = [handles[i] for first in range(columns) for i in range(first, len(handles), columns)]
+    figure.legend(handles=order, loc="outside lower center", ncols=columns, title=title, handlelength=1.4)

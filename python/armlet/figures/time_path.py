@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 from .. import _core
 from .._core import Arm, TimedPath
 from ..errors import InputError
-from .style import COLOURS, literal, require, sheet
+from .style import COLOURS, legend_below, literal, require, sheet
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -88,9 +88,10 @@ class PathTiming:
             self._over_time(axes[1, 0], t, q, None, ("position", ""))
             self._over_time(axes[1, 1], t, v, self.v_max, ("speed", "/s"))
             self._over_time(axes[1, 2], t, a, self.a_max, ("acceleration", "/s²"))
-            names = [literal(name) for name in self.arm.joint_names]
-            handles = axes[0, 0].get_lines()[: len(names)]
-            figure.legend(handles, names, loc="outside upper center", ncols=len(names), frameon=False)
+            handles = axes[0, 0].get_lines()[: self.arm.n]
+            for line, name in zip(handles, self.arm.joint_names, strict=True):
+                line.set_label(literal(name))
+            legend_below(figure, handles)
         result: Array = axes
         return result
 
@@ -202,11 +203,16 @@ class PathTiming:
                 values = np.where(np.isfinite(high - low), (2.0 * values - low - high) / (high - low), 0.0)
             for bound in (-1.0, 1.0):
                 ax.axhline(bound, color=LIMIT, linestyle="--", linewidth=1.0)
-        for j in range(self.arm.n):
-            ax.plot(t, values[:, j], color=COLOURS[j % len(COLOURS)])
-        units = dict.fromkeys("m" if kind == "prismatic" else "rad" for kind in self.arm.joint_types)
+        units = ["m" if kind == "prismatic" else "rad" for kind in self.arm.joint_types]
+        # Without limits, lengths have their own axis on the right if there are angles too.
+        axes = dict.fromkeys(units, ax)
+        if limit is None and len(axes) == 2:
+            axes["m"] = ax.twinx()
+            axes["m"].spines["right"].set_visible(True)
+            axes["m"].grid(False)
+        for j, unit in enumerate(units):
+            axes[unit].plot(t, values[:, j], color=COLOURS[j % len(COLOURS)])
+        for unit, each in axes.items():
+            each.set_ylabel(f"joint {name} ({unit}{per})" if limit is None else f"joint {name}, in parts of its limits")
         ax.set_xlabel("time (s)")
-        ax.set_ylabel(
-            f"joint {name} ({', '.join(unit + per for unit in units)})" if limit is None else f"joint {name}, in parts of its limits"
-        )
         ax.set_title(f"Joint {name}s")

@@ -1,0 +1,148 @@
+"""The figure of a run: its title, the names of joints and parameters, one unit per axis, and limits that are not drawn."""
+
+from __future__ import annotations
+
+import pytest
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from test_figures import DRAWN
+
+import armlet as al
+from armlet.cli import main
+from armlet.figures.time_path import PathTiming
+
+PR = al.planar_pr(2.0, 0.5, 0.5)
+BODY = {"type": "R", "axis": [0, 0, 1], "xyz": [0.3, 0, 0], "phi": [1, 0, 0, 0, 1, 0, 1, 0, 0, 1]}
+
+
+def plotted(arm: al.Arm, law: object, **given: object) -> tuple[Figure, list[Axes]]:
+    figure = Figure()
+    axes = al.simulate(al.RigidArm(arm), law, [0.0] * arm.n, t_end=0.1, dt=1e-3, **given).plot(figure)  # type: ignore[arg-type]
+    return figure, [ax for ax in axes.flat if ax.get_visible()]
+
+
+def adaptive(arm: al.Arm) -> al.Adaptive:
+    return al.Adaptive(arm, al.Hold([0.1] * arm.n), 20.0, 5.0, 0.1)
+
+
+def legend_names(figure: Figure) -> list[str]:
+    return [text.get_text() for text in figure.legends[0].get_texts()]
+
+
+@pytest.mark.parametrize("name", ["run", "compare", "mintime", "path"])
+def test_no_legend_covers_a_title_of_the_figure(name: str) -> None:
+    figure = Figure()
+    DRAWN[name][1](figure)
+    title = figure.suptitle("A scenario with a title")
+    figure.draw_without_rendering()
+    (legend,) = figure.legends
+    boxes = [legend.get_window_extent(), *(ax.get_tightbbox() for ax in figure.axes if ax.get_visible())]
+    assert not any(title.get_window_extent().overlaps(box) for box in boxes)
+    assert not any(boxes[0].overlaps(box) for box in boxes[1:])
+
+
+def test_the_title_of_a_scenario_is_visible(tmp_path: object, monkeypatch: pytest.MonkeyPatch) -> None:
+    seen = []
+
+    def savefig(figure: Figure, file: object, **_: object) -> None:
+        figure.draw_without_rendering()
+        title = figure._suptitle  # type: ignore[attr-defined]
+        seen.append((title.get_text(), title.get_window_extent().overlaps(figure.legends[0].get_window_extent())))
+
+    monkeypatch.setattr(Figure, "savefig", savefig)
+    monkeypatch.chdir(tmp_path)  # type: ignore[arg-type]
+    scenario = """title = "Reach"
+arm = { kind = "example", name = "planar_2r" }
+law = { kind = "PDGravity", target = [0.1, 0.2], kp = 20.0, kd = 5.0 }
+run = { q0 = [0.0, 0.0], t_end = 0.1, dt = 1e-3 }
+"""
+    with open("reach.toml", "w") as file:
+        file.write(scenario)
+    assert main(["run", "reach.toml", "--plot"]) == 0
+    assert seen == [("Reach", False)]
+
+
+@pytest.mark.parametrize(
+    ("names", "labels"),
+    [
+        (["joint_1", "joint_2"], ["joint_1", "joint_2"]),
+        (["shoulder", "elbow"], ["1 shoulder", "2 elbow"]),
+        (["shoulder", "wrist_1"], ["1 shoulder", "2 wrist_1"]),
+    ],
+)
+def test_a_joint_has_one_number(names: list[str], labels: list[str]) -> None:
+    arm = al.Arm.from_chain([BODY | {"name": name} for name in names])
+    figure, _ = plotted(arm, al.PDGravity(arm, [0.1, 0.2], 20.0, 5.0))
+    assert legend_names(figure) == labels
+
+
+def test_long_names_of_joints_are_within_the_figure() -> None:
+    arm = al.Arm.from_chain([BODY | {"name": f"left_manipulator_joint_number_{i}"} for i in range(7)])
+    figure, _ = plotted(arm, al.PDGravity(arm, [0.1] * 7, 20.0, 5.0))
+    figure.draw_without_rendering()
+    box = figure.legends[0].get_window_extent()
+    assert box.x0 >= 0.0 and box.x1 <= figure.bbox.x1 and len(legend_names(figure)) == 7
+    assert legend_names(figure)[0] == "left_manipulator_joint_number_0"
+
+
+def test_estimates_have_the_names_of_the_parameters() -> None:
+    _, axes = plotted(PR, adaptive(PR))
+    (panel,) = [ax for ax in axes if ax.get_title(loc="left") == "Parameter estimates"]
+    legend = panel.get_legend()
+    assert legend is not None and [text.get_text() for text in legend.get_texts()] == ["A", "B", "C", "true"]
+    one = al.Arm.from_chain([BODY])
+    _, axes = plotted(one, al.Adaptive(one, al.Hold([0.1]), 20.0, 5.0, 0.1, friction=True))
+    (legend,) = [ax.get_legend() for ax in axes if ax.get_legend()]
+    assert legend is not None and [text.get_text() for text in legend.get_texts()][:2] == ["m[joint1]", "mcx[joint1]"]
+
+
+@pytest.mark.parametrize("law", ["Adaptive", "PID", "PDGravity"])
+def test_an_axis_has_one_unit(law: str) -> None:
+    """Lengths and angles, and forces and torques, have different panels. Joint 1 moves in m, joint 2 in rad."""
+    made = {"Adaptive": adaptive(PR), "PID": al.PID(PR, [0.1, 0.2], 20.0, 10.0, 5.0), "PDGravity": al.PDGravity(PR, [0.1, 0.2], 20.0, 5.0)}[
+        law
+    ]
+    _, axes = plotted(PR, made)
+    labels = [ax.get_ylabel() for ax in axes]
+    assert [label for label in labels if "," in label] == []
+    assert {"position (m)", "position (rad)", "input (N)", "input (N m)"} <= set(labels)
+    colours = {ax.get_ylabel(): [line.get_color() for line in ax.get_lines()] for ax in axes}
+    assert colours["input (N)"] == colours["position (m)"][:1] != colours["input (N m)"]
+
+
+def test_units_of_joints_in_any_order() -> None:
+    joints = [BODY | {"type": kind} for kind in "PRPRPRPRP"]
+    arm = al.Arm.from_chain(joints)
+    _, axes = plotted(arm, al.PDGravity(arm, [0.01] * 9, 20.0, 5.0))
+    titles = {ax.get_title(loc="left"): ax.get_ylabel() for ax in axes}
+    assert titles["Joint positions, 1, 3, 5, 7, 9"] == "position (m)" and titles["Joint positions, 2, 4, 6, 8"] == "position (rad)"
+
+
+def test_positions_of_a_path_have_one_unit_per_axis() -> None:
+    arm = al.Arm.from_chain([BODY | {"type": "P"}, BODY])
+    figure = Figure()
+    PathTiming(arm, al.time_path(arm, [[0.0, 0.0], [1.0, 0.5]], tau_max=20.0), 20.0).plot(figure)
+    labels = [ax.get_ylabel() for ax in figure.axes]
+    assert {"joint position (m)", "joint position (rad)", "joint speed (m/s)", "joint speed (rad/s)"} <= set(labels)
+    lines = {ax.get_ylabel(): [line.get_color() for line in ax.get_lines()] for ax in figure.axes}
+    assert lines["joint position (m)"] != lines["joint position (rad)"]
+
+
+def test_limits_that_are_not_drawn_are_named() -> None:
+    """The note names the nearest of the limits without a line. An infinite limit is none."""
+    joints = [BODY | {"effort": 10.0, "upper": 0.5, "lower": -40.0}, BODY | {"effort": 10.0, "upper": 60.0, "lower": -50.0}]
+    arm = al.Arm.from_chain(joints)
+    law = al.PDGravity(arm, [0.4, 0.1], 20.0, 5.0)
+    axes = al.simulate(al.RigidArm(arm), law, [0.0, 0.0], t_end=3.0, dt=1e-3).plot(Figure())
+    notes = {ax.get_title(loc="left"): ax.get_title(loc="right").replace("\N{MINUS SIGN}", "-") for ax in axes.flat}
+    assert notes["Joint positions"] == "limits not drawn: \N{LESS-THAN OR EQUAL TO} -40, \N{GREATER-THAN OR EQUAL TO} 60"
+    assert notes["Joint torques"] == "limits not drawn: \N{LESS-THAN OR EQUAL TO} -10"
+    assert notes["Joint velocities"] == ""
+
+
+def test_a_note_on_limits_covers_no_title() -> None:
+    six = al.load_urdf(al.example_urdf("six_axis"))
+    figure, axes = plotted(six, al.ComputedTorque(six, al.Quintic([0.0] * 6, [0.5] * 6, 2.0), 400.0, 40.0))
+    figure.draw_without_rendering()
+    noted = [ax for ax in axes if ax.get_title(loc="right")]
+    assert noted and not any(ax._left_title.get_window_extent().overlaps(ax._right_title.get_window_extent()) for ax in noted)  # type: ignore[attr-defined]
