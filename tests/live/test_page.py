@@ -70,6 +70,23 @@ def test_every_system_has_its_page(server: Any) -> None:
     assert len(set(names)) == len(names)
 
 
+def test_a_slider_of_powers_shows_its_number(server: Any) -> None:
+    """The label of the slider contains the number, not only its exponent, and the marks are the powers of ten."""
+    page = LabPage(server, Lab([Elastic()]))
+    share = page.controls["share"]
+    assert share.label == "reduced inertia B0/B: 0.05 = 10^"
+    assert [mark.label for mark in share._marks] == ["1e-05", "0.0001", "0.001", "0.01", "0.1", "1"]
+    share.value = -2.5
+    until(lambda: page.controls["share"].label == "reduced inertia B0/B: 0.00316 = 10^")
+    assert page.controls["stiffness"].label == "stiffness at the tip K_m (N/m)"
+
+
+def test_legends_of_charts_have_no_values(server: Any) -> None:
+    """uPlot draws "--" in place of the values of its legend if the mouse is not on the chart."""
+    page = LabPage(server, Lab([Elastic()]))
+    assert [chart.legend["live"] for chart in page.charts] == [False] * 3
+
+
 def test_controls_reach_the_model(server: Any) -> None:
     page = LabPage(server, Lab([Elastic(), Priority()]))
     page.frame(0.016)

@@ -30,6 +30,8 @@ DRAW_EVERY, PLOT_EVERY, TEXT_EVERY = 2, 16, 16  # periods, in frames, of drawing
 EDGE = 1.2e-2
 SOFT = {"pad": 0.1, "soft": EDGE, "mode": 1}
 SCALES = {"x": {"time": False, "range": (-WINDOW, 0.0)}, "y": {"range": {"min": SOFT | {"soft": -EDGE}, "max": SOFT}}}
+# Without this entry, the legend has a value of each curve at the mouse, which is "--" without a mouse on the chart.
+LEGEND = {"live": False}
 AXES = ({"label": "t - now (s)", "size": 36, "labelSize": 18}, {"size": 56})
 
 
@@ -89,7 +91,7 @@ class LabPage:
         self._panel = gui.add_panel()
         with self._panel.add_tab("Curves"):
             nothing = (np.zeros(1), np.zeros(1))
-            self.charts = [gui.add_uplot(nothing, ({}, {}), axes=AXES, scales=SCALES, height=220) for _ in range(3)]
+            self.charts = [gui.add_uplot(nothing, ({}, {}), axes=AXES, scales=SCALES, legend=LEGEND, height=220) for _ in range(3)]
         self._panel.dock_left()
         self._build()
 
@@ -120,7 +122,11 @@ class LabPage:
             handle = gui.add_dropdown(control.label, control.options, initial_value=control.value)
         else:
             low, high, value = (shown(control, x) for x in (control.low, control.high, control.value))
-            handle = gui.add_slider(control.label, low, high, 0.001 if control.powers else (high - low) / 400, value)
+            step = 0.001 if control.powers else (high - low) / 400
+            # The box of a slider over powers of ten shows the exponent. So the label and the marks show the number itself.
+            decades = range(math.ceil(low), math.floor(high) + 1) if control.powers else ()
+            marks = tuple((x, f"{10.0**x:g}") for x in decades) or None
+            handle = gui.add_slider(labelled(control, control.value), low, high, step, value, marks=marks)
 
         @handle.on_update  # type: ignore[untyped-decorator]
         def _(_: Any) -> None:
@@ -128,7 +134,9 @@ class LabPage:
             # A value from the page may arrive after the system has changed. Such a value is ignored.
             if control in self.model.system.controls:
                 powers = not isinstance(control, Choice) and control.powers
-                self.model.set(control.name, 10.0**value if powers else value)
+                number = 10.0**value if powers else value
+                self.model.set(control.name, number)
+                handle.label = labelled(control, number)
 
         return handle
 
@@ -199,3 +207,10 @@ class LabPage:
 def shown(control: Control, value: float | str) -> Any:
     """The value of a control in the form that its slider shows: the logarithm if the slider has powers of ten."""
     return round(math.log10(float(value)), 3) if not isinstance(control, Choice) and control.powers else value
+
+
+def labelled(control: Control, value: float | str) -> str:
+    """The label of a control. For a slider of powers of ten it ends with the number, such as `gain (1/s): 50 = 10^`."""
+    if isinstance(control, Choice) or not control.powers:
+        return control.label
+    return f"{control.label.removesuffix(', 10^')}: {float(value):.3g} = 10^"
