@@ -278,3 +278,34 @@ def test_sweep(file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -
 def test_schema(capsys: pytest.CaptureFixture[str]) -> None:
     assert cli.main(["schema"]) == 0
     assert json.loads(capsys.readouterr().out)["properties"]["law"]["properties"]["kind"]["enum"][0] == "Adaptive"
+
+
+@pytest.mark.parametrize("command", ["run", "sweep", "export"])
+@pytest.mark.parametrize("name", ["arm.urdf", "arm.xml"])
+def test_a_robot_file_in_place_of_a_scenario(command: str, name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The message names the kind of the file, and the commands for it. The advised command succeeds."""
+    robot = tmp_path / name
+    robot.write_text(al.example_urdf("planar_2r"))
+    assert cli.main([command, str(robot), *(["--out", str(tmp_path / "out")] if command != "run" else [])]) == 2
+    line = one_line(capsys)
+    assert "is a robot file, not a scenario" in line and "TOML file such as `armlet new adaptive` prints" in line
+    assert f"`armlet check {robot}` lists the joints" in line and f"`armlet view {robot}`" in line
+    assert cli.main(["check", str(robot)]) == 0
+    assert "joint1" in capsys.readouterr().out and not (tmp_path / "out").exists()
+
+
+def test_a_model_of_mujoco_in_place_of_a_scenario(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "arm.xml").write_text("<mujoco/>")
+    assert cli.main(["run", str(tmp_path / "arm.xml")]) == 2
+    assert "is a model of MuJoCo, not a scenario" in one_line(capsys)
+
+
+def test_an_interrupted_sweep_says_how_to_continue(
+    file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupt(*_: object, **__: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("armlet.cli.scenarios.sweep", interrupt)
+    assert cli.main(["sweep", str(file), "--out", str(tmp_path / "out")]) == 130
+    assert one_line(capsys) == f"armlet: interrupted: finished chunks are in {tmp_path / 'out'}; the same command continues the sweep"

@@ -14,7 +14,7 @@ import pytest
 
 import armlet as al
 from armlet import cli, gym
-from armlet.scenario import scenario as reading
+from armlet.scenario import file as reading
 
 ALLOWED = (al.ArmletError, TypeError, MemoryError, OSError)
 PR = al.planar_pr(2.0, 0.5, 0.5)

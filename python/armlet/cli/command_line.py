@@ -82,7 +82,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         sys.stdout.flush()
         return code
     except KeyboardInterrupt:
-        print("armlet: interrupted", file=sys.stderr)
+        print(f"armlet: interrupted{args.resume(args) if 'resume' in args else ''}", file=sys.stderr)
         return 130
     except BrokenPipeError:
         # The reading program (head, less) has ended. The rest of the output is discarded.

@@ -22,7 +22,7 @@ from ..files import folder_for, write_whole
 from ..run.records import Run
 from ..run.sensitivity import series_of
 from ..scenario import TEMPLATES, Scenario, schema, template
-from ..scenario.scenario import read
+from ..scenario.file import read
 from ..sweeping.execution import cells_of, rehearse, sweep
 
 __all__ = ["register"]
@@ -92,7 +92,7 @@ def _results(run: Run, scenario: Scenario, args: argparse.Namespace) -> list[Pat
 
 
 def _check(args: argparse.Namespace) -> int:
-    if args.scenario.suffix.lower() == ".urdf":
+    if args.scenario.suffix.lower() in (".urdf", ".xacro", ".xml"):
         return _check_robot(args.scenario)
     problems, cells = list(Scenario.problems(read(args.scenario))), 0
     if not problems:
@@ -183,6 +183,11 @@ def _sweep(args: argparse.Namespace) -> int:
     return 0
 
 
+def _resume(args: argparse.Namespace) -> str:
+    """The advice after an interruption of a sweep."""
+    return f": finished chunks are in {args.out}; the same command continues the sweep"
+
+
 def _view(args: argparse.Namespace) -> int:
     from ..live.view import view
 
@@ -245,7 +250,7 @@ def register(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> N
     sweep.add_argument(
         "--workers", type=_workers, metavar="N", help="number of worker processes (default: none, the sweep uses threads of this process)"
     )
-    sweep.set_defaults(run=_sweep)
+    sweep.set_defaults(run=_sweep, resume=_resume)
 
     schema = commands.add_parser("schema", help="print the JSON schema of scenario files, which editors use to complete and check them")
     schema.set_defaults(run=_schema)

@@ -24,6 +24,7 @@ from ..run.simulation import simulate
 from .across import RIGID, across, knowing, needs_of
 from .built import Built, summary
 from .fields import Kind, OneOf
+from .file import read, text_of
 from .tables import SCENARIO, arguments
 
 __all__ = ["Built", "Scenario", "change", "pathed"]
@@ -249,36 +250,8 @@ class Scenario:
             if path is not None:
                 file = path if "://" in path else str(Path(self.folder) / path)
                 made = "://" in path or path.endswith(".xacro")
-                data[table]["xml"] = robot_text("Scenario.standalone", "path", file) if made else _text(Path(file))
+                data[table]["xml"] = robot_text("Scenario.standalone", "path", file) if made else text_of(Path(file))
         return Scenario(data, self.folder, self.name)
-
-
-def read(file: Path) -> dict[str, Any]:
-    """Return the tables of a TOML file. The InputError of a fault names its line."""
-    import tomllib
-
-    text = _text(file)
-    try:
-        return tomllib.loads(text)
-    # An integer of thousands of digits raises ValueError, thousands of nested brackets raise RecursionError.
-    except (ValueError, RecursionError) as error:
-        raise InputError(f"{file}: is not TOML: {error}") from None
-
-
-# Largest size of a file, bytes. A scenario that contains the text of its robot file is smaller.
-MOST_BYTES = 32 << 20
-
-
-def _text(file: Path) -> str:
-    """Return the text of a file. Refuse a file that is too large, such as an endless device."""
-    with file.open("rb") as stream:
-        content = stream.read(MOST_BYTES + 1)
-    if len(content) > MOST_BYTES:
-        raise InputError(f"{file}: is too large: expected at most {MOST_BYTES} bytes")
-    try:
-        return content.decode("utf-8")
-    except UnicodeDecodeError as error:
-        raise InputError(f"{file}: is not TOML, which is UTF-8 text: {error}") from None
 
 
 def _require_tables(function: str, data: object) -> None:
