@@ -7,6 +7,7 @@ as a law in Python, and errors of gymnasium pass unchanged.
 
 from __future__ import annotations
 
+import inspect
 import sys
 from collections.abc import Callable
 from functools import wraps
@@ -40,6 +41,14 @@ def border(function: Callable[P, R]) -> Callable[P, R]:
     def inside(*arguments: P.args, **keywords: P.kwargs) -> R:
         try:
             return function(*arguments, **keywords)
+        except TypeError as error:
+            # Without a further frame, the call itself failed, because of its arguments.
+            if error.__traceback__ is None or error.__traceback__.tb_next is not None:
+                raise
+            message = _surplus(name, function, len(arguments))
+            if not message:
+                raise
+            raise TypeError(message) from None
         except PASS:
             raise
         except Exception as error:
@@ -49,6 +58,19 @@ def border(function: Callable[P, R]) -> Callable[P, R]:
             raise InternalError(message) from error
 
     return inside
+
+
+def _surplus(name: str, function: Callable[..., Any], given: int) -> str:
+    """The message for more arguments without a name than `function` accepts, if it has keyword-only arguments; else empty."""
+    parameters = list(inspect.signature(function).parameters.values())
+    keywords_only = [f"{each.name}=" for each in parameters if each.kind is each.KEYWORD_ONLY]
+    most = sum(each.kind in (each.POSITIONAL_ONLY, each.POSITIONAL_OR_KEYWORD) for each in parameters)
+    if given <= most or not keywords_only:
+        return ""
+    # The object of a method is an argument too, but the caller does not write it.
+    own = parameters[:1] != [] and parameters[0].name in ("self", "cls")
+    names = ", ".join(keywords_only)
+    return f"{name}: expected at most {most - own} arguments without a name, got {given - own}: write the others by name: {names}"
 
 
 def bordered(kind: C) -> C:

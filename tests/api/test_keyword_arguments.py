@@ -1,0 +1,56 @@
+"""Positional arguments beyond the last positional one: the message names the arguments that a call must write by name."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+import armlet as al
+from armlet import gym
+
+ARM = al.planar_arm([0.5, 0.4])
+LAW = al.PDGravity(ARM, [0.1, 0.2], 20.0, 5.0)
+
+
+def test_an_initial_velocity_without_its_name() -> None:
+    with pytest.raises(
+        TypeError, match=r"^simulate: expected at most 3 arguments without a name, got 4: write the others by name: "
+    ) as fault:
+        al.simulate(al.RigidArm(ARM), LAW, [0.0, 0.0], [0.0, 0.0], t_end=1.0)  # type: ignore[misc]
+    assert "v0=" in str(fault.value) and "t_end=" in str(fault.value)
+
+
+def functions() -> dict[str, tuple[Callable[..., Any], int, list[str]]]:
+    """The public functions, methods and constructors of Python with keyword-only arguments: the callable, and its arguments by kind."""
+    found: dict[str, tuple[Callable[..., Any], int, list[str]]] = {}
+    for module in (al, gym):
+        for name in module.__all__:
+            thing = getattr(module, name)
+            candidates = {name: thing.__init__ if inspect.isclass(thing) else thing}
+            if inspect.isclass(thing):
+                candidates |= {f"{name}.{key}": value for key, value in vars(thing).items() if not key.startswith("_")}
+            for key, function in candidates.items():
+                if not inspect.isfunction(function):
+                    continue
+                parameters = inspect.signature(function).parameters.values()
+                only = [each.name for each in parameters if each.kind is each.KEYWORD_ONLY]
+                if only and not any(each.kind is each.VAR_POSITIONAL for each in parameters):
+                    found[f"{module.__name__}.{key}"] = (
+                        function,
+                        len(parameters) - len(only) - any(e.kind is e.VAR_KEYWORD for e in parameters),
+                        only,
+                    )
+    return found
+
+
+def test_all_functions_of_python_name_their_keyword_arguments() -> None:
+    checked = functions()
+    assert len(checked) > 25 and "armlet.simulate_batch" in checked and "armlet.Sampling" in checked
+    for name, (function, most, only) in checked.items():
+        with pytest.raises(TypeError) as fault:
+            function(*[None] * (most + 1))
+        assert all(f"{each}=" in str(fault.value) for each in only), f"{name}: {fault.value}"
+        assert str(fault.value).startswith(name.split(".", 1)[1].removeprefix("gym.") + ": expected at most"), fault.value
