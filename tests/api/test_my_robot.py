@@ -1,0 +1,65 @@
+"""The page `docs/my_robot.md` with other robots: its code holds for light wrists, heavy bases and limits that exclude zero."""
+
+from __future__ import annotations
+
+import re
+import warnings
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import armlet as al
+
+PAGE = Path(__file__).resolve().parents[2] / "docs" / "my_robot.md"
+Z, Y = [0.0, 0.0, 1.0], [0.0, 1.0, 0.0]
+
+
+def chain(inertias: list[float], masses: list[float], lengths: list[float], limits: tuple[float, float] = (-3.0, 3.0)) -> str:
+    """The URDF of rods along z on alternating axes. `inertias`, kg m^2, are about the centres of mass."""
+    joints = []
+    for i, (inertia, m, length) in enumerate(zip(inertias, masses, lengths, strict=True)):
+        c, before = length / 2.0, lengths[i - 1] if i else 0.2
+        phi = [m, 0.0, 0.0, m * c, inertia + m * c * c, 0.0, inertia + m * c * c, 0.0, 0.0, inertia]
+        drive = {"lower": limits[0], "upper": limits[1], "effort": 1e4, "velocity": 20.0}
+        joints.append({"type": "R", "axis": Y if i % 2 else Z, "xyz": [0.0, 0.0, before], "phi": phi, **drive})
+    return al.Arm.from_chain(joints).to_urdf()[0]
+
+
+ROBOTS = {
+    "six_axis": al.example_urdf("six_axis"),
+    "seven_axis": al.example_urdf("seven_axis"),
+    "planar_2r": al.example_urdf("planar_2r"),
+    "light wrist": chain([0.5, 0.3, 0.05, 1e-3, 1e-4, 1e-5], [30.0, 15.0, 5.0, 0.5, 0.1, 0.02], [0.4, 0.4, 0.3, 0.1, 0.05, 0.02]),
+    "lighter wrist": chain([5.0, 3.0, 0.5, 1e-3, 1e-5, 1e-6], [100.0, 50.0, 10.0, 0.5, 0.05, 0.005], [0.6, 0.6, 0.4, 0.1, 0.05, 0.01]),
+    "seven light": chain(
+        [1.0, 1.0, 0.5, 0.1, 1e-2, 1e-3, 2e-5], [40.0, 20.0, 10.0, 5.0, 1.0, 0.3, 0.05], [0.3, 0.3, 0.3, 0.3, 0.1, 0.1, 0.02]
+    ),
+    "heavy tip": chain([1e-4, 1e-3, 0.1], [0.01, 0.1, 10.0], [0.1, 0.1, 0.4]),
+    "limits without zero": chain([0.1, 0.1, 0.1], [1.0, 1.0, 1.0], [0.3, 0.3, 0.3], (0.2, 2.0)),
+}
+
+
+def code(page: str) -> str:
+    """The code of steps 1 to 4, without the line that writes the example's file."""
+    steps = page[page.index("## 1.") : page.index("## 5.")]
+    lines = "\n".join(re.findall(r"^```python\n(.*?)^```", steps, re.DOTALL | re.MULTILINE)).splitlines()
+    return "\n".join(line for line in lines if not line.startswith("Path("))
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_the_page_holds_for_other_robots(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("my_robot.urdf").write_text(ROBOTS[name])
+    # The film and the picture take most of the time, and they are the same for all robots.
+    monkeypatch.setattr(al.Run, "animate", lambda *_: None)
+    monkeypatch.setattr("matplotlib.figure.Figure.savefig", lambda *_: None)
+    bound: dict[str, Any] = {}
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        exec(compile(code(PAGE.read_text()), "my_robot.md", "exec"), bound)
+    # The adaptive law reaches the target with the unknown tool; the page prints its metrics.
+    assert "error_final" in capsys.readouterr().out
+    run = al.simulate(bound["loaded"], bound["adaptive"], bound["start"], t_end=3.0, method="dop853")
+    assert np.abs(run.q[-1] - bound["q"]).max() < 0.05
