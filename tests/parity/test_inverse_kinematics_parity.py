@@ -44,7 +44,7 @@ def test_what_is_in_reach(n: int, seed: int) -> None:
 def test_what_is_out_of_reach(n: int, limits: bool) -> None:
     """A point some metres away: neither library reaches it.
 
-    armlet minimises the largest entry of the error, and the reference minimises its norm. The test allows a thousandth of difference.
+    Both libraries minimise the norm of the error, so armlet's result is at least as near as the reference's.
     """
     arm, theirs, frame, rng = pair(n, 4)
     point = 5.0 * rng.normal(size=3)
@@ -55,9 +55,8 @@ def test_what_is_out_of_reach(n: int, limits: bool) -> None:
     assert list(found.reached) == want.reached
     if bounded:
         assert want.reached == [False] and found.status is al.Status.INFEASIBLE
-        # From its starts armlet keeps the result whose largest error entry is the smallest.
-        nearest, other = (np.abs(each.errors[0]).max() for each in (found, want))
-        assert nearest <= other * 1.001 and np.linalg.norm(want.errors[0]) <= np.linalg.norm(found.errors[0]) * 1.001
+        nearest, other = (np.linalg.norm(each.errors[0]) for each in (found, want))
+        assert nearest <= other * (1.0 + 1e-12)
 
 
 @pytest.mark.parametrize("tolerance", [1e-9, 1e-3])
@@ -73,8 +72,9 @@ def test_a_conflict_is_settled_by_rank(tolerance: float) -> None:
     want = ref.inverse_kinematics(theirs, tasks[1], [0.3, 0.4, 0.5], tolerance=tolerance)
     assert list(found.reached) == want.reached == [True, False]
     assert found.status is al.Status.DEGRADED
-    # The error has a flat minimum. armlet stops when a step improves the error by less than a thousandth.
-    assert np.linalg.norm(found.errors[1]) == pytest.approx(np.linalg.norm(want.errors[1]), rel=0.01)
+    # armlet ends at a minimum. The reference has a flat minimum, because it weights the position by 1e6, and ends within a hundredth.
+    ours, other = (np.linalg.norm(each.errors[1]) for each in (found, want))
+    assert 0.99 * other <= ours <= other * (1.0 + 1e-9)
 
 
 WAYS: list[dict[str, Any]] = [

@@ -1,5 +1,7 @@
 //! The result of the search from one start, and functions that `damped` and `newton` share.
 
+use crate::linalg::dot;
+
 /// A step aims to move each joint by at most this fraction of its distance to the middle of its range. Errors below 1 (m or rad) reduce the
 /// fraction, so that the last steps are Newton steps.
 pub(super) const CENTRING: f64 = 0.2;
@@ -8,7 +10,7 @@ pub(super) const CENTRING: f64 = 0.2;
 pub(super) struct StartResult {
     /// Joint positions, `(n,)`, rad or m.
     pub q: Vec<f64>,
-    /// Largest error of each task, m or rad; zero where the task is reached.
+    /// Norm of the error of each task, m or rad; zero where the task is reached.
     pub misses: Vec<f64>,
     /// Whether the search ended at the goal or without progress. It is false after the largest number of steps.
     pub resting: bool,
@@ -26,13 +28,13 @@ pub(super) fn better(a: &[f64], b: &[f64]) -> bool {
     a.iter().zip(b).find(|(a, b)| a != b).is_some_and(|(a, b)| a < b)
 }
 
-/// The largest error of each task, zero where it is within the tolerance. An error that is not a number is infinite.
+/// The norm of the error of each task, zero where every entry is within the tolerance. An error that is not a number is infinite.
 pub(super) fn misses_of(e: &[f64], rows: &[usize], tolerance: f64, misses: &mut [f64]) {
     let mut at = 0;
     for (miss, &m) in misses.iter_mut().zip(rows) {
         let e = &e[at..at + m];
-        let most = if e.iter().any(|e| e.is_nan()) { f64::INFINITY } else { largest(e) };
-        *miss = if most <= tolerance { 0.0 } else { most };
+        let size = dot(e, e).sqrt();
+        *miss = if largest(e) <= tolerance && !size.is_nan() { 0.0 } else { size.min(f64::INFINITY) };
         at += m;
     }
 }

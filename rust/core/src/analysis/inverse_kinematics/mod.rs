@@ -5,18 +5,21 @@
 //! least-squares step for all tasks together. A prioritised step solves `J_i dq = e_i` in order of priority, by a method of `priority`. The
 //! default method bounds the steps at singularities.
 //!
-//! The search starts with damped steps. If they do not reach all of several tasks, prioritised steps follow. If there is one task and no
-//! start reaches it, the last steps are prioritised, too. If the option `method` or `eps` is set, all steps are prioritised.
+//! The search starts with damped steps. If they do not reach all of several tasks, prioritised steps follow. If the option `method` or `eps`
+//! is set, all steps are prioritised. If no start reaches all tasks, the best positions move to the nearest ones: see `nearest`.
 //!
 //! A joint at a limit is held if the step would cross the limit. Its column of the Jacobian becomes zero, and the step is computed again.
 //! While errors are large, motions in the null space of the tasks move joints towards the middle of their range. After a start without
 //! success, the search continues from pseudo-random starts. Several solutions of one target come from more starts.
 //!
-//! `damped` has the damped steps, `newton` the prioritised steps, and `batch` the search for many targets.
+//! `damped` has the damped steps, `newton` the prioritised steps, `nearest` the steps to the smallest error, and `batch` the search for many
+//! targets.
 
+mod active_limits;
 mod attempt;
 mod batch;
 mod damped;
+mod nearest;
 mod newton;
 mod options;
 
@@ -28,6 +31,7 @@ use crate::error::{Error, Result, finite};
 use crate::kinematics::TaskFunction;
 use crate::status::Status;
 use attempt::{StartResult, better};
+use nearest::{Nearest, Targets};
 use newton::NewtonSearch;
 
 /// The result of a search.
@@ -37,11 +41,11 @@ use newton::NewtonSearch;
 /// use armlet_core::analysis::inverse_kinematics::{IkOptions, inverse_kinematics};
 /// # let arm = Arm::planar(&[0.5, 0.4], None, None, None, [0.0, -9.81])?;
 ///
-/// // The target is at 1.2 m, and the arm is 0.9 m long. The error of the stretched arm is 0.3 m.
+/// // The target is at 1.2 m, and the arm is 0.9 m long. The nearest point is that of the stretched arm, at a distance of 0.3 m.
 /// let goal = (TaskFunction::frame(&arm, "link2", "xy")?, vec![1.2, 0.0]);
 /// let solution = inverse_kinematics(&arm, &[goal], &[0.1, 0.2], &IkOptions::default())?;
 /// assert_eq!((solution.status, solution.reached), (Status::Infeasible, vec![false]));
-/// assert!((solution.errors[0] - 0.3).abs() < 1e-4 && solution.q.iter().all(|q| q.abs() < 0.02));
+/// assert!((solution.errors[0] - 0.3).abs() < 1e-12 && solution.q.iter().all(|q| q.abs() < 1e-8));
 /// # Ok::<(), armlet_core::error::Error>(())
 /// ```
 #[derive(Clone, Debug, PartialEq)]
@@ -57,8 +61,8 @@ pub struct IkSolution {
     /// Number of random starts.
     pub restarts: usize,
     /// `Success`: every task is reached. `Degraded`: the first task is reached, but not all. `Infeasible`: the first task is not reached,
-    /// and the best start made no more progress. `MaxSteps`: the first task is not reached, and the best start was still moving.
-    /// `Diverged`: the numbers overflow.
+    /// and its squared error has a local minimum at `q`. `MaxSteps`: the first task is not reached, and the error still decreased at the
+    /// last step. `Diverged`: the numbers overflow.
     pub status: Status,
 }
 
@@ -117,6 +121,7 @@ pub fn inverse_kinematics(arm: &Arm, goals: &[Goal], q0: &[f64], search: &IkOpti
 #[derive(Clone)]
 struct IkSolver {
     newton: NewtonSearch,
+    nearest: Nearest,
     search: IkOptions,
     start: Vec<f64>,
     /// The best results of the last target, the best result first.
@@ -128,7 +133,8 @@ struct IkSolver {
 impl IkSolver {
     fn new(arm: &Arm, functions: &[TaskFunction], search: &IkOptions) -> Result<Self> {
         let newton = NewtonSearch::new(arm, functions, search)?;
-        Ok(IkSolver { newton, search: search.clone(), start: vec![0.0; arm.n()], found: Vec::new(), iterations: 0, restarts: 0 })
+        let nearest = Nearest::new(arm, functions, search.tolerance, search.step_max, search.max_iterations);
+        Ok(IkSolver { newton, nearest, search: search.clone(), start: vec![0.0; arm.n()], found: Vec::new(), iterations: 0, restarts: 0 })
     }
 
     /// Search from `q0`, `(n,)`, then from random starts, until `solutions` different postures reach every task or the
@@ -151,9 +157,12 @@ impl IkSolver {
             self.restarts += 1;
             self.newton.random_start(q0, &mut random, &mut self.start);
         }
-        if self.newton.is_coarse() && !self.found[0].reached() {
-            self.start.copy_from_slice(&self.found[0].q);
-            self.newton.settle(&self.start, &mut self.iterations)?;
+        for mut one in std::mem::take(&mut self.found) {
+            if !one.reached() {
+                let targets = Targets::new(&self.newton.desired, &self.newton.bounds, &one);
+                self.nearest.improve(targets, &mut one, &mut self.iterations)?;
+            }
+            self.newton.found = one;
             self.rank(q0, solutions);
         }
         Ok(())

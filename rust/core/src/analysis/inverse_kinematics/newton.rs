@@ -31,7 +31,7 @@ pub(super) struct NewtonSearch {
     /// `[x_d, 0, 0]` of each task: its target, with zero rate and acceleration.
     pub desired: Vec<Vec<f64>>,
     /// Lower and upper limit of each joint; infinite where there is no limit.
-    bounds: Vec<(f64, f64)>,
+    pub bounds: Vec<(f64, f64)>,
     /// For each joint: whether it is revolute.
     angles: Vec<bool>,
     /// For each joint: whether a full revolution returns all bodies to their places.
@@ -117,25 +117,6 @@ impl NewtonSearch {
         if self.damped.is_none() || (self.desired.len() > 1 && !self.found.reached()) {
             done = self.in_priority(&mut q, iterations);
         }
-        self.q = q;
-        self.found.resting = done?;
-        Ok(())
-    }
-
-    /// Whether the search from a start may end before the error is smallest. This is the case for damped steps with a single task.
-    /// [`NewtonSearch::settle`] then takes the last steps.
-    pub fn is_coarse(&self) -> bool {
-        self.damped.is_some() && self.desired.len() == 1
-    }
-
-    /// Take prioritised steps from `start`, for a task that no start reached. They end at the goal, without progress, or after the largest
-    /// number of steps.
-    pub fn settle(&mut self, start: &[f64], iterations: &mut usize) -> Result<()> {
-        let mut q = std::mem::take(&mut self.q);
-        q.copy_from_slice(start);
-        self.found.q.copy_from_slice(start);
-        self.found.misses.fill(f64::INFINITY);
-        let done = self.in_priority(&mut q, iterations);
         self.q = q;
         self.found.resting = done?;
         Ok(())
