@@ -230,8 +230,8 @@ impl Law {
     /// The motion that the law tracks, of the joints or of its frame; None for a law with a constant target or with several tasks.
     #[getter]
     fn motion(&self, py: Python<'_>) -> Option<Py<PyAny>> {
-        let given = self.arguments.iter().filter(|(name, _)| matches!(*name, "motion" | "target")).map(|(_, value)| value.bind(py));
-        given.filter(|value| value.is_instance_of::<Motion>()).next().map(|motion| motion.clone().unbind())
+        let mut given = self.arguments.iter().filter(|(name, _)| matches!(*name, "motion" | "target")).map(|(_, value)| value);
+        given.find(|value| value.bind(py).is_instance_of::<Motion>()).map(|motion| motion.clone_ref(py))
     }
 
     /// The motion of the joints from which errors are measured; None for a law with another reference or without one.
