@@ -54,3 +54,42 @@ def test_all_functions_of_python_name_their_keyword_arguments() -> None:
             function(*[None] * (most + 1))
         assert all(f"{each}=" in str(fault.value) for each in only), f"{name}: {fault.value}"
         assert str(fault.value).startswith(name.split(".", 1)[1].removeprefix("gym.") + ": expected at most"), fault.value
+
+
+#: For each call of the extension: the function, and the number of its positional arguments.
+EXTENSION: dict[str, tuple[Callable[..., Any], int]] = {
+    "inverse_kinematics": (al.inverse_kinematics, 3),
+    "time_path": (al.time_path, 2),
+    "load_urdf": (al.load_urdf, 1),
+    "planar_arm": (al.planar_arm, 1),
+    "solve_priority": (al.solve_priority, 2),
+    "bang_bang_time": (al.bang_bang_time, 5),
+    "PID": (al.PID, 6),
+    "Task": (al.Task, 4),
+    "RelativeTask": (al.RelativeTask, 5),
+    "Adaptive": (al.Adaptive, 5),
+    "RigidArm": (al.RigidArm, 1),
+    "Wall": (al.Wall, 3),
+    "Table": (al.Table, 4),
+    "Arm.with_drives": (ARM.with_drives, 0),
+    "Arm.pose": (ARM.pose, 2),
+    "Arm.mass_matrix": (ARM.mass_matrix, 1),
+    "Arm.from_chain": (al.Arm.from_chain, 1),
+    "PrioritySolver.for_arm": (al.PrioritySolver.for_arm, 2),
+}
+
+
+@pytest.mark.parametrize("name", EXTENSION)
+def test_functions_of_the_extension_name_their_keyword_arguments(name: str) -> None:
+    function, most = EXTENSION[name]
+    only = [each.name for each in inspect.signature(function).parameters.values() if each.kind is each.KEYWORD_ONLY]
+    required = [
+        each.name
+        for each in inspect.signature(function).parameters.values()
+        if each.kind is each.KEYWORD_ONLY and each.default is each.empty
+    ]
+    with pytest.raises(TypeError) as fault:
+        function(*[None] * (most + 1), **dict.fromkeys(required))
+    names = ", ".join(f"{each}=" for each in only)
+    arguments = f"expected at most {most} arguments without a name, got {most + 1}"
+    assert str(fault.value) == f"{name}: {arguments}: write the others by name: {names}" and only

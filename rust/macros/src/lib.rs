@@ -1,6 +1,8 @@
 //! The attribute `#[entered]` for entry points of the extension. Their bodies run inside `errors::caught`, where a panic becomes an
 //! `InternalError`.
 
+mod surplus;
+
 use proc_macro2::TokenStream;
 use quote::quote;
 use syn::{Block, Expr, ImplItem, Item, ReturnType, Signature, Stmt, Type, parse_quote};
@@ -9,6 +11,8 @@ use syn::{Block, Expr, ImplItem, Item, ReturnType, Signature, Stmt, Type, parse_
 ///
 /// The attribute must precede `#[pymethods]` and `#[pyfunction]`, so that pyo3 receives the changed functions. A function that returns `T`
 /// is changed to return `PyResult<T>`. A body that is one call of `errors::entry` is not changed.
+///
+/// A call with too many arguments without a name raises a `TypeError` that lists the keyword-only arguments.
 #[proc_macro_attribute]
 pub fn entered(_: proc_macro::TokenStream, item: proc_macro::TokenStream) -> proc_macro::TokenStream {
     expand(item.into()).unwrap_or_else(|error| error.to_compile_error()).into()
@@ -19,6 +23,7 @@ fn expand(item: TokenStream) -> syn::Result<TokenStream> {
         Item::Fn(mut function) => {
             let name = function.sig.ident.to_string();
             enter(&mut function.sig, &mut function.block, &name);
+            surplus::name_the_others(&mut function.attrs, &mut function.sig, &mut function.block, &name)?;
             Ok(quote!(#function))
         }
         Item::Impl(mut methods) => {
@@ -30,6 +35,8 @@ fn expand(item: TokenStream) -> syn::Result<TokenStream> {
                 if let ImplItem::Fn(method) = item {
                     let name = format!("{class}.{}", method.sig.ident);
                     enter(&mut method.sig, &mut method.block, &name);
+                    let name = name.trim_end_matches(".new");
+                    surplus::name_the_others(&mut method.attrs, &mut method.sig, &mut method.block, name)?;
                 }
             }
             Ok(quote!(#methods))
@@ -117,6 +124,23 @@ mod tests {
             }
         ));
         assert!(text.contains("caught"), "{text}");
+    }
+
+    #[test]
+    fn arguments_without_a_name_are_refused() {
+        let text = expanded(quote! {
+            impl Arm {
+                #[pyo3(signature = (q, frame, *, out=None, scaled=true, kind="a", size=-1.0))]
+                fn pose(&self, q: u8, frame: u8, out: Option<u8>, scaled: bool, kind: &str, size: f64) -> PyResult<u8> { Ok(1) }
+                #[pyo3(signature = (q, out=None))]
+                fn plain(&self, q: u8, out: Option<u8>) -> PyResult<u8> { Ok(1) }
+            }
+        });
+        assert!(text.contains(r#"signature=(q,frame,*surplus,out=None,scaled=true,kind="a",size=-1.0)"#), "{text}");
+        assert!(text.contains(r#"text_signature="($self,q,frame,*,out=None,scaled=True,kind='a',size=...)""#), "{text}");
+        assert!(text.contains("frame:u8,surplus:&::pyo3::Bound<'_,::pyo3::types::PyTuple>,out:Option<u8>"), "{text}");
+        assert!(text.contains(r#"require_names(surplus,"Arm.pose",2usize,"out=,scaled=,kind=,size=")?;"#), "{text}");
+        assert!(text.contains("fnplain(&self,q:u8,out:Option<u8>)"), "{text}");
     }
 
     #[test]

@@ -2,7 +2,7 @@
 
 use armlet_core::error::Error;
 use armlet_core::status::Status;
-use pyo3::exceptions::PyMemoryError;
+use pyo3::exceptions::{PyMemoryError, PyTypeError};
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
 use pyo3::types::{PyTuple, PyType};
@@ -48,6 +48,16 @@ pub fn to_python(py: Python<'_>, function: &str, error: Error) -> PyErr {
 /// Make an `InputError` with the message `function: argument problem`.
 pub fn input_error(py: Python<'_>, function: &str, argument: &str, problem: impl std::fmt::Display) -> PyErr {
     raise(py, "InputError", (format!("{function}: {argument} {problem}"),))
+}
+
+/// Refuse arguments without a name beyond the last positional one. `names` are the arguments that require their names.
+pub fn require_names(surplus: &Bound<'_, PyTuple>, function: &str, most: usize, names: &str) -> PyResult<()> {
+    if surplus.is_empty() {
+        return Ok(());
+    }
+    let given = most + surplus.len();
+    let message = format!("{function}: expected at most {most} arguments without a name, got {given}: write the others by name: {names}");
+    Err(PyTypeError::new_err(message))
 }
 
 /// Make a `FormatError`, for stored data that is not in its declared format.

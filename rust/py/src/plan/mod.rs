@@ -24,7 +24,7 @@ use torque::TorqueOptimum;
 pub fn _restore_plan<'py>(py: Python<'py>, function: &str, arguments: &Bound<'py, PyTuple>) -> PyResult<Bound<'py, PyAny>> {
     let all: Vec<Bound<'py, PyAny>> = arguments.iter().collect();
     if let ("bang_bang_time", [theta0, thetaf, inertia, gravity_moment, tau_max, tau_min]) = (function, &all[..]) {
-        return bang_bang_time(py, theta0, thetaf, inertia, gravity_moment, tau_max, Some(tau_min));
+        return bang_bang_time(py, theta0, thetaf, inertia, gravity_moment, tau_max, &PyTuple::empty(py), Some(tau_min));
     }
     let x: Vec<f64> = all.iter().map(|x| x.extract()).collect::<PyResult<_>>()?;
     entry(py, function, || match (function, &x[..]) {
