@@ -214,3 +214,16 @@ def test_in_a_loop() -> None:
     np.testing.assert_allclose(run.q, p(run.t)[0], atol=1e-7)
     assert np.all(np.abs(run.tau) <= tau_max * (1.0 + 1e-5))
     np.testing.assert_allclose(run.q[-1], [0.2, 1.0], atol=1e-7)
+
+
+@pytest.mark.parametrize("end", ["start_speed", "end_speed"])
+def test_an_end_speed_above_the_speed_limit_names_this_limit(end: str) -> None:
+    """A path of one rad per unit of s with v_max = 1 rad/s: a path speed of 5 1/s exceeds the limit by 4 rad/s."""
+    arm = al.planar_arm([0.5, 0.4])
+    limits = {"tau_max": 500.0, "v_max": 1.0, "a_max": 10.0}
+    found = al.time_path(arm, [[0.0, 0.0], [1.0, 0.5]], **limits, **{end: 5.0})  # type: ignore[arg-type]
+    assert found.reason is not None
+    # The text has seven digits.
+    assert f"{end} is not possible: expected at most 1.00000" in found.reason and "v_max of joint 0 (joint1) is 4.00000" in found.reason
+    within = al.time_path(arm, [[0.0, 0.0], [1.0, 0.5]], tau_max=500.0, v_max=20.0, a_max=10.0, start_speed=15.0)
+    assert within.reason is not None and within.reason.startswith("start_speed is not possible") and "v_max" not in within.reason

@@ -108,8 +108,15 @@ impl PathReason {
             Stuck::Start(low, high) => {
                 let wanted = problem.rows.x_start;
                 let nearest = if wanted > high { high } else { low };
-                let (row, upper, _) = problem.tightest(0, 0.0, wanted);
-                let missing = (wanted / nearest.max(f64::MIN_POSITIVE)).sqrt() - 1.0;
+                // A speed limit that the start speed exceeds is the simplest reason.
+                let (fastest, cap) = problem.widest[0];
+                let (row, upper, allowed) = if wanted > cap {
+                    (fastest, true, cap)
+                } else {
+                    let (row, upper, _) = problem.tightest(0, 0.0, wanted);
+                    (row, upper, nearest)
+                };
+                let missing = (wanted / allowed.max(f64::MIN_POSITIVE)).sqrt() - 1.0;
                 let reason = problem.reason(Shortfall::StartSpeed, row, upper, s[0], missing);
                 PathReason { speed: nearest.sqrt(), ..reason }
             }

@@ -128,7 +128,8 @@ pub struct PathReason {
     /// The violated limit.
     pub limit: LimitKind,
     /// The missing amount, as a fraction of the limit. For a position, it is a fraction of `q_max - q_min` if that is finite. For a start
-    /// or end speed, it is the relative difference of that speed from `speed`; for a standstill, it is zero.
+    /// or end speed, it is the relative difference of that speed from `speed`, or from an exceeded speed limit. For a standstill, it is
+    /// zero.
     pub missing: f64,
     /// The missing amount in the unit of the limit. For a start or end speed, it is `missing` times the limit.
     pub missing_units: f64,
