@@ -63,3 +63,22 @@ def test_the_page_holds_for_other_robots(name: str, tmp_path: Path, monkeypatch:
     assert "error_final" in capsys.readouterr().out
     run = al.simulate(bound["loaded"], bound["adaptive"], bound["start"], t_end=3.0, method="dop853")
     assert np.abs(run.q[-1] - bound["q"]).max() < 0.05
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_the_step_of_the_gains(name: str) -> None:
+    """The step is the inverse of the fastest pole of M e'' + kd e' + kp e = 0, and a run with this step holds a pose."""
+    arm = al.load_urdf(ROBOTS[name])
+    gains = al.suggest_gains(arm, 15.0)
+    low, high = (np.where(np.isfinite(arm.limits[k]), arm.limits[k], s * np.pi) for k, s in (("q_min", -1.0), ("q_max", 1.0)))
+    fastest = 0.0
+    for q in np.random.default_rng(1).uniform(low, high, (50, arm.n)):
+        slopes = np.linalg.solve(arm.mass_matrix(q), np.hstack([np.diag(gains.kp), np.diag(gains.kd)]))
+        loop = np.block([[np.zeros((arm.n, arm.n)), np.eye(arm.n)], [-slopes]])
+        fastest = max(fastest, np.abs(np.linalg.eigvals(loop)).max())
+    # Other random configurations than those of `suggest_gains` have slightly other poles.
+    assert 0.5 < fastest * gains.step < 1.2
+    q = np.clip(np.full(arm.n, 0.4), low, high)
+    law = al.PDGravity(arm, q, gains.kp, gains.kd)
+    run = al.simulate(al.RigidArm(arm), law, q + 0.01, t_end=3.0, dt=gains.step, method="rk4", check_limits=False)
+    assert np.abs(run.q[-1] - q).max() < 1e-3

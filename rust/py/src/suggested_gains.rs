@@ -18,6 +18,7 @@ use pyo3::prelude::*;
 /// - `lightest`: the smallest eigenvalue of `diag(m)^-1 M(q)` at the configurations at which `suggest_gains` computed the mass matrix `M`.
 /// - `limit`: the bandwidth, rad/s, below which the sampled loop with `kp` and `kd` is stable; None without a sample time.
 /// - `computed_torque_limit`: the same bandwidth for the loop with `ComputedTorque`, rad/s; None without a sample time.
+/// - `step`: a step `dt`, s, for fixed-step methods and a continuous law with `kp` and `kd`: the inverse of the fastest pole.
 /// - `bandwidth`, `damping_ratio`, `sample_time`: the arguments of `suggest_gains`.
 #[pyclass(frozen, module = "armlet")]
 pub struct SuggestedGains {
@@ -99,6 +100,11 @@ impl SuggestedGains {
     #[getter]
     fn computed_torque_limit(&self) -> Option<f64> {
         self.core.limits().map(|(_, limit)| limit)
+    }
+
+    #[getter]
+    fn step(&self) -> f64 {
+        self.core.step()
     }
 
     fn __str__(&self) -> String {
