@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
+from dataclasses import fields
 from itertools import islice
 from os import PathLike, fspath
 from reprlib import Repr
@@ -18,6 +19,7 @@ from numpy.typing import NDArray
 from .errors import InputError
 
 __all__ = [
+    "brief",
     "choice",
     "count",
     "entries",
@@ -53,6 +55,15 @@ def shown(value: object) -> str:
     except Exception:  # the object's own `__repr__` failed
         return f"an object of type {type(value).__name__}"
     return words if len(words) <= 60 else words[:57] + "..."
+
+
+def brief(record: Any) -> str:
+    """Return the `repr` of a dataclass. An array of more than 30 entries is replaced by its shape."""
+
+    def one(value: object) -> str:
+        return f"an array {value.shape}" if isinstance(value, np.ndarray) and value.size > 30 else repr(value)
+
+    return f"{type(record).__name__}({', '.join(f'{each.name}={one(getattr(record, each.name))}' for each in fields(record))})"
 
 
 class _Short(Repr):

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .. import _core
-from ..arguments import choice, count, instance, number, shown, text
+from ..arguments import brief, choice, count, instance, number, shown, text
 from ..border import bordered
 from ..errors import InputError
 from ..pickling import sealed
@@ -253,7 +253,7 @@ def watched(events: Event | Callable[..., float] | Sequence[Event | Callable[...
 
 @bordered
 @sealed
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Events:
     """The m crossings that a run found, in order of time.
 
@@ -274,6 +274,9 @@ class Events:
 
     def __len__(self) -> int:
         return len(self.t)
+
+    def __repr__(self) -> str:
+        return brief(self)
 
     def of(self, event: int | str) -> Events:
         """Select the crossings of one event.

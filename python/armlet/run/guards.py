@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .. import _core
+from ..arguments import brief
 from ..border import bordered
 from ..pickling import sealed
 from .task_errors import where_finite
@@ -30,7 +31,7 @@ Array: TypeAlias = NDArray[np.float64]
 
 @bordered
 @sealed
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Contact:
     """The contact to which a `Guarded` law reacted. For a batch the fields are arrays with a first axis B.
 
@@ -51,6 +52,9 @@ class Contact:
         runs = _core.numbers("Contact", "time", self.time, (), ("B",)).shape
         _core.numbers("Contact", "joint", self.joint, runs)
         _core.numbers("Contact", "residual", self.residual, (*runs, "n"))
+
+    def __repr__(self) -> str:
+        return brief(self)
 
 
 def residuals(laws: Sequence[Any], t: Array, q: Array, v: Array, estimate: Array | None, sampled: bool) -> Array | None:

@@ -1,7 +1,9 @@
 //! The arguments of constructors of laws and plants. They are read once, and kept for `repr` and pickling (module `kept`).
 
 use crate::arm::Arm;
-use crate::arrays::{Axis, Form, SCALAR, WHATEVER, flag_or_false, new_array, numbers, object, owned, require_finite, spread, text, vector};
+use crate::arrays::{
+    Axis, Form, SCALAR, WHATEVER, flag_or_false, new_array, numbers, object, owned, per_entry, require_finite, spread, text,
+};
 use crate::errors::Failure;
 use crate::kept::Kept;
 use crate::motion::Motion;
@@ -43,9 +45,9 @@ impl<'py> Arguments<'py> {
         Ok(gain)
     }
 
-    /// Read and keep an array `(n,)`.
+    /// Read and keep an array `(n,)`, or one number for all `n`.
     pub fn vector(&mut self, name: &'static str, value: &Bound<'py, PyAny>, n: usize) -> Result<Vec<f64>, Failure> {
-        let values = vector(self.function, name, value, n)?;
+        let values = per_entry(self.function, name, value, n)?;
         self.keep(name, value)?;
         Ok(values)
     }

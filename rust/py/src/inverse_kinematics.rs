@@ -5,6 +5,7 @@ use crate::arrays::{Axis, Form, Looked, SCALAR, adopted, copied, elements, flag,
 use crate::broadcast::{common_shape, stretch};
 use crate::errors::{Failure, entry, input_error};
 use crate::interrupts::{long, signalled};
+use crate::kept::brief;
 use crate::loops::threads_of;
 use crate::priority::{method_name, residual_list, status_member};
 use crate::seal::{Sealed, seal};
@@ -15,8 +16,10 @@ use armlet_core::arm::Arm as CoreArm;
 use armlet_core::error::Error;
 use armlet_core::kinematics::TaskFunction;
 use armlet_core::priority::PriorityMethod;
+use armlet_core::status::Status;
 use armlet_macros::entered;
 use pyo3::IntoPyObjectExt;
+use pyo3::basic::CompareOp;
 use pyo3::prelude::*;
 use pyo3::types::{PyList, PyTuple};
 
@@ -73,11 +76,34 @@ impl InverseKinematics {
     }
 
     fn __repr__(&self, py: Python<'_>) -> PyResult<String> {
-        let show = |value: &Py<PyAny>| PyResult::Ok(value.bind(py).repr()?.to_string());
+        let reached = self.reached.bind(py);
+        // In a batch `reached` is an array. A table of its rows would fill the screen.
+        if let Ok(count) = reached.getattr("size") {
+            let (shape, sum) = (self.q.bind(py).getattr("shape")?.repr()?, reached.call_method0("sum")?);
+            let counts = statuses(self.status.bind(py))?;
+            return Ok(format!("InverseKinematics(q of shape {shape}, {sum} of {count} reached, status={counts})"));
+        }
+        let show = |value: &Py<PyAny>| brief(value.bind(py));
         let (q, reached, status) = (show(&self.q)?, show(&self.reached)?, show(&self.status)?);
         let (iterations, restarts) = (show(&self.iterations)?, show(&self.restarts)?);
         Ok(format!("InverseKinematics(q={q}, reached={reached}, iterations={iterations}, restarts={restarts}, status={status})"))
     }
+}
+
+/// How often each status occurs in an array of integer codes, such as `2 success, 1 infeasible`.
+fn statuses(codes: &Bound<'_, PyAny>) -> PyResult<String> {
+    let py = codes.py();
+    let numpy = py.import("numpy")?;
+    let mut parts = Vec::new();
+    for status in Status::ALL {
+        let same = codes.rich_compare(status.code(), CompareOp::Eq)?;
+        let count = numpy.call_method1("count_nonzero", (same,))?.extract::<usize>()?;
+        if count > 0 {
+            let name = status_member(py, status)?.bind(py).getattr("name")?.extract::<String>()?;
+            parts.push(format!("{count} {}", name.to_lowercase()));
+        }
+    }
+    Ok(parts.join(", "))
 }
 
 const NAME: &str = "inverse_kinematics";

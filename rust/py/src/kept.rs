@@ -55,9 +55,25 @@ pub fn shown_as(object: &Bound<'_, PyAny>, arm: Option<&Bound<'_, PyAny>>, argum
     for (name, value) in arguments {
         let value = value.bind(py);
         let value = value.call_method0("tolist").unwrap_or_else(|_| value.clone());
-        parts.push(format!("{name}={}", value.repr()?));
+        parts.push(format!("{name}={}", brief(&value)?));
     }
     Ok(format!("{}({})", object.get_type().name()?, parts.join(", ")))
+}
+
+/// The largest number of characters of an argument in a `repr`.
+const LONGEST: usize = 240;
+
+/// The `repr` of a value. A long one is cut off, and a large array is only named with its shape.
+pub fn brief(value: &Bound<'_, PyAny>) -> PyResult<String> {
+    let many = value.getattr("size").and_then(|size| size.extract::<usize>()).is_ok_and(|size| size > LONGEST / 6);
+    if let (true, Ok(shape)) = (many, value.getattr("shape")) {
+        return Ok(format!("an array {}", shape.repr()?));
+    }
+    let text = value.repr()?.to_string();
+    match text.char_indices().nth(LONGEST) {
+        None => Ok(text),
+        Some((end, _)) => Ok(format!("{}...", &text[..end])),
+    }
 }
 
 /// The positional and keyword arguments of a call.

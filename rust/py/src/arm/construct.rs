@@ -3,7 +3,7 @@
 use super::lists::{as_list, chain_joint, dh_row};
 use super::stored::stored;
 use super::{Arm, ArmModel};
-use crate::arrays::{any_vector, name, number as scalar, vector};
+use crate::arrays::{any_vector, name, number as scalar, per_entry, vector};
 use crate::errors::{Failure, entry, input_error};
 use crate::interrupts::{long, paused};
 use crate::seal::{Sealed, seal_call};
@@ -211,7 +211,7 @@ pub fn planar_arm(
     const NAME: &str = "planar_arm";
     entry(py, NAME, || {
         let lengths = any_vector(NAME, "lengths", lengths)?;
-        let given = |name, value: Option<&Bound<'_, PyAny>>| value.map(|v| any_vector(NAME, name, v)).transpose();
+        let given = |name, value: Option<&Bound<'_, PyAny>>| value.map(|v| per_entry(NAME, name, v, lengths.len())).transpose();
         let (masses, coms, inertias) = (given("masses", masses)?, given("coms", coms)?, given("inertias", inertias)?);
         let gravity = match gravity {
             Some(gravity) => vector(NAME, "gravity", gravity, 2)?,

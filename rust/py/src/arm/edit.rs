@@ -1,7 +1,7 @@
 //! The methods that make a changed copy of an arm, and the method that writes an arm as URDF.
 
 use super::Arm;
-use crate::arrays::{Axis, Form, name, number, numbers, text, three, vector};
+use crate::arrays::{Axis, Form, name, number, numbers, per_entry, text, three, vector};
 use crate::errors::{Failure, entry, input_error};
 use crate::interrupts::long;
 use armlet_macros::entered;
@@ -37,10 +37,10 @@ impl Arm {
     /// `damping v + friction sign(v)`.
     ///
     /// Args:
-    ///     armature: rotor inertia at the joint side of the gear, `(n,)`, kg m^2 (kg for a prismatic joint); unchanged if None (keyword
+    ///     armature: rotor inertia at the joint side of the gear, a number or `(n,)`, kg m^2 (kg for a prismatic joint); unchanged if None (keyword
     ///         only).
-    ///     damping: viscous friction, `(n,)`, N m s/rad (N s/m for a prismatic joint); unchanged if None (keyword only).
-    ///     friction: Coulomb friction, `(n,)`, N m (N for a prismatic joint); unchanged if None (keyword only).
+    ///     damping: viscous friction, a number or `(n,)`, N m s/rad (N s/m for a prismatic joint); unchanged if None (keyword only).
+    ///     friction: Coulomb friction, a number or `(n,)`, N m (N for a prismatic joint); unchanged if None (keyword only).
     ///
     /// Raises:
     ///     InputError: an argument is not finite or has the wrong shape, or the arm has no links.
@@ -60,7 +60,7 @@ impl Arm {
         const NAME: &str = "Arm.with_drives";
         entry(py, NAME, || {
             let tree = self.model.tree(NAME)?;
-            let read = |name: &str, value: Option<&Bound<'_, PyAny>>| value.map(|value| vector(NAME, name, value, tree.n())).transpose();
+            let read = |name: &str, value: Option<&Bound<'_, PyAny>>| value.map(|value| per_entry(NAME, name, value, tree.n())).transpose();
             let (armature, damping) = (read("armature", armature)?, read("damping", damping)?);
             let friction = read("friction", friction)?;
             long(py, || Ok(tree.with_drives(armature.as_deref(), damping.as_deref(), friction.as_deref())?.into()))

@@ -1,7 +1,9 @@
 //! Base parameters, physical consistency and identification. The results are objects of `armlet.identification`.
 
 use super::Arm;
-use crate::arrays::{Looked, adopted, any_vector, copied, flag_or_false, index_of, number, owned, require_finite, shown, vector};
+use crate::arrays::{
+    Looked, adopted, any_vector, copied, flag_or_false, index_of, number, owned, per_entry, require_finite, shown, vector,
+};
 use crate::errors::{Failure, entry, input_error};
 use crate::interrupts::long;
 use armlet_core::analysis::base_parameters::{self as base, BaseParameters};
@@ -202,7 +204,7 @@ impl Arm {
                 owned(values)
             };
             let [q, v, a, tau] = [record("q", q)?, record("v", v)?, record("a", a)?, record("tau", tau)?];
-            let noise = noise.map(|noise| vector(NAME, "noise", noise, n)).transpose()?;
+            let noise = noise.map(|noise| per_entry(NAME, "noise", noise, n)).transpose()?;
             let cutoff = positive(NAME, "cutoff", cutoff, CUTOFF)?;
             let options = identification::IdentificationOptions { armature, friction, noise: noise.as_deref(), cutoff };
             let found = long(py, || identification::identify(&arm, [&q, &v, &a, &tau], &options))?;

@@ -12,7 +12,7 @@ mod write;
 
 pub use pieces::{PIECE, copied_to_bytes};
 pub use raw::{adopted, of_lengths, of_shape, out_of_shape, out_slice, overwrite};
-pub use read::{Looked, any_vector, numbers, owned, require_finite, require_no_nan, spread, three, vector};
+pub use read::{Looked, any_vector, numbers, owned, per_entry, require_finite, require_no_nan, spread, three, vector};
 pub use sequence::items;
 pub use shape::{Axis, Form, SCALAR, WHATEVER, elements, index_of, shown};
 pub use single::{count, flag, flag_or_false, name, number, object, optional_number, quoted, signed, text, whole};

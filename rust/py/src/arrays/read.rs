@@ -9,7 +9,7 @@ use super::convert::{Wrong, array_of, copy, object, real, require_unmasked};
 use super::pieces::{self, PIECE};
 use super::raw::in_place;
 use super::sequence;
-use super::shape::{Axis, Form, elements, expected, index_of, shown};
+use super::shape::{Axis, Form, SCALAR, elements, expected, index_of, shown};
 use crate::errors::{Failure, input_error};
 use armlet_core::memory;
 use numpy::{PyArrayDyn, PyUntypedArrayMethods};
@@ -28,6 +28,13 @@ pub fn numbers<'a>(function: &str, name: &str, value: &'a Bound<'_, PyAny>, form
 /// Read and copy a finite vector of length `n`.
 pub fn vector(function: &str, name: &str, value: &Bound<'_, PyAny>, n: usize) -> Result<Vec<f64>, Failure> {
     finite(function, name, value, &[Form(&[Axis::Is(n)])])
+}
+
+/// Read a finite vector of length `n`, or one finite number, which is repeated `n` times.
+pub fn per_entry(function: &str, name: &str, value: &Bound<'_, PyAny>, n: usize) -> Result<Vec<f64>, Failure> {
+    let (shape, values) = numbers(function, name, value, &[SCALAR, Form(&[Axis::Is(n)])])?;
+    require_finite(value.py(), function, name, &shape, &values)?;
+    spread(&shape, values, n)
 }
 
 /// Read three finite numbers. They are zero if the argument is missing.

@@ -194,7 +194,9 @@ impl RelativeTask {
         entry(frame.py(), NAME, || {
             let (name, other) = (text(NAME, "frame", frame)?, text(NAME, "reference", reference)?);
             let (letters, rows) = axes_of(NAME, axes)?;
-            let blueprint = Blueprint::new(Some(rows), move |arm| TaskFunction::relative(arm, &name, &other, &letters));
+            let poses = letters.clone();
+            let blueprint =
+                Blueprint::new(Some(rows), move |arm| TaskFunction::relative(arm, &name, &other, &letters)).with_poses(&poses)?;
             let own = [("frame", frame), ("reference", reference), ("axes", axes)];
             let own = own.into_iter().map(|(name, value)| (name, value.clone().unbind())).collect();
             let task = Common { name: NAME, target, motion, gain, damping }.task(blueprint, own)?;

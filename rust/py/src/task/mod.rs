@@ -5,12 +5,14 @@ pub mod kinds;
 use crate::arguments::axes_of;
 use crate::arrays::{Axis, Form, Looked, SCALAR, copied, items, owned, require_finite, shown, text};
 use crate::errors::{Failure, entry, input_error};
-use crate::kept::{Kept, made_of_arguments};
+use crate::kept::{Kept, brief, made_of_arguments};
 use crate::motion::Motion;
 use armlet_core::arm::Arm;
 use armlet_core::error::Error;
 use armlet_core::kinematics::TaskFunction;
+use armlet_core::kinematics::coordinates::{parse_axes, rows_of_pose};
 use armlet_core::law::{Gain, Level};
+use armlet_core::memory;
 use armlet_core::motion::Motion as CoreMotion;
 use armlet_macros::entered;
 use pyo3::prelude::*;
@@ -28,6 +30,8 @@ struct Blueprint {
     on: OnArm,
     /// The length of a target, if it is known without the arm.
     target_size: Option<usize>,
+    /// The coordinates of a pose that are a target, if the task accepts a pose as its target.
+    of_pose: Option<Vec<usize>>,
 }
 
 /// The target of a task.
@@ -46,7 +50,39 @@ pub struct Goals {
 
 impl Blueprint {
     fn new(target_size: Option<usize>, on: impl Fn(&Arm) -> Result<TaskFunction, Error> + Send + Sync + 'static) -> Self {
-        Blueprint { on: Box::new(on), target_size }
+        Blueprint { on: Box::new(on), target_size, of_pose: None }
+    }
+
+    /// Accept poses `(..., 4, 4)` as targets. `letters` are the axes of the task.
+    fn with_poses(mut self, letters: &str) -> Result<Self, Failure> {
+        let rows = parse_axes(letters)?;
+        // With four rows, an array (4, 4) is a batch of targets.
+        self.of_pose = Some(rows).filter(|rows| rows.len() != 4);
+        Ok(self)
+    }
+
+    /// Convert poses `(..., 4, 4)` to targets `(..., rows)`. The result is `None` if the argument has another shape.
+    fn targets_of_poses<'py>(&self, function: &str, value: &Bound<'py, PyAny>) -> Result<Option<Bound<'py, PyAny>>, Failure> {
+        let Some(rows) = &self.of_pose else { return Ok(None) };
+        let looked = Looked::at(function, "target", value)?;
+        let [lead @ .., 4, 4] = looked.shape.as_slice() else { return Ok(None) };
+        let shape = [lead, &[rows.len()]].concat();
+        let (_, values) = looked.values()?;
+        let mut targets = memory::reserved(values.len() / 16 * rows.len())?;
+        for (k, pose) in values.chunks_exact(16).enumerate() {
+            // As in any batch of targets, a row that is not finite makes a row of NaN.
+            if shape.len() > 1 && pose.iter().any(|x| !x.is_finite()) {
+                targets.extend(std::iter::repeat_n(f64::NAN, rows.len()));
+                continue;
+            }
+            require_finite(value.py(), function, "target", &[4, 4], pose)?;
+            let place = if shape.len() > 1 { format!(" (first bad index {k})") } else { String::new() };
+            targets.extend(
+                rows_of_pose(pose, rows)
+                    .map_err(|error| Error::input("target", format!("{}{place}", error.problem().unwrap_or_default())))?,
+            );
+        }
+        Ok(Some(copied(value.py(), &shape, &targets)?))
     }
 }
 
@@ -65,8 +101,9 @@ struct Raw {
 /// Args:
 ///     frame: name of the frame.
 ///     axes: the controlled coordinates in world axes, such as "xyz", "xy", "rx ry rz" or "x y rz".
-///     target: a `Motion` or a constant `(rows,)`, m and rad (rotation vector); None if task velocities are passed at each call. A batch of
-///         constants `(..., rows)` is for `inverse_kinematics`, and may contain numbers that are not finite.
+///     target: a `Motion` or a constant `(rows,)`, m and rad (rotation vector); None if task velocities are passed at each call. A pose
+///         `(4, 4)` is a constant too, except for a task of four rows. A batch of constants `(..., rows)` or `(..., 4, 4)` is for
+///         `inverse_kinematics`, and may contain numbers that are not finite.
 ///     gain: `K` in `v = x_d_dot + K e`, 1/s (1/s^2 in `PriorityAcceleration`): scalar, `(rows,)` or `(rows, rows)`, not negative; 1 if
 ///         None.
 ///     motion: another name of the argument `target` (keyword only).
@@ -153,6 +190,8 @@ impl Common<'_, '_> {
                 let target = match given.cast::<Motion>() {
                     Ok(motion) => Aim::Motion(motion.get().core.clone()),
                     Err(_) => {
+                        let of_pose = blueprint.targets_of_poses(self.name, given)?;
+                        let given = of_pose.as_ref().unwrap_or(given);
                         let single = Form(&[Axis::Any("rows")]);
                         // The last axis of a batch must have the length of the target. This is checked before the numbers are read.
                         let looked = Looked::at(self.name, "target", given)?;
@@ -299,7 +338,8 @@ impl Task {
         const NAME: &str = "Task";
         entry(frame.py(), NAME, || {
             let (name, (letters, rows)) = (text(NAME, "frame", frame)?, axes_of(NAME, axes)?);
-            let blueprint = Blueprint::new(Some(rows), move |arm| TaskFunction::frame(arm, &name, &letters));
+            let poses = letters.clone();
+            let blueprint = Blueprint::new(Some(rows), move |arm| TaskFunction::frame(arm, &name, &letters)).with_poses(&poses)?;
             let own = vec![("frame", frame.clone().unbind()), ("axes", axes.clone().unbind())];
             Common { name: NAME, target, motion, gain, damping }.task(blueprint, own)
         })
@@ -310,7 +350,7 @@ impl Task {
         let mut parts = Vec::new();
         let of_frame = slf.get().arguments.get(1).is_some_and(|(name, _)| *name == "axes");
         for (i, (name, value)) in slf.get().arguments.iter().enumerate() {
-            let shown = value.bind(py).repr()?.to_string();
+            let shown = brief(value.bind(py))?;
             // Arguments are shown by position until one is missing, and then by name.
             let plain = i < 2 || (i == 2 && *name == "target") || (i == 3 && *name == "gain" && slf.get().arguments[2].0 == "target");
             let keyword = !plain || *name == "damping" || !of_frame;
