@@ -14,6 +14,14 @@ PLANT = al.RigidArm(ARM)
 RAIL = al.planar_pr(2.0, 0.5, 0.5)
 
 
+def rates_of(run: Any, name: str) -> Any:
+    return run.sensitivity[name]
+
+
+def tau_of(run: Any) -> Any:
+    return run.tau
+
+
 def law(kp: float = 10.0) -> Any:
     return al.PDGravity(ARM, [1.0], kp, 4.0)
 
@@ -36,11 +44,11 @@ def test_the_last_input_is_the_held_one(method: Any, dt: float, period: float, t
     full = al.simulate(PLANT, law(), [0.0], **kw)
     last = np.floor(t_end / period + 1e-9) * period
     # The recorded input and the evaluation of the law differ by rounding.
-    np.testing.assert_allclose(run.tau[-1], held(full, law(), last), rtol=1e-13)
+    np.testing.assert_allclose(tau_of(run)[-1], held(full, law(), last), rtol=1e-13)
     batch = al.simulate_batch(PLANT, [law(), law(11.0), law(12.0)], np.zeros((3, 1)), **{**kw, **options})
-    np.testing.assert_array_equal(batch.tau[0, -1], run.tau[-1])
+    np.testing.assert_array_equal(tau_of(batch)[0, -1], tau_of(run)[-1])
     final = al.simulate_batch(PLANT, [law(), law(11.0), law(12.0)], np.zeros((3, 1)), keep="final", **kw)
-    np.testing.assert_array_equal(final.tau[:, -1], batch.tau[:, -1])
+    np.testing.assert_array_equal(tau_of(final)[:, -1], tau_of(batch)[:, -1])
 
 
 def test_metrics_use_the_held_input() -> None:
@@ -48,7 +56,7 @@ def test_metrics_use_the_held_input() -> None:
     away = al.PDGravity(ARM, [2.0], 40.0, 1e-3)
     kw: dict[str, Any] = {"t_end": 0.0205, "dt": 1e-3, "sample_time": 1e-3, "v0": [-3.0]}
     run = al.simulate(PLANT, away, [0.0], **kw)
-    peak = np.abs(run.tau).max()
+    peak = np.abs(tau_of(run)).max()
     batch = al.simulate_batch(PLANT, away, np.zeros((2, 1)), keep="metrics", **{**kw, "v0": [[-3.0], [-3.0]]})
     # Both sums have the same terms in another order.
     np.testing.assert_allclose(batch.metrics()["tau_peak"].ravel(), [peak, peak], rtol=1e-13)
@@ -63,7 +71,7 @@ def test_the_held_rate_of_the_law_remains_too(method: Any) -> None:
     start = [0.1, 0.2]
     run = al.simulate(al.RigidArm(RAIL), control, start, t_end=0.0207, t_eval=t, **kw)
     full = al.simulate(al.RigidArm(RAIL), control, start, t_end=0.03, **kw)
-    np.testing.assert_allclose(run.tau, full.tau[[0, 10, 20, 20]], rtol=1e-13)
+    np.testing.assert_allclose(tau_of(run), tau_of(full)[[0, 10, 20, 20]], rtol=1e-13)
 
 
 @pytest.mark.parametrize("t_end", [0.0203, 0.0205])
@@ -72,15 +80,15 @@ def test_its_derivative_is_that_of_the_held_input(t_end: float, period: float) -
     kw: dict[str, Any] = {"t_end": t_end, "dt": 1e-3, "sample_time": period}
     run = al.simulate(PLANT, law(), [0.0], sensitivity="law.kp", **kw)
     h = 1e-3
-    difference = (al.simulate(PLANT, law(10.0 + h), [0.0], **kw).tau - al.simulate(PLANT, law(10.0 - h), [0.0], **kw).tau) / (2 * h)
+    difference = (tau_of(al.simulate(PLANT, law(10.0 + h), [0.0], **kw)) - tau_of(al.simulate(PLANT, law(10.0 - h), [0.0], **kw))) / (2 * h)
     # The error of the central difference is h^2 times a third derivative below 1e-2, and 1e-15 * 10 / h of rounding.
-    np.testing.assert_allclose(run.sensitivity["law.kp"].tau[:, :, 0], difference, atol=1e-8)
+    np.testing.assert_allclose(rates_of(run, "law.kp").tau[:, :, 0], difference, atol=1e-8)
 
     def last(run: Any) -> Any:
-        weights = np.zeros_like(run.tau)
+        weights = np.zeros_like(tau_of(run))
         weights[-1, 0] = 1.0
         return run.tau[-1, 0], {"tau": weights}
 
     value, slopes = al.gradient(last, PLANT, law(), [0.0], "law.kp", **kw)
-    assert value == run.tau[-1, 0]
-    np.testing.assert_allclose(slopes["law.kp"], run.sensitivity["law.kp"].tau[-1, 0], rtol=1e-12)
+    assert value == tau_of(run)[-1, 0]
+    np.testing.assert_allclose(slopes["law.kp"], rates_of(run, "law.kp").tau[-1, 0], rtol=1e-12)

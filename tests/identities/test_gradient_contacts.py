@@ -28,7 +28,9 @@ DRIVES: dict[str, tuple[Callable[[], Any], list[str]]] = {
 def test_the_drives_of_plant_and_law(name: str) -> None:
     """Derivatives with respect to rotor inertia, damping and Coulomb friction. No joint changes its direction."""
     law, names = DRIVES[name]
-    options: dict[str, Any] = {"t_end": 0.04, "dt": 2e-3, "v0": V0}
+    options: dict[str, Any] = {"t_end": 0.04, "dt": 2e-3, "v0": np.array([1.5, 1.5])}
+    for arm, control in ((DRIVEN, law()), (ARM, LAWS["PDGravity"]())):
+        assert np.all(al.simulate(al.RigidArm(arm, friction=True), control, Q0, **options).v > 0.0)
     compare(al.RigidArm(DRIVEN, friction=True), law(), ["arm.damping", "arm.friction", "arm.armature", *names], options, 2e-9)
     # Without derivatives, parameters that are zero are constants of the compiled loop. Here they must be inputs.
     compare(al.RigidArm(ARM, friction=True), LAWS["PDGravity"](), ["arm.damping", "arm.friction", "arm.armature"], options, 2e-9)

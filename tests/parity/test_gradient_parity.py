@@ -74,13 +74,14 @@ def test_drives() -> None:
     ours, theirs = pair(np.random.default_rng(3), 2)
     drives = {"damping": np.array([0.4, 0.3]), "friction": np.array([0.2, 0.1]), "armature": np.array([0.05, 0.02])}
     plant, law = al.RigidArm(ours.with_drives(**drives), friction=True), made(al, ours, "PDGravity", {})
-    run = al.simulate(plant, law, [0.1, 0.05], sensitivity=[f"arm.{name}" for name in drives], **OPTIONS)
-    assert run.sensitivity is not None and np.all(np.abs(run.v) > 0.0)
+    options = OPTIONS | {"v0": [0.8, 0.6]}
+    run = al.simulate(plant, law, [0.1, 0.05], sensitivity=[f"arm.{name}" for name in drives], **options)
+    assert run.sensitivity is not None and np.all(run.v > 0.0)
     for name, value in drives.items():
 
         def records(number: Array, name: str = name) -> Array:
             plant = reference.RigidArm(theirs.with_drives(**(drives | {name: number})), friction=True)
-            found = reference.simulate(plant, made(reference, theirs, "PDGravity", {}), [0.1, 0.05], **OPTIONS)
+            found = reference.simulate(plant, made(reference, theirs, "PDGravity", {}), [0.1, 0.05], **options)
             return np.concatenate([found["q"], found["v"], found["tau"]], axis=-1)
 
         expected, one = reference.sensitivity(records, value), run.sensitivity[f"arm.{name}"]

@@ -14,6 +14,7 @@ pub(crate) use printed::array;
 pub use rest_to_rest::{BangBang, Quintic};
 pub use sample::MotionSample;
 pub use sinusoid::Sinusoid;
+pub(crate) use table::Side;
 pub use table::Table;
 pub use timed_path::TimedPath;
 
@@ -112,6 +113,20 @@ impl Motion {
             Motion::Table(m) => each(times, out.chunks_mut(stride), |t, row| m.sample(t, row)),
             Motion::Hold(_) | Motion::TimedPath(_) => each(times, out.chunks_mut(stride), |t, row| self.sample(t, row)),
         }
+    }
+
+    /// Write `[q_d, v_d, a_d]` at time `t`, s, to `out`, as a smooth function of the numbers of the motion near those of `base`. A table uses
+    /// the polynomial that the table `base` uses at this time. If this time is a knot, `side` selects the polynomial.
+    pub(crate) fn sample_with(&self, base: &Motion, t: f64, side: Side, out: &mut [f64]) {
+        match (self, base) {
+            (Motion::Table(table), Motion::Table(base)) => table.sample_with(base, t, side, out),
+            _ => self.sample(t, out),
+        }
+    }
+
+    /// Times, s, at which the velocity or the acceleration jumps. They increase. At a jump at the end of a table, integrators do not restart.
+    pub(crate) fn jumps(&self) -> Vec<f64> {
+        if let Motion::Table(table) = self { table.jumps() } else { self.breaks() }
     }
 
     /// Times, s, at which a derivative of the motion jumps, so that integrators restart. They increase. Constant positions, sinusoids and

@@ -14,6 +14,26 @@ const CHECK_INTERVAL: usize = 1 << 10;
 /// The largest distance from a knot, in intervals, at which a time counts as this knot.
 const ON_KNOT: f64 = 1e-9;
 
+/// The side of a knot on which a table is evaluated.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Side {
+    Before,
+    After,
+    /// The side of the first and of the last knot on which the motion moves. At other knots, the side after the knot.
+    Moving,
+}
+
+/// The part of a table that contains a time.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Piece {
+    /// The constant position before the first knot.
+    First,
+    /// The polynomial between knot `k` and the next knot.
+    Between(usize),
+    /// The constant position after the last knot.
+    Last,
+}
+
 /// A motion sampled at equal intervals.
 ///
 /// ```
@@ -136,20 +156,56 @@ impl Table {
             }
             return;
         }
-        self.between(u, last, out);
+        self.write_piece(self.piece(u), u, out);
+    }
+
+    /// Write the motion at time `t`, s, like [`Table::sample`], but on the piece on which the table `base` is at this time. If `base` is at a
+    /// knot, `side` selects the piece. So the result is a smooth function of the numbers of this table.
+    pub(super) fn sample_with(&self, base: &Table, t: f64, side: Side, out: &mut [f64]) {
+        let (u, last) = ((t - base.start) * base.rate, base.knots - 1);
+        let k = ((u + 0.5) as usize).min(last);
+        let piece = match side {
+            _ if (u - k as f64).abs() >= ON_KNOT => base.piece(u),
+            Side::Before if k == 0 => Piece::First,
+            Side::After if k == last => Piece::Last,
+            Side::Before => Piece::Between(k - 1),
+            Side::After => Piece::Between(k),
+            Side::Moving if last == 0 => Piece::First,
+            Side::Moving => Piece::Between(k.min(last - 1)),
+        };
+        self.write_piece(piece, (t - self.start) * self.rate, out);
+    }
+
+    /// The times of the first and the last knot, s, if velocity or acceleration jump there.
+    pub(super) fn jumps(&self) -> Vec<f64> {
+        let moves = |k: usize| self.row(k)[self.dof..].iter().any(|&rate| rate != 0.0);
+        let last = self.knots - 1;
+        [0, last].into_iter().filter(|&k| moves(k)).map(|k| self.start + k as f64 * self.dt).collect()
+    }
+
+    /// The piece at `u` intervals after the first knot.
+    fn piece(&self, u: f64) -> Piece {
+        let last = self.knots - 1;
+        match u {
+            _ if u > 0.0 && u < last as f64 => Piece::Between(u as usize),
+            _ if u > 0.0 => Piece::Last,
+            _ => Piece::First,
+        }
     }
 
     #[inline(never)]
-    fn between<S: Real>(&self, u: f64, last: usize, out: &mut [S]) {
+    fn write_piece<S: Real>(&self, piece: Piece, u: f64, out: &mut [S]) {
         let n = self.dof;
-        if !(u > 0.0 && u < last as f64) {
-            let row = self.row(if u > 0.0 { last } else { 0 });
-            for i in 0..n {
-                (out[i], out[n + i], out[2 * n + i]) = (S::splat(row[i]), S::zero(), S::zero());
+        let k = match piece {
+            Piece::Between(k) => k,
+            Piece::First | Piece::Last => {
+                let row = self.row(if piece == Piece::Last { self.knots - 1 } else { 0 });
+                for i in 0..n {
+                    (out[i], out[n + i], out[2 * n + i]) = (S::splat(row[i]), S::zero(), S::zero());
+                }
+                return;
             }
-            return;
-        }
-        let k = u as usize;
+        };
         let (p, r) = (self.row(k), self.row(k + 1));
         let (x, h, rate) = (u - k as f64, self.dt, self.rate);
         for i in 0..n {

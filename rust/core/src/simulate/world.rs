@@ -1,7 +1,7 @@
 //! The exogenous inputs of a loop: desired motions and external forces, of one run or of one run per lane.
 
 use super::force::{Force, Wrench};
-use crate::motion::{Motion, Table};
+use crate::motion::{Motion, Side, Table};
 use crate::scalar::Real;
 use std::borrow::Cow;
 
@@ -162,6 +162,19 @@ impl<'a> World<'a> {
             for (&t, row) in times.iter().zip(out.chunks_exact_mut(width)) {
                 row[at..].copy_from_slice(&self.forces[which].at(t));
             }
+        }
+    }
+
+    /// Write the exogenous input of lane 0 at time `t` to `out`. The motions are evaluated by [`Motion::sample_with`].
+    pub(super) fn sample_with(&self, base: &World, t: f64, side: Side, out: &mut [f64]) {
+        let mut at = 0;
+        for (motions, base) in self.motions.iter().zip(&base.motions) {
+            let width = 3 * motions[0].dof();
+            motions[0].sample_with(&base[0], t, side, &mut out[at..at + width]);
+            at += width;
+        }
+        if let Some(force) = self.forces.first().filter(|_| at < out.len()) {
+            out[at..].copy_from_slice(&force.at(t));
         }
     }
 

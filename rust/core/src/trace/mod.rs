@@ -6,7 +6,7 @@
 //! that change from one iteration to the next are in an array outside of the frame, the *stream*.
 //!
 //! Files: `sym`, `tape` and `memo` record and fold. `segments` divides a recording. `differentiate`, `tangents` and `adjoint` compute
-//! derivatives of a recording. `straight` and `lower` have the straight-line instructions. `lifetimes`, `emit`, `instruction`, `opcode`,
+//! derivatives of a recording, and `branches` finds its comparisons. `straight` and `lower` have the straight-line instructions. `lifetimes`, `emit`, `instruction`, `opcode`,
 //! `x86`, `aarch64` and `memory` make machine code. `c` prints a recording as C code. `portable` computes the same bits without machine
 //! code. `frame` is the memory of a running program, and `pages` requests large pages. `rows` copies between the caller's rows and a frame.
 //! `function` makes programs of recorded functions, and `cache` stores them. `program` is the common interface of machine code and
@@ -14,6 +14,7 @@
 
 pub mod aarch64;
 pub mod adjoint;
+pub mod branches;
 pub mod c;
 pub mod cache;
 #[cfg(test)]

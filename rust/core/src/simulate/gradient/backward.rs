@@ -9,10 +9,12 @@
 use super::combine::add;
 use super::functions::{Call, Function};
 use super::prepared::Prepared;
+use super::switch::Jump;
 use super::timeline::Operation;
-use super::walk::{Walker, followers, seen};
+use super::walk::{Walker, followers, seen, side_of};
 use crate::error::Result;
 use crate::memory;
+use crate::motion::Side;
 
 /// The number of operations between two checkpoints for which all stored states take at most `memory` bytes. A checkpoint stores `size`
 /// numbers, and each operation after it stores `whole` numbers. If `memory` is too small, the result is the square root of `operations`.
@@ -134,7 +136,16 @@ impl<'a> Backward<'a> {
                 }
                 self.bar[acting].fill(0.0);
             }
-            Operation::Switch { k, t } => return self.switch(k, t, before),
+            Operation::Switch { k, t } => {
+                let jump = self.walker.jump(k, t, before)?;
+                self.switch(t, jump);
+            }
+            Operation::Branch { k, t } => {
+                let jump = self.walker.branch_jump(&timeline.crossings[k], t, before)?;
+                self.switch(t, jump);
+            }
+            // The state of the run does not depend on the divided step, but their tangents are equal.
+            Operation::Restore(_) => {}
             Operation::Step { t, h, end, mode } => {
                 let record = k.checked_sub(1).filter(|&k| timeline.steps_on(k)).map(|k| timeline.operations[k]);
                 let tau = if let Some(Operation::Record { i, .. }) = record { self.record_of(i, weights).1 } else { &[] };
@@ -168,20 +179,25 @@ impl<'a> Backward<'a> {
         } else if !passed_on && tau.iter().any(|&weight| weight != 0.0) {
             self.answer.fill(0.0);
             self.answer[..tau.len()].copy_from_slice(tau);
-            self.pass(AdjointOf::Law, t, [&before[places.x()], &[]])?;
+            self.pass(AdjointOf::Law, (t, Side::Moving), [&before[places.x()], &[]])?;
             add(&mut self.bar[places.x()], 1.0, &self.passed);
         }
         Ok(())
     }
 
-    /// Compute the weights of the state and of the held input from the weights of a function's results. Add the weights of the loop
-    /// parameters to `set_up`, and the weights of the exogenous input to `gradient`.
-    fn pass(&mut self, of: AdjointOf, t: f64, [x, held]: [&[f64]; 2]) -> Result<()> {
-        let (directions, sizes) = (&self.prepared.directions, &self.prepared.functions.sizes);
+    /// Evaluate the exogenous input at time `t`.
+    fn look_outside(&mut self, t: f64) {
         if t != self.looked {
-            directions.input(t, &mut self.u);
+            self.prepared.directions.input(t, &mut self.u);
             self.looked = t;
         }
+    }
+
+    /// Compute the weights of the state and of the held input from the weights of a function's results. Add the weights of the loop
+    /// parameters to `set_up`, and the weights of the exogenous input to `gradient`.
+    fn pass(&mut self, of: AdjointOf, (t, side): (f64, Side), [x, held]: [&[f64]; 2]) -> Result<()> {
+        self.look_outside(t);
+        let (directions, sizes) = (&self.prepared.directions, &self.prepared.functions.sizes);
         let call = match of {
             AdjointOf::Law => &mut self.law,
             AdjointOf::Rates(mode) => &mut self.rates[mode],
@@ -196,7 +212,8 @@ impl<'a> Backward<'a> {
         add(&mut self.set_up, 1.0, set_up);
         if driven > 0 {
             let gradient = &mut self.gradient;
-            directions.input_rates(t, &self.u, &mut self.scratch, |slot, parameter, rate| gradient[parameter] += outside[slot] * rate);
+            directions
+                .input_rates((t, side), &self.u, &mut self.scratch, |slot, parameter, rate| gradient[parameter] += outside[slot] * rate);
         }
         self.passed[..read].copy_from_slice(rest);
         Ok(())
@@ -215,7 +232,7 @@ impl<'a> Backward<'a> {
             }
         }
         let shown = std::mem::take(&mut self.walker.shown);
-        self.pass(AdjointOf::Law, t, [&shown, &[]])?;
+        self.pass(AdjointOf::Law, (t, Side::Moving), [&shown, &[]])?;
         self.walker.shown = shown;
         let (plant, law) = self.passed.split_at(places.z().start);
         let from = places.measured(seen(&self.prepared.timeline, k));
@@ -230,13 +247,18 @@ impl<'a> Backward<'a> {
         Ok(())
     }
 
-    /// Compute the weights of the state before a contact change from the weights after the change.
-    fn switch(&mut self, k: usize, t: f64, before: &[f64]) -> Result<()> {
-        let Some(jump) = self.walker.jump(k, t, before)? else { return Ok(()) };
+    /// Compute the weights of the state before a jump of the tangents at time `t` from the weights after the jump.
+    fn switch(&mut self, t: f64, jump: Option<Jump>) {
+        let Some(jump) = jump else { return };
         let weight: f64 = jump.along.iter().zip(&self.bar).map(|(along, bar)| along * bar).sum();
         add(&mut self.bar[..jump.of_state.len()], weight, &jump.of_state);
         add(&mut self.set_up, weight, &jump.of_set_up);
-        Ok(())
+        if self.prepared.functions.sizes.drives && !jump.of_input.is_empty() {
+            self.look_outside(t);
+            let gradient = &mut self.gradient;
+            let rate_of = |slot: usize, parameter: usize, rate: f64| gradient[parameter] += weight * jump.of_input[slot] * rate;
+            self.prepared.directions.input_rates((t, Side::Moving), &self.u, &mut self.scratch, rate_of);
+        }
     }
 
     /// Apply the adjoint of a step whose stages have the states `points`. `tau` are the weights of the input recorded at its start.
@@ -262,7 +284,7 @@ impl<'a> Backward<'a> {
             if i == 0 {
                 self.answer[size..size + tau.len()].copy_from_slice(tau);
             }
-            self.pass(AdjointOf::Rates(mode), instant, [point, &before[places.acting()]])?;
+            self.pass(AdjointOf::Rates(mode), (instant, side_of(tableau.c[i])), [point, &before[places.acting()]])?;
             let (x, held) = self.passed.split_at(size);
             for (j, &a) in tableau.a[i].iter().enumerate().filter(|(_, a)| **a != 0.0) {
                 add(&mut self.slopes[j * size..(j + 1) * size], h * a, x);

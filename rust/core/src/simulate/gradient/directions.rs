@@ -4,6 +4,7 @@ use super::parameters::{Parameters, entangled, is_shared};
 use crate::error::{Error, Result};
 use crate::interrupt::look;
 use crate::memory;
+use crate::motion::Side;
 use crate::simulate::assembly::{assemble, start, world};
 use crate::simulate::problem::Problem;
 use crate::simulate::world::World;
@@ -50,6 +51,12 @@ fn numbers(problem: &Problem, run: usize) -> Vec<f64> {
     sym::finish().values
 }
 
+/// Return the times within run `run` at which the velocity or the acceleration of a desired motion jumps, s.
+fn jumps(problem: &Problem, run: usize) -> Vec<f64> {
+    let inside = |t: &f64| *t > 0.0 && *t < problem.options.t_end;
+    problem.law(run).motions().iter().flat_map(|motion| motion.jumps()).filter(inside).collect()
+}
+
 /// Return the tangents of the initial state, shape `(states, count)`.
 pub fn start_rates(problem: &Problem, parameters: Parameters) -> Result<Vec<f64>> {
     let (count, starts) = (parameters.all.len(), |run: usize| start::<f64>(problem, |_| run));
@@ -79,7 +86,7 @@ impl<'a> Directions<'a> {
         let own = |run: usize| std::ptr::eq(problem.plant(run), problem.plant(0)) && std::ptr::eq(problem.law(run), problem.law(0));
         let mut rates = memory::zeros(base.len().saturating_mul(count))?;
         let (motions, breaks) = (problem.law(0).motions(), problem.law(0).breaks());
-        let mut drives = Vec::new();
+        let (jumps, mut drives) = (self::jumps(problem, 0), Vec::new());
         let moves = |run: usize| problem.law(run).motions().iter().zip(&motions).any(|(motion, of)| !motion.is_same(of));
         for group in shared {
             let of = |run: usize| {
@@ -89,8 +96,8 @@ impl<'a> Directions<'a> {
             group.rates(&base, parameters, of, |k, p, rate| rates[k * count + p] = rate)?;
         }
         for (p, parameter) in parameters.iter().enumerate().filter(|&(p, _)| !is_shared(shared, p)) {
-            let other_breaks = |run: usize| problem.law(run).breaks() != breaks;
-            if parameter.iter().any(|&(run, _)| other_breaks(run)) {
+            let other = |run: usize| problem.law(run).breaks() != breaks || self::jumps(problem, run) != jumps;
+            if parameter.iter().any(|&(run, _)| other(run)) {
                 return Err(refused(p, "moves an instant at which the motion jumps"));
             }
             let differ: Vec<(Vec<f64>, f64)> =
@@ -141,13 +148,14 @@ impl<'a> Directions<'a> {
     }
 
     /// Pass the tangents of the exogenous input at time `t` to `put(slot, parameter, tangent)`, for parameters that change a desired
-    /// motion. `u` is the exogenous input at `t`, and `scratch` is memory for two inputs.
-    pub fn input_rates(&self, t: f64, u: &[f64], scratch: &mut [f64], mut put: impl FnMut(usize, usize, f64)) {
+    /// motion. `side` is the side of `t` if a motion has a knot there. `u` is the exogenous input at `t`, and `scratch` is memory for two
+    /// inputs.
+    pub fn input_rates(&self, (t, side): (f64, Side), u: &[f64], scratch: &mut [f64], mut put: impl FnMut(usize, usize, f64)) {
         let (row, rates) = scratch.split_at_mut(self.width);
         for VaryingMotion { parameter, worlds } in &self.drives {
             rates.fill(0.0);
             for (world, weight) in worlds {
-                world.sample_each(0, &[t], self.width, row);
+                world.sample_with(&self.base, t, side, row);
                 rates.iter_mut().zip(row.iter().zip(u)).for_each(|(rate, (other, of))| *rate += weight * (other - of));
             }
             rates.iter().enumerate().for_each(|(slot, &rate)| put(slot, *parameter, rate));

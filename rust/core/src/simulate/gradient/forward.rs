@@ -6,10 +6,12 @@ use super::combine::{add_slopes, advance};
 use super::functions::Call;
 use super::prepared::Prepared;
 use super::series::Series;
+use super::switch::Jump;
 use super::timeline::Operation;
-use super::walk::{Walker, act, followers, seen};
+use super::walk::{Walker, act, followers, seen, side_of};
 use crate::error::Result;
 use crate::memory;
+use crate::motion::Side;
 
 /// A recorded function with its tangent.
 struct TangentCall {
@@ -69,9 +71,9 @@ struct Forward<'a> {
     /// The tangents of the state, group after group. A group has one row per number of the state, and the row has one entry per lane.
     tangent: Vec<f64>,
     left: (Vec<f64>, Vec<f64>),
-    /// The exogenous input at time `looked`, s.
+    /// The exogenous input at time `looked`, s, and on this side of a knot.
     u: Vec<f64>,
-    looked: f64,
+    looked: (f64, Side),
     /// The tangents of the exogenous input for all groups.
     u_rates: Vec<f64>,
     scratch: Vec<f64>,
@@ -121,7 +123,7 @@ impl<'a> Forward<'a> {
             tangent: memory::zeros(groups * size * lanes)?,
             left: (vec![0.0; size], memory::zeros(groups * size * lanes)?),
             u: vec![0.0; sizes.width],
-            looked: f64::NAN,
+            looked: (f64::NAN, Side::Moving),
             u_rates: memory::zeros(groups * sizes.driven() * lanes)?,
             scratch: vec![0.0; 2 * sizes.width],
             point: vec![0.0; sizes.states],
@@ -137,7 +139,7 @@ impl<'a> Forward<'a> {
         self.state.copy_from_slice(&self.walker.start());
         self.tangent.fill(0.0);
         self.u_rates.fill(0.0);
-        (self.first, self.looked) = (first, f64::NAN);
+        (self.first, self.looked) = (first, (f64::NAN, Side::Moving));
         self.rates.iter_mut().for_each(|rates| rates.set_up(self.prepared, first, self.groups));
         self.law.set_up(self.prepared, first, self.groups);
         for (number, rates) in self.prepared.start.chunks_exact(directions.count).enumerate() {
@@ -162,7 +164,15 @@ impl<'a> Forward<'a> {
                 Operation::Record { i, .. } if timeline.steps_on(k) => open = Some(i),
                 Operation::Record { i, t } => self.record(i, t, series)?,
                 Operation::Step { t, h, end, mode } => self.step((t, h, end), mode, open.take().map(|i| (i, &mut *series)))?,
-                Operation::Switch { k, t } => self.switch(k, t)?,
+                Operation::Switch { k, t } => {
+                    let jump = self.walker.jump(k, t, &self.state)?;
+                    self.switch(t, jump);
+                }
+                Operation::Branch { k, t } => {
+                    let jump = self.walker.branch_jump(&timeline.crossings[k], t, &self.state)?;
+                    self.switch(t, jump);
+                }
+                Operation::Restore(k) => self.walker.restore(k, &mut self.state),
                 Operation::Sample { k, t } => self.sample(k, t)?,
                 Operation::Act(k) => self.act(k),
                 Operation::Leave => {
@@ -178,17 +188,17 @@ impl<'a> Forward<'a> {
         Ok(())
     }
 
-    /// Evaluate the exogenous input and its tangents at time `t`.
-    fn look_outside(&mut self, t: f64) {
-        if t == self.looked {
+    /// Evaluate the exogenous input and its tangents at time `t`. `side` is the side of `t` if a motion has a knot there.
+    fn look_outside(&mut self, t: f64, side: Side) {
+        if t == self.looked.0 && (side == self.looked.1 || !self.prepared.directions.drives()) {
             return;
         }
-        self.looked = t;
+        self.looked = (t, side);
         let (directions, lanes, all) = (&self.prepared.directions, self.lanes, self.groups * self.lanes);
         directions.input(t, &mut self.u);
         if directions.drives() {
             let (rates, width, first) = (&mut self.u_rates, self.u.len(), self.first);
-            directions.input_rates(t, &self.u, &mut self.scratch, |slot, parameter, rate| {
+            directions.input_rates((t, side), &self.u, &mut self.scratch, |slot, parameter, rate| {
                 if let Some(k) = parameter.checked_sub(first).filter(|&k| k < all) {
                     rates[(k / lanes * width + slot) * lanes + k % lanes] = rate;
                 }
@@ -212,7 +222,7 @@ impl<'a> Forward<'a> {
         let (places, lanes, n) = (self.walker.places, self.lanes, self.prepared.functions.sizes.n);
         let (size, driven) = (places.size() * lanes, self.prepared.functions.sizes.driven() * lanes);
         self.walker.sample(k, t, &mut self.state)?;
-        self.look_outside(t);
+        self.look_outside(t, Side::Moving);
         self.law.call.give([&self.u, &self.walker.shown, &[]]);
         let (from, z) = (places.measured(seen(&self.prepared.timeline, k)), places.z());
         for (g, tangent) in self.tangent.chunks_exact_mut(size).enumerate() {
@@ -239,20 +249,22 @@ impl<'a> Forward<'a> {
         Ok(())
     }
 
-    /// Add the jump of the tangents at contact change `k`.
-    fn switch(&mut self, k: usize, t: f64) -> Result<()> {
-        let Some(jump) = self.walker.jump(k, t, &self.state)? else { return Ok(()) };
+    /// Add a jump of the tangents at time `t`.
+    fn switch(&mut self, t: f64, jump: Option<Jump>) {
+        let Some(jump) = jump else { return };
+        self.look_outside(t, Side::Moving);
         let (directions, lanes, all) = (&self.prepared.directions, self.lanes, self.walker.places.size() * self.lanes);
+        let driven = self.prepared.functions.sizes.driven() * lanes;
         for (g, tangent) in self.tangent.chunks_exact_mut(all).enumerate() {
             let first = self.first + g * lanes;
             for (lane, direction) in (first..directions.count.min(first + lanes)).enumerate() {
                 let set_up = jump.of_set_up.iter().zip(directions.set_up.chunks_exact(directions.count)).map(|(w, row)| w * row[direction]);
                 let state = jump.of_state.iter().zip(tangent.chunks_exact(lanes)).map(|(w, row)| w * row[lane]);
-                let delay: f64 = set_up.chain(state).sum();
+                let outside = jump.of_input.iter().zip(self.u_rates[g * driven..].chunks_exact(lanes)).map(|(w, row)| w * row[lane]);
+                let delay: f64 = set_up.chain(state).chain(outside.take(driven / lanes)).sum();
                 tangent.chunks_exact_mut(lanes).zip(&jump.along).for_each(|(row, along)| row[lane] += along * delay);
             }
         }
-        Ok(())
     }
 
     /// Compute a step, and write the record at its start if one exists.
@@ -264,7 +276,7 @@ impl<'a> Forward<'a> {
         for i in 0..tableau.b.len() {
             let (a, instant) = (&tableau.a[i], (t + tableau.c[i] * h).min(end));
             add_slopes(&self.state[places.x()], h, a, &self.slopes[..i * size], &mut self.point);
-            self.look_outside(instant);
+            self.look_outside(instant, side_of(tableau.c[i]));
             let rates = &mut self.rates[mode];
             rates.call.give([&self.u, &self.point, &self.state[acting.clone()]]);
             for (g, (tangent, slopes)) in self.tangent.chunks_exact(all).zip(self.slope_rates.chunks_exact(stages)).enumerate() {
@@ -299,7 +311,7 @@ impl<'a> Forward<'a> {
         let (places, lanes, rows) = (self.walker.places, self.lanes, sizes.states * self.lanes);
         let (all, driven, acting) = (places.size() * lanes, sizes.driven() * lanes, places.acting().start * lanes);
         if !sizes.sampled {
-            self.look_outside(t);
+            self.look_outside(t, Side::Moving);
             self.law.call.give([&self.u, &self.state[places.x()], &[]]);
             for (g, tangent) in self.tangent.chunks_exact(all).enumerate() {
                 let (x, _) = self.law.rates_of(g, &self.u_rates[g * driven..(g + 1) * driven], sizes.states);

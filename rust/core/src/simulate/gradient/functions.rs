@@ -15,6 +15,7 @@ use crate::simulate::problem::Problem;
 use crate::simulate::recorded::{inputs, instant};
 use crate::simulate::run_observer::Guard;
 use crate::trace::adjoint::adjoint;
+use crate::trace::branches::{Branches, branches};
 use crate::trace::function::Recorded;
 use crate::trace::sym::{self, Sym};
 use crate::trace::tangents::{Tangents, tangents};
@@ -103,6 +104,8 @@ pub struct LoopFunctions {
     pub law: Function,
     /// One function for each condition that ends a contact mode. The function is zero at the instant at which the mode changes.
     pub guards: Vec<Function>,
+    /// For each contact mode, the branches of the state rates ([`Function::branches`]).
+    pub branches: Vec<Option<[Function; 2]>>,
 }
 
 impl LoopFunctions {
@@ -111,26 +114,27 @@ impl LoopFunctions {
     /// Errors: `Input` for a law that branches on its numbers, and for a parameter whose value is a constant in the recorded operations.
     pub fn of(problem: &Problem, directions: &Directions, set_ups: &SetUps, contacts: &Contacts) -> Result<Self> {
         let sizes = Sizes::of(problem, directions);
-        let branches = || Error::input("law", format!("has no derivatives of runs: {} branches on its numbers", problem.law(0).name()));
+        let refusal = || Error::input("law", format!("has no derivatives of runs: {} branches on its numbers", problem.law(0).name()));
         let all = |run: usize| {
             look();
             let of = LoopRecorder { problem, run, directions, sizes: &sizes };
             let rates: Option<Vec<Function>> = contacts.modes.iter().map(|mode| of.rates(mode)).collect();
             let guards: Option<Vec<Function>> = contacts.guards.iter().map(|&guard| of.guard(guard)).collect();
-            Some(LoopFunctions { sizes, rates: rates?, law: of.law()?, guards: guards? })
+            Some(LoopFunctions { sizes, rates: rates?, law: of.law()?, guards: guards?, branches: Vec::new() })
         };
-        let own = all(0).ok_or_else(branches)?;
+        let mut own = all(0).ok_or_else(refusal)?;
         for (k, &(p, run)) in directions.runs.iter().enumerate() {
             // Runs with the same key and the same set-up have equal recordings. Debug builds check this.
             let same = set_ups.is_of_run_0(problem, k, run);
             if same && !cfg!(debug_assertions) {
                 continue;
             }
-            if !all(run).ok_or_else(branches)?.same_operations(&own) {
+            if !all(run).ok_or_else(refusal)?.same_operations(&own) {
                 debug_assert!(!same, "two loops of one key differ");
                 return Err(refused(p, "is a constant of the loop's program"));
             }
         }
+        own.branches = own.rates.iter().map(|rates| rates.branches(sizes.states)).collect();
         Ok(own)
     }
 
@@ -149,7 +153,7 @@ impl LoopFunctions {
             let calls = function.calls.iter().filter_map(OnceLock::get);
             calls.map(|call| call.evaluation.operations()).sum::<usize>()
         };
-        self.all().map(|function| function.ops.len() + compiled(function)).sum()
+        self.all().chain(self.branches.iter().flatten().flatten()).map(|function| function.ops.len() + compiled(function)).sum()
     }
 }
 
@@ -239,6 +243,28 @@ impl Function {
     /// The number of results, without the validity flags.
     pub fn answers(&self) -> usize {
         self.answer.len() - self.guards
+    }
+
+    /// Return the branches of the first `count` results: the margins, and the results with one more held input for the result of each
+    /// comparison ([`crate::trace::branches`]). All inputs of the margins vary but the loop parameters that are constant.
+    fn branches(&self, count: usize) -> Option<[Function; 2]> {
+        let (given, [u, x, held]) = (self.given as u32, self.read);
+        let Branches { ops, margins, held: rates, outputs } =
+            branches(&self.ops, self.given + self.inputs(), &self.answer[..count], self.given)?;
+        let parameters = self.moving.iter().copied().filter(|&input| input < given);
+        let moving = parameters.chain(given..given + self.inputs() as u32).collect();
+        let read = [u, x, held + margins.len()];
+        let function = |ops, read, answer, moving| Function {
+            ops,
+            read,
+            answer,
+            moving,
+            given: self.given,
+            guards: 0,
+            groups: 1,
+            calls: Default::default(),
+        };
+        Some([function(ops, self.read, margins, moving), function(rates, read, outputs, Vec::new())])
     }
 
     /// Return compiled function number `kind` with the loop parameters `given`. `make` compiles it at the first call.

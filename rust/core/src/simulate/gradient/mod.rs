@@ -4,7 +4,7 @@
 //! records. The forward pass applies the operations to the tangents `X_p`. The backward pass applies the adjoints of the operations, in
 //! reverse order. It reads the states before the operations from memory, or computes them again. The state rates and the law are recorded
 //! as lists of operations, and these lists are differentiated. With an adaptive method, both passes repeat the steps of the run, and the
-//! step sizes count as constants. Where a contact changes, the tangents jump.
+//! step sizes count as constants. Where a contact changes, or another branch at which the state rates jump, the tangents jump.
 //!
 //! A parameter `p` is given by runs of the problem that differ in this parameter, and by weights: `dF/dp = sum w_i (F_i - F_0)`. Here `F`
 //! is a loop parameter, the initial state or a desired motion, and `F_i` its value in run `i`. The results of runs are not differentiated
@@ -22,6 +22,7 @@
 //! - The weight of a quantity is the derivative of the weighted sum of the records with respect to it (the adjoint).
 
 mod backward;
+mod branches;
 mod combine;
 mod directions;
 mod forward;

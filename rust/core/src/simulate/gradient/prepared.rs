@@ -1,5 +1,6 @@
 //! The loop of a run and its functions, ready to be differentiated.
 
+use super::branches::divided;
 use super::directions::{Directions, start_rates};
 use super::functions::LoopFunctions;
 use super::parameters::Parameters;
@@ -91,6 +92,10 @@ impl<'a> Loop<'a> {
         let timeline = Timeline::of(&single, stop)?;
         let functions = known.functions(problem, &self.directions, &self.set_ups, &timeline.contacts)?;
         let (directions, set_ups) = (self.directions.clone(), self.set_ups.clone());
-        Ok(Prepared { single, tableau: self.tableau.clone(), directions, set_ups, functions, timeline, start })
+        let mut prepared = Prepared { single, tableau: self.tableau.clone(), directions, set_ups, functions, timeline, start };
+        if let Some(found) = divided(&prepared)? {
+            prepared.timeline.divide(found);
+        }
+        Ok(prepared)
     }
 }

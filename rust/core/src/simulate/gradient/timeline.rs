@@ -1,5 +1,6 @@
 //! A run as a list of operations in time order: steps, samples and records.
 
+use super::branches::{Crossing, Divided};
 use crate::error::{Error, Result};
 use crate::interrupt::look;
 use crate::memory::append;
@@ -27,6 +28,10 @@ pub enum Operation {
     Step { t: f64, h: f64, end: f64, mode: usize },
     /// A contact changes.
     Switch { k: usize, t: f64 },
+    /// Branch change `k` of the state rates ([`super::branches`]).
+    Branch { k: usize, t: f64 },
+    /// The state becomes state `k` of the run again, after a step that was divided at changes of branches.
+    Restore(usize),
     /// The state and the input are stored as record `i`.
     Record { i: usize, t: f64 },
     /// Store the state. The operations up to `Back` compute a record between two steps, and do not belong to the run.
@@ -68,6 +73,10 @@ pub struct Timeline {
     pub sampling: Option<Sampling>,
     pub grid: f64,
     pub records: usize,
+    /// The changes of branches.
+    pub crossings: Vec<Crossing>,
+    /// The states of the run after divided steps, one after another.
+    pub states: Vec<f64>,
 }
 
 /// Builds the operations of a run one after another.
@@ -90,12 +99,25 @@ impl Timeline {
         }
     }
 
+    /// Replace the operations of the run by those with divided steps.
+    pub fn divide(&mut self, Divided { operations, crossings, states }: Divided) {
+        (self.operations, self.crossings, self.states) = (operations, crossings, states);
+    }
+
     /// List the operations of the one run of a problem. The options contain the times of the records. An adaptive run is computed first, to
     /// obtain its steps. Error: `Solve` if that run ends early.
     pub fn of(problem: &Problem, stop: &dyn Stop) -> Result<Self> {
         let o = &problem.options;
         let contacts = Contacts { modes: Vec::new(), guards: Vec::new(), switches: Vec::new() };
-        let timeline = Timeline { contacts, operations: Vec::new(), sampling: o.sampling.clone(), grid: o.grid(), records: 0 };
+        let timeline = Timeline {
+            contacts,
+            operations: Vec::new(),
+            sampling: o.sampling.clone(),
+            grid: o.grid(),
+            records: 0,
+            crossings: Vec::new(),
+            states: Vec::new(),
+        };
         let list = |breaks| TimelineBuilder { timeline, breaks, sampled: None, acting: None, mode: 0 };
         match problem.validate()? {
             Division::Fixed(fixed) => {

@@ -1,13 +1,14 @@
 //! The state of a run as one vector, and the operations on this vector.
 
 use super::combine::{add_slopes, advance};
-use super::functions::{Call, Sizes};
+use super::functions::{Call, Function, Sizes};
 use super::prepared::Prepared;
 use super::timeline::{Operation, Timeline};
 use crate::error::{Error, Result, all_finite};
 use crate::integrate::Tableau;
 use crate::interrupt::look;
 use crate::linalg::Pairs;
+use crate::motion::Side;
 use crate::simulate::assembly::start;
 use crate::simulate::sampling::CHANNELS;
 use crate::status::Status;
@@ -62,6 +63,11 @@ pub fn seen(timeline: &Timeline, k: u64) -> u64 {
     k.saturating_sub(timeline.sampling.as_ref().map_or(0, |sampling| sampling.sensor_delay as u64))
 }
 
+/// Return the side of the time of a stage at `c` step sizes after the start of a step. It is the side on which the step is.
+pub fn side_of(c: f64) -> Side {
+    if c < 1.0 { Side::After } else { Side::Before }
+}
+
 /// The positions whose rates are also components of the state, as pairs `(index of the position, index of its rate)`.
 pub fn followers(sizes: &Sizes) -> Vec<(usize, usize)> {
     let pairs = Pairs { joints: sizes.n, count: sizes.plant / (2 * sizes.n) };
@@ -77,6 +83,8 @@ pub struct Walker<'a> {
     law: Call,
     /// The adjoints of the guard functions.
     pub(super) guards: Vec<Call>,
+    /// For each contact mode: the margins of the branches, their adjoint, and the state rates with given results of all comparisons.
+    pub(super) branches: Vec<Option<[Call; 3]>>,
     pub(super) u: Vec<f64>,
     /// The states at the stages of the last step.
     pub points: Vec<f64>,
@@ -94,12 +102,16 @@ pub struct Walker<'a> {
 impl<'a> Walker<'a> {
     pub fn new(prepared: &'a Prepared<'a>) -> Self {
         let (sizes, stages, given) = (&prepared.functions.sizes, prepared.tableau.b.len(), prepared.given());
+        let calls = |of: &Option<[Function; 2]>| {
+            of.as_ref().map(|[margins, held]| [margins.value(given), margins.adjoint(given), held.value(given)])
+        };
         Walker {
             prepared,
             places: Places::of(sizes, &prepared.timeline),
             rates: prepared.functions.rates.iter().map(|function| function.value(given)).collect(),
             law: prepared.functions.law.value(given),
             guards: prepared.functions.guards.iter().map(|function| function.adjoint(given)).collect(),
+            branches: prepared.functions.branches.iter().map(calls).collect(),
             u: vec![0.0; sizes.width],
             points: vec![0.0; stages * sizes.states],
             slopes: vec![0.0; stages * sizes.states],
@@ -126,7 +138,11 @@ impl<'a> Walker<'a> {
                 Ok(())
             }
             Operation::Step { t, h, end, mode } => self.step((t, h, end), mode, state),
-            Operation::Record { .. } | Operation::Switch { .. } => Ok(()),
+            Operation::Record { .. } | Operation::Switch { .. } | Operation::Branch { .. } => Ok(()),
+            Operation::Restore(k) => {
+                self.restore(k, state);
+                Ok(())
+            }
             Operation::Leave => {
                 self.left.clear();
                 self.left.extend_from_slice(state);
@@ -137,6 +153,12 @@ impl<'a> Walker<'a> {
                 Ok(())
             }
         }
+    }
+
+    /// Copy state `k` of the run after a divided step to `state`.
+    pub fn restore(&self, k: usize, state: &mut [f64]) {
+        let size = state.len();
+        state.copy_from_slice(&self.prepared.timeline.states[k * size..(k + 1) * size]);
     }
 
     /// Store the measurement of sample `k`, evaluate the law, and limit the rate of the law's output.
