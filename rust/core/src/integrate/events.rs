@@ -217,6 +217,41 @@ impl<B: Buffer<f64>> Watch<B> {
     }
 }
 
+/// A predicted minimum above this fraction of the smallest known value is not searched.
+const LOW: f64 = 0.5;
+/// The largest number of evaluations of a search for a negative value.
+const DIPS: usize = 4;
+
+/// Return a point `(t, g(t))` with a negative value between three points with positive values; `None` if none is found. `points`: three
+/// pairs `(t, g(t))` in order of time. The minimum of the parabola through three points is the next point.
+pub fn dip(mut g: impl FnMut(f64) -> f64, mut points: [(f64, f64); 3]) -> Option<(f64, f64)> {
+    for _ in 0..DIPS {
+        let [a, b, c] = points;
+        let slopes = ((b.1 - a.1) / (b.0 - a.0), (c.1 - b.1) / (c.0 - b.0));
+        let bend = (slopes.1 - slopes.0) / (c.0 - a.0);
+        let t = 0.5 * (a.0 + b.0) - 0.5 * slopes.0 / bend;
+        // For points on a line, `t` is not finite.
+        if !(bend > 0.0 && t > a.0 && t < c.0 && t != b.0) {
+            return None;
+        }
+        let least = a.1 + (slopes.0 + bend * (t - b.0)) * (t - a.0);
+        if least > LOW * a.1.min(b.1).min(c.1) {
+            return None;
+        }
+        let new = (t, g(t));
+        if new.1 < 0.0 {
+            return Some(new);
+        }
+        points = match (t < b.0, new.1 < b.1) {
+            (true, true) => [a, new, b],
+            (true, false) => [new, b, c],
+            (false, true) => [b, new, c],
+            (false, false) => [a, b, new],
+        };
+    }
+    None
+}
+
 /// Return a root of `g` between `a` and `b`, which are pairs `(t, g(t))` with opposite signs. If `g` has no value that is exactly zero,
 /// return the later of two adjacent numbers between which the sign changes.
 pub fn crossing(mut g: impl FnMut(f64) -> f64, a: (f64, f64), b: (f64, f64)) -> f64 {

@@ -5,13 +5,13 @@
 //! rates have no corner.
 //!
 //! Guards of the contacts and joints, and event functions, are evaluated at four times of every step. Two changes of sign between two of
-//! these times cancel and are missed.
+//! these times cancel. A parabola through three successive values predicts such a dip, which is then searched.
 
 use super::adaptive_steps::{Cut, Watcher};
 use super::assembly::Watched;
 use super::run_observer::{Guard, RunObserver};
 use super::switching::{Probe, Switching};
-use crate::integrate::events::crossing;
+use crate::integrate::events::{crossing, dip};
 use crate::integrate::solve::node;
 use crate::integrate::{Adaptive, System};
 use crate::memory;
@@ -25,12 +25,16 @@ const CHECKS_PER_STEP: usize = 4;
 const MOST_SWITCHES: usize = 8;
 const PROGRESS: f64 = 1e-14;
 
-/// The last evaluation of an event function.
+/// The last evaluations of an event function.
 #[derive(Clone, Copy, Debug, Default)]
 struct LastValue {
     /// The sign of `value`: -1, 0 or 1.
     sign: f64,
     value: f64,
+    /// The value before `value`.
+    earlier: f64,
+    /// The end of the last dip to the other sign between two evaluations, s.
+    clear: f64,
     count: usize,
 }
 
@@ -47,6 +51,8 @@ pub struct Watching<'a, S> {
     /// The number of values in `guards` that belong to joints that stick and slip.
     sticking: usize,
     now: Vec<f64>,
+    /// The guards before `guards`.
+    earlier: Vec<f64>,
     trial: Vec<f64>,
     /// The index of the guard whose change of sign ends the present mode. If it equals the number of guards, all joints with stick-slip
     /// friction are checked.
@@ -69,13 +75,14 @@ impl<'a, S: Real> Watching<'a, S> {
         let sticking = if plant.sticks() { plant.n() } else { 0 };
         Watching {
             events: vec![LastValue::default(); observer.as_ref().map_or(0, |observer| observer.events.len())],
-            crossed: Vec::with_capacity(observer.as_ref().map_or(0, |observer| CHECKS_PER_STEP * observer.events.len())),
+            crossed: Vec::with_capacity(observer.as_ref().map_or(0, |observer| 2 * CHECKS_PER_STEP * observer.events.len())),
             switching,
             probe: Probe::new(plant),
             observer,
             guards: vec![0.0; contacts + sticking],
             sticking,
             now: vec![0.0; contacts + sticking],
+            earlier: vec![0.0; contacts + sticking],
             trial: vec![0.0; contacts + sticking],
             switches: 0,
             stuck: 0,
@@ -106,7 +113,7 @@ impl<'a, S: Real> Watching<'a, S> {
             return Ok(None);
         }
         let (t0, t1) = (method.t_old(), method.t());
-        let (at, x, now, trial) = (&mut self.at, &mut self.x, &mut self.now, &mut self.trial);
+        let (at, x, now, earlier, trial) = (&mut self.at, &mut self.x, &mut self.now, &mut self.earlier, &mut self.trial);
         let (switching, sticking) = (&mut self.switching, self.sticking);
         let contacts = self.guards.len() - sticking;
         let mut look = |system: &mut F, method: &mut M, t: f64, all: &mut [f64]| {
@@ -119,7 +126,8 @@ impl<'a, S: Real> Watching<'a, S> {
             }
         };
         let mut first: Option<(f64, usize)> = None;
-        let mut before = t0;
+        // The last two times of evaluation.
+        let (mut past, mut before) = (t0, t0);
         look(system, method, t0, &mut self.guards);
         for k in 1..=CHECKS_PER_STEP {
             let t = place(k, t0, t1);
@@ -129,22 +137,28 @@ impl<'a, S: Real> Watching<'a, S> {
             }
             for (i, &guard) in now.iter().enumerate() {
                 let was = self.guards[i];
+                let mut g = |t: f64| {
+                    look(system, method, t, trial);
+                    trial[i]
+                };
+                let mut root = None;
                 if guard < 0.0 {
-                    let g = |t: f64| {
-                        look(system, method, t, trial);
-                        trial[i]
-                    };
-                    let root = if was > 0.0 { crossing(g, (before, was), (t, guard)) } else { before };
-                    if first.is_none_or(|(earliest, _)| root < earliest) {
-                        first = Some((root, i));
-                    }
+                    root = Some(if was > 0.0 { crossing(&mut g, (before, was), (t, guard)) } else { before });
+                } else if k > 1 && earlier[i] > 0.0 && was > 0.0 && guard > 0.0 {
+                    let known = [(past, earlier[i]), (before, was), (t, guard)];
+                    root = dip(&mut g, known).map(|low| crossing(&mut g, if low.0 < before { known[0] } else { known[1] }, low));
                 }
-                self.guards[i] = guard;
+                if let Some(root) = root
+                    && first.is_none_or(|(earliest, _)| root < earliest)
+                {
+                    first = Some((root, i));
+                }
+                (earlier[i], self.guards[i]) = (was, guard);
             }
             if first.is_some() {
                 break;
             }
-            before = t;
+            (past, before) = (before, t);
         }
         let Some((t, i)) = first else {
             self.stuck = 0;
@@ -184,7 +198,8 @@ impl<'a, S: Real> Watching<'a, S> {
             interpolate(system, method, t, at, x);
             events[i].function.value(probe, t, x)
         };
-        let mut before = t0;
+        // The last two times of evaluation.
+        let (mut past, mut before) = (t0, t0);
         self.crossed.clear();
         for look in 1..=CHECKS_PER_STEP {
             let t = place(look, t0, t1);
@@ -198,9 +213,22 @@ impl<'a, S: Real> Watching<'a, S> {
                     let root = if g == 0.0 { t } else { crossing(|t| value(i, t), (before, seen.value), (t, g)) };
                     self.crossed.push((root, i));
                 }
-                (seen.value, seen.sign) = (g, sign);
+                if look > 1 && sign != 0.0 && sign == seen.sign && sign * seen.earlier > 0.0 {
+                    let known = [(past, seen.earlier), (before, seen.value), (t, g)];
+                    if let Some(low) = dip(|t| sign * value(i, t), known.map(|(t, g)| (t, sign * g))).filter(|low| low.0 > seen.clear) {
+                        let (low, ends) = ((low.0, sign * low.1), if low.0 < before { [known[0], known[1]] } else { [known[1], known[2]] });
+                        let roots = [crossing(|t| value(i, t), ends[0], low), crossing(|t| value(i, t), low, ends[1])];
+                        seen.clear = roots[1];
+                        for (root, from) in roots.into_iter().zip([sign, -sign]) {
+                            if direction * from <= 0.0 {
+                                self.crossed.push((root, i));
+                            }
+                        }
+                    }
+                }
+                (seen.earlier, seen.value, seen.sign) = (seen.value, g, sign);
             }
-            before = t;
+            (past, before) = (before, t);
         }
         self.crossed.sort_by(|a, b| a.0.total_cmp(&b.0));
         for &(t, i) in &self.crossed {
