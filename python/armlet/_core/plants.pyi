@@ -25,7 +25,7 @@ class Wall:
 @final
 class RigidArm(Plant):
     def __new__(
-        cls, arm: Arm, *, friction: bool | LuGre | StickSlip = False, wall: Wall | None = None, stops: JointStops | None = None
+        cls, arm: Arm, *, friction: bool | str | LuGre | StickSlip = False, wall: Wall | None = None, stops: JointStops | None = None
     ) -> Self: ...
 
 @final

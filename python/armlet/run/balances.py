@@ -111,6 +111,14 @@ def warn_of_balances(caller: str, balances: Balances, ended: NDArray[np.bool_], 
             warnings.warn(f"{caller}: the {name} does not close{runs}: {text}; {advice}", UserWarning, stacklevel=_callers())
 
 
+def warn_of_force(caller: str, change: Sequence[float], dt: float) -> None:
+    """Warn that fixed steps `dt` are too long for a force that changes between the two times `change`, s."""
+    start, end = change
+    advice = "reduce dt, use an adaptive method, or give the force as a list [(t_start, F), ...]"
+    text = f"the force changes within {end - start:.3g} s at t = {start:.6g} s, which is too short for steps of {dt:g} s: {advice}"
+    warnings.warn(f"{caller}: {text}", UserWarning, stacklevel=_callers())
+
+
 def _callers() -> int:
     """Return the stack level of the first caller outside this package, for the `warnings.warn` of the calling function."""
     level, frame = 1, sys._getframe(1)

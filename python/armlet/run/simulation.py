@@ -15,7 +15,7 @@ from ..errors import InputError, SolveError
 from ..integration import DenseOutput
 from ..progress import reporter
 from ..status import Status, advice_on_run
-from .balances import Balances, warn_of_balances
+from .balances import Balances, warn_of_balances, warn_of_force
 from .batches import batch_of, forces_of_runs, in_pieces, measured_by_records, require_measures
 from .events import Event, Events, watched
 from .records import BatchRun, Run
@@ -41,6 +41,7 @@ def simulate(
     method: str = "rk4",
     rtol: float | None = None,
     atol: float | None = None,
+    max_step: float | None = None,
     sample_time: float | Sampling | None = None,
     record_every: int = 1,
     t_eval: ArrayLike | None = None,
@@ -73,12 +74,16 @@ def simulate(
         method: "euler", "semi_implicit", "rk4" or "ros2" take fixed steps; "ros2" is implicit and L-stable. "dopri5",
             "dop853", "radau5" and "rodas4" are adaptive and use `rtol` and `atol`. "radau5" and "rodas4" are implicit, for stiff plants.
         rtol, atol: relative and absolute error per step of an adaptive method; None: 1e-8 and 1e-10. A fixed-step method requires None.
+        max_step: largest step of an adaptive method, s; None: no limit, except near changes of a `force` that is a function. `math.inf`
+            also omits this exception. A fixed-step method requires None.
         sample_time: None evaluates the law in every stage. A period in s holds the law's output for that time, as a real controller does. A
             `Sampling` adds delay, jitter, noise, quantisation, joint-torque sensors and a rate limit.
         record_every: number of steps between records. The start and the end are always recorded.
         t_eval: times of the records, (K,), increasing, in [0, t_end], s. They replace `record_every`.
         force: external force, N or N m: None, a constant, a piecewise constant list `[(t_start, F), ...]`, or a function `F(t)`. The force
-            acts at the law's frame, in the law's axes. A function is Python inside the loop, and slow.
+            acts at the law's frame, in the law's axes. A function is Python inside the loop, and slow. Before the run, an adaptive method
+            evaluates it at 4,097 times and searches its jumps, with at most 4,096 further calls. So the steps do not pass over its changes.
+            A change that is shorter than `t_end / 4096` may be missed: then use a list, or `max_step`.
         force_frame: name of another frame at which the force acts, required for a law without a frame. The force is then (3,), or (6,) as
             [f; m], in world axes.
         tau_max: largest magnitude of the input, at which it saturates, scalar or (n,), N m or N; rad/s or m/s under velocity control.
@@ -110,6 +115,7 @@ def simulate(
             is a second criterion for a law that acts at every instant without `tau_max` and `force`. The steps are too coarse if the
             Lyapunov function rises tenfold and the residual of its balance exceeds a tenth of it. Without `monitors` the steps are not
             checked.
+            A third warning reports a `force` that is a function and changes within less than half of a fixed step.
             `metrics(run)["energy_error"]` is the residual of the energy balance as a fraction of the energy.
 
     Source: [HairerNorsettWanner1993, HairerWanner1996] for the methods; docs/plants_and_laws.md.
@@ -129,7 +135,7 @@ def simulate(
     loops = None if names is None else vary("simulate", plant, law, q0, keywords, names)
     fields = _core.simulate(plant, law, q0, keywords)
     fields["sampled"] = sample_time is not None
-    ended, balances = fields.pop("ended"), Balances(**fields.pop("balances"))
+    ended, unresolved, balances = fields.pop("ended"), fields.pop("unresolved"), Balances(**fields.pop("balances"))
     if searched:
         fields["events"] = Events(names=tuple(event.name for event in searched), **fields["events"])
     if dense:
@@ -142,6 +148,8 @@ def simulate(
         advice = advice_on_run(run.status, method, rtol, atol, run.stats)
         message = f"simulate: the run ended at t = {ended:.9g} s: {run.status.name.lower()}: {advice}{_ran_away(plant, run)}"
         raise SolveError(message, run.status, ended, run)
+    if unresolved is not None:
+        warn_of_force("simulate", unresolved, run.stats["dt"])
     undisturbed = sample_time is None and tau_max is None and force is None
     if run.monitors:
         warn_of_balances("simulate", balances, np.asarray(run.status in (Status.SUCCESS, Status.EVENT)), undisturbed)
@@ -188,6 +196,7 @@ def simulate_batch(
     method: str = "rk4",
     rtol: float | None = None,
     atol: float | None = None,
+    max_step: float | None = None,
     sample_time: float | Sampling | None = None,
     record_every: int = 1,
     t_eval: ArrayLike | None = None,
@@ -214,7 +223,7 @@ def simulate_batch(
         plant, law: one for all runs, or a list with one per run.
         q0, v0, theta0, theta_dot0: initial positions and velocities of joints and motors, (B, n), rad or m, rad/s or m/s.
         t_end, dt: length of all runs and step of a fixed-step method, s, as for `simulate`.
-        method, rtol, atol: method and error per step, as for `simulate`.
+        method, rtol, atol, max_step: method, error per step and largest step, as for `simulate`.
         sample_time: period of the law in s, or a `Sampling`, as for `simulate`.
         record_every: number of steps between records.
         t_eval: times of the records, (K,), s. An adaptive method with keep="all" requires it, because its runs step at different times.

@@ -307,14 +307,14 @@ class Values(Field):
 class Entries(Field):
     """A value in one of several forms. Its type selects the field of `forms` that checks it.
 
-    The keys of `forms` are "table", "tables" (a list of tables), and "plain" for all other values. "plain" also checks tables and lists
-    of tables if `forms` lacks their key.
+    The keys of `forms` are "table", "tables" (a list of tables), "text" (a string), and "plain" for all other values. "plain" also checks
+    the values of a form that `forms` lacks.
     """
 
     forms: Mapping[str, Field] = field(default_factory=dict)
 
     def check(self, value: object, path: str) -> Iterator[str]:
-        name = "table" if isinstance(value, Mapping) else "plain"
+        name = "table" if isinstance(value, Mapping) else "text" if isinstance(value, str) else "plain"
         if isinstance(value, list | tuple) and value and isinstance(value[0], Mapping):
             name = "tables"
         yield from self.forms.get(name, self.forms["plain"]).check(value, path)

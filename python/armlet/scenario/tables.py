@@ -145,7 +145,7 @@ def _with_contacts(make: Any) -> Any:
 
 
 _PLANT: dict[str, Field] = {
-    "friction": Entries({"plain": Flag(), "table": _FRICTION}),
+    "friction": Entries({"plain": Flag(), "text": Text(("stick_slip",)), "table": _FRICTION}),
     **dict.fromkeys(("stiffness", "motor_inertia"), GAIN),
     "joint_damping": DAMPING,
     "motor_friction": Entries({"plain": DAMPING, "table": _FRICTION}),
@@ -313,6 +313,7 @@ RUN = Table(
         "dt": POSITIVE,
         "rtol": NOT_NEGATIVE,
         "atol": NOT_NEGATIVE,
+        "max_step": POSITIVE,
         "sample_time": Entries({"plain": POSITIVE, "table": _SAMPLING}),
         "record_every": Integer(1),
         "t_eval": Entries({"plain": Numbers(1, False, 0.0), "table": Table({"step": POSITIVE}, ("step",))}),

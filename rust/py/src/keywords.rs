@@ -104,6 +104,7 @@ impl<'py> Keywords<'py> {
             dt: self.optional_number("dt")?,
             rtol: self.optional_number("rtol")?.unwrap_or(RTOL),
             atol: self.optional_number("atol")?.unwrap_or(ATOL),
+            max_step: self.optional_number("max_step")?,
             sampling: self.sampling(n)?,
             times,
             tau_max: self.per_joint("tau_max", n)?,
@@ -147,7 +148,7 @@ impl<'py> Keywords<'py> {
     /// Refuse arguments that the integration method does not use.
     fn require_unused(&self, method: Method) -> Result<(), Failure> {
         let (unused, steps): (&[&str], _) =
-            if method.is_adaptive() { (&["dt"], "chooses its steps itself") } else { (&["rtol", "atol"], "takes fixed steps") };
+            if method.is_adaptive() { (&["dt"], "chooses its steps itself") } else { (&["rtol", "atol", "max_step"], "takes fixed steps") };
         for name in unused {
             if let Some(value) = self.get(name)? {
                 let problem = format!("is not used: expected None for {}, which {steps}, got {}", method.name(), quoted(&value));

@@ -2,15 +2,15 @@
 
 use crate::arguments::Arguments;
 use crate::arm::Arm;
-use crate::arrays::{number, object, text, three};
-use crate::errors::{Failure, entry};
+use crate::arrays::{number, object, quoted, text, three};
+use crate::errors::{Failure, entry, input_error};
 use crate::friction;
 use crate::kept::{Kept, stands_on_arm};
 use crate::seal::{Sealed, seal_new};
 use armlet_core::plant::{ElasticSpec, JointFriction, PlantSpec, RigidSpec, Stops, VelocitySpec, Wall as CoreWall};
 use armlet_macros::entered;
 use pyo3::prelude::*;
-use pyo3::types::{PyDict, PyTuple};
+use pyo3::types::{PyDict, PyString, PyTuple};
 
 /// A controlled system. This is the base class of all plants.
 #[pyclass(frozen, subclass, module = "armlet", name = "Plant")]
@@ -128,20 +128,41 @@ fn stops<'py>(given: &mut Arguments<'py>, function: &'static str, stops: Option<
     Ok(found)
 }
 
-/// Read the argument `friction` of a plant: a flag, or a friction model.
-fn friction_or_flag<'py>(
+/// The value of the argument `friction` for the friction of the arm that can hold joints at rest.
+const STICK_SLIP: &str = "stick_slip";
+
+/// The friction of a rigid arm.
+enum Rubbing {
+    /// Whether the viscous and Coulomb friction of the arm acts.
+    Flag(bool),
+    /// The friction of the arm, which can hold joints at rest.
+    Sticking,
+    /// A friction model.
+    Dry(JointFriction),
+}
+
+/// Read the argument `friction` of a plant: a flag, `STICK_SLIP`, or a friction model.
+fn rubbing<'py>(
     given: &mut Arguments<'py>,
     function: &'static str,
     name: &'static str,
     value: Option<&Bound<'py, PyAny>>,
-) -> Result<(bool, Option<JointFriction>), Failure> {
+) -> Result<Rubbing, Failure> {
+    if let Some(value) = value.filter(|value| value.is_instance_of::<PyString>()) {
+        if text(function, name, value)? != STICK_SLIP {
+            let problem = format!("is unknown: expected a flag, a friction model or {STICK_SLIP:?}, got {}", quoted(value));
+            return Err(input_error(value.py(), function, name, problem).into());
+        }
+        given.plain(name, value);
+        return Ok(Rubbing::Sticking);
+    }
     if let Some(value) = value
         && let Some(dry) = friction::friction(function, given.model().n(), name, value)?
     {
         given.plain(name, value);
-        return Ok((false, Some(dry)));
+        return Ok(Rubbing::Dry(dry));
     }
-    Ok((given.flag(name, value)?, None))
+    Ok(Rubbing::Flag(given.flag(name, value)?))
 }
 
 /// A rigid arm whose input is the joint torques: `M(q) a + C(q, v) v + g(q) + tau_f = tau + J'F`.
@@ -151,8 +172,10 @@ fn friction_or_flag<'py>(
 ///
 /// Args:
 ///     arm: the arm of the plant. The arm of a law may differ from it, to simulate an error of the model.
-///     friction: True: `tau_f` is the viscous and Coulomb friction of the arm, which `planar_pr` does not have. A `StickSlip` or a `LuGre`:
-///         `tau_f` is this friction. False: no friction (keyword only).
+///     friction: True: `tau_f` is the viscous and Coulomb friction of the arm, which `planar_pr` does not have. Under an adaptive method,
+///         Coulomb friction can hold joints at rest; with fixed steps it is `F sign(v)`, which chatters at rest. "stick_slip": the
+///         friction of the arm can hold joints at rest under every method. A `StickSlip` or a `LuGre`: `tau_f` is this friction. False: no
+///         friction (keyword only).
 ///     wall: a `Wall` that the arm may touch (keyword only).
 ///     stops: `JointStops` at the limits of the joints (keyword only).
 ///
@@ -181,13 +204,18 @@ impl RigidArm {
         const NAME: &str = "RigidArm";
         entry(arm.py(), NAME, || {
             let mut given = Arguments::new(NAME, arm)?;
-            let (friction, dry) = friction_or_flag(&mut given, NAME, "friction", friction)?;
-            if friction {
+            let friction = rubbing(&mut given, NAME, "friction", friction)?;
+            if !matches!(friction, Rubbing::Flag(false)) {
                 given.model().tree("friction")?;
             }
             let wall = self::wall(&mut given, NAME, wall)?;
             let stops = self::stops(&mut given, NAME, stops)?;
-            let spec = RigidSpec { friction, wall, stops, ..RigidSpec::new(given.model()) }.with_friction(dry)?;
+            let spec = RigidSpec { wall, stops, ..RigidSpec::new(given.model()) };
+            let spec = match friction {
+                Rubbing::Flag(friction) => RigidSpec { friction, ..spec },
+                Rubbing::Sticking => spec.with_sticking_friction()?,
+                Rubbing::Dry(dry) => spec.with_friction(Some(dry))?,
+            };
             Ok(given.plant(spec.into()).add_subclass(RigidArm))
         })
     }

@@ -97,6 +97,7 @@ pub fn simulate<'py>(
         fields.set_item("monitors", series)?;
         fields.set_item("status", run.status.code())?;
         fields.set_item("ended", run.ended)?;
+        fields.set_item("unresolved", run.unresolved)?;
         let balances = PyDict::new(py);
         for (name, value) in core::BALANCES.into_iter().zip(run.balances) {
             balances.set_item(name, value)?;

@@ -60,7 +60,7 @@ pub trait Adaptive<S: Real, F: System<S>, B: Buffer<S>> {
     fn x_mut(&mut self) -> &mut B;
     /// The numbers of evaluations, steps and decompositions since the start of the run.
     fn work(&self) -> Work;
-    /// Set the largest step size, s, before `begin`. It is infinite at first. A method of fixed step size ignores it.
+    /// Set the largest size of the next steps, s, before `begin` or `step`. It is infinite at first. A method of fixed step size ignores it.
     fn limit_step(&mut self, h_max: f64);
     /// Set the first step size of all later segments, s. If `h` is zero, which is the default, the method estimates this size. A method of
     /// fixed step size ignores it.

@@ -21,6 +21,8 @@ pub struct Control {
 
 /// The lower bound of the previous error in the PI control, as in Hairer's dopri5.f.
 const LEAST_ERROR: f64 = 1e-4;
+/// A step below this fraction of the segment does not advance a solution. Near `t = 0` the resolution of time is no limit.
+const SHORTEST: f64 = f64::EPSILON * f64::EPSILON;
 /// The factor of the step size after an attempt whose error is not finite.
 const NOT_FINITE_FACTOR: f64 = 0.2;
 
@@ -40,6 +42,8 @@ pub struct StepController<T> {
     /// The first step size, s, if the caller chose one, otherwise zero.
     pub h_first: f64,
     pub work: Work,
+    /// The fraction `SHORTEST` of the segment, s, or zero for a segment without end.
+    shortest: f64,
     stall: StallDetector,
     error_old: f64,
     rejected: bool,
@@ -58,6 +62,7 @@ impl<T: Accuracy> StepController<T> {
             h_max: f64::INFINITY,
             h_first: 0.0,
             work: Work::default(),
+            shortest: 0.0,
             stall: StallDetector::new(),
             error_old: LEAST_ERROR,
             rejected: false,
@@ -68,6 +73,7 @@ impl<T: Accuracy> StepController<T> {
     pub fn begin(&mut self, t: f64, t_end: f64, input_end: f64) {
         (self.t, self.t_old, self.t_end, self.input_end) = (t, t, t_end, input_end);
         self.error_old = LEAST_ERROR;
+        self.shortest = if t_end.is_finite() { SHORTEST * (t_end - t) } else { 0.0 };
         self.stall.begin(&self.work, t);
     }
 
@@ -81,6 +87,14 @@ impl<T: Accuracy> StepController<T> {
     pub fn within(&self, t: f64) -> Option<(f64, f64)> {
         let h = self.t - self.t_old;
         if h == 0.0 || t >= self.t { None } else { Some(((t - self.t_old) / h, h)) }
+    }
+
+    /// Set the largest step size, s, also for the next attempt.
+    pub fn limit(&mut self, h_max: f64) {
+        self.h_max = h_max;
+        if h_max < self.h {
+            self.h = h_max;
+        }
     }
 
     pub fn done(&self) -> bool {
@@ -99,9 +113,9 @@ impl<T: Accuracy> StepController<T> {
         (sum / m.max(1) as f64).sqrt()
     }
 
-    /// The smallest step size, s: ten units in the last place of `t`.
+    /// The smallest step size, s: ten units in the last place of `t`, but at least the fraction `SHORTEST` of the segment.
     pub fn smallest(&self) -> f64 {
-        10.0 * (self.t.next_up() - self.t)
+        (10.0 * (self.t.next_up() - self.t)).max(self.shortest)
     }
 
     /// Begin a step, before its first attempt.
@@ -196,7 +210,7 @@ macro_rules! step_controlled {
             self.controller.work
         }
         fn limit_step(&mut self, h_max: f64) {
-            self.controller.h_max = h_max;
+            self.controller.limit(h_max);
         }
         fn first_step(&mut self, h: f64) {
             self.controller.h_first = h;

@@ -35,6 +35,7 @@ pub(crate) use stored::Stored;
 pub use unilateral::Touch;
 pub use velocity::VelocitySpec;
 
+use crate::error::Result;
 use crate::scalar::Real;
 use std::ops::Deref;
 
@@ -194,6 +195,19 @@ impl PlantSpec {
     /// The elastic plant; `None` for other plants.
     pub fn elastic(&self) -> Option<&ElasticSpec> {
         if let PlantSpec::Elastic(plant) = self { Some(plant) } else { None }
+    }
+
+    /// Whether the plant has Coulomb friction whose torque jumps where a velocity changes its sign.
+    pub fn jumps(&self) -> bool {
+        matches!(self, PlantSpec::Rigid(plant) if plant.jumps())
+    }
+
+    /// Return this plant with the friction of its model as stick-slip friction. Errors: see [`RigidSpec::with_sticking_friction`].
+    pub fn sticking(&self) -> Result<Self> {
+        match self {
+            PlantSpec::Rigid(plant) if plant.friction && !plant.sticks => Ok(plant.clone().with_sticking_friction()?.into()),
+            other => Ok(other.clone()),
+        }
     }
 
     /// Whether joints or motors have stick-slip friction.

@@ -9,7 +9,7 @@ use super::definition::fields;
 use super::lugre::LaneLuGre;
 use super::stick_slip::{LaneStickSlip, Load};
 use super::stops::{LaneStops, Stops};
-use super::{Build, Definition, JointFriction, Plant, Power, Touch, Wall};
+use super::{Build, Definition, FrictionCurve, JointFriction, Plant, Power, StickSlip, Touch, Wall};
 use crate::dynamics::energy::friction_torque;
 use crate::dynamics::{AnyArm, Dynamics, Model, Workspace};
 use crate::error::Result;
@@ -47,6 +47,8 @@ pub struct RigidSpec {
     pub model: Model,
     /// Whether the viscous and Coulomb friction of the model's joints acts.
     pub friction: bool,
+    /// Whether `dry` is the friction of the model, which then acts only through `dry`: see [`RigidSpec::with_sticking_friction`].
+    pub sticks: bool,
     /// Dry friction of the joints; `None` without it.
     pub dry: Option<JointFriction>,
     /// A wall that a frame may touch; `None` without a wall.
@@ -58,13 +60,27 @@ pub struct RigidSpec {
 impl RigidSpec {
     /// Create a plant without friction, wall and stops.
     pub fn new(model: Model) -> Self {
-        RigidSpec { model, friction: false, dry: None, wall: None, stops: None }
+        RigidSpec { model, friction: false, sticks: false, dry: None, wall: None, stops: None }
     }
 
     /// Set the dry friction of the joints. Errors: `WrongShape` for a wrong number of joints.
     pub fn with_friction(self, friction: Option<JointFriction>) -> Result<Self> {
         friction.iter().try_for_each(|friction| friction.require_joints("friction", self.model.n()))?;
         Ok(RigidSpec { dry: friction, ..self })
+    }
+
+    /// Set the viscous and Coulomb friction of the model's joints, as stick-slip friction: it can hold a joint at rest. Errors: `Input` for
+    /// a model without joint friction.
+    pub fn with_sticking_friction(self) -> Result<Self> {
+        self.model.tree("friction")?;
+        let [viscous, coulomb] = self.model.friction(true);
+        let curve = FrictionCurve::new(coulomb, None, None, Some(viscous), None)?;
+        Ok(RigidSpec { friction: true, sticks: true, dry: Some(JointFriction::StickSlip(StickSlip { curve })), ..self })
+    }
+
+    /// Whether the model's Coulomb friction acts and cannot hold a joint at rest: its torque jumps where the velocity changes its sign.
+    pub(super) fn jumps(&self) -> bool {
+        self.friction && self.dry.is_none() && self.model.friction(true)[1].iter().any(|&coulomb| coulomb > 0.0)
     }
 }
 
@@ -255,7 +271,7 @@ impl Build for RigidSpec {
     type Lanes<S: Real> = Rigid<S>;
 
     fn build<'a, S: Real>(of: impl Fn(usize) -> &'a Self, force_frame: Option<usize>) -> Rigid<S> {
-        let friction = of(0).friction;
+        let friction = of(0).friction && !of(0).sticks;
         Rigid {
             links: Links::new(|i| &of(i).model, |i| of(i).wall.as_ref(), |i| of(i).stops.as_ref(), force_frame),
             friction,
@@ -332,7 +348,6 @@ impl<S: Real> Plant<S> for Rigid<S> {
 mod tests {
     use super::*;
     use crate::arm::Arm;
-    use crate::plant::{FrictionCurve, StickSlip};
 
     /// The friction of the model and stick-slip friction act together. `rates` and `load_friction` must then compute the same torques.
     #[test]

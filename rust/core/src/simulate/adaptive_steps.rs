@@ -4,6 +4,7 @@
 use super::bound::Bound;
 use super::schedule::{Times, require_times};
 use super::stop::Stop;
+use super::time_scale::TimeScale;
 use crate::error::Result as CoreResult;
 use crate::integrate::{Adaptive, Buffer, System, Work};
 use crate::scalar::Real;
@@ -23,6 +24,10 @@ pub struct Segments {
     pub clock: Clock,
     /// The limit of the absolute values of the plant's states.
     pub bound: Bound,
+    /// The largest step that the caller allows, s, or infinity.
+    pub max_step: f64,
+    /// The time scales of the functions of time in the loop, which also limit the steps.
+    pub scales: Vec<TimeScale>,
 }
 
 /// The instants at which a sampled law is evaluated.
@@ -44,7 +49,7 @@ impl Segments {
             Times::Every(_) => {}
         }
         let breaks = breaks.iter().copied().filter(|&b| b > 0.0 && b < t_end).collect();
-        Ok(Segments { t_end, times, breaks, clock, bound })
+        Ok(Segments { t_end, times, breaks, clock, bound, max_step: f64::INFINITY, scales: Vec::new() })
     }
 
     /// Return these segments, also divided at the times `more`, s.
@@ -56,6 +61,17 @@ impl Segments {
             all.breaks.dedup();
         }
         all
+    }
+
+    /// Return these segments for a loop with a function of time whose time scale is `scale`, if there is one.
+    pub fn scaled(mut self, scale: Option<TimeScale>) -> Self {
+        self.scales.extend(scale);
+        self
+    }
+
+    /// The length of the longest step from time `t`, s.
+    fn longest_step(&self, t: f64) -> f64 {
+        self.scales.iter().fold(self.max_step, |longest, scale| longest.min(scale.longest_step(t)))
     }
 
     /// Whether a sample may be due at the end `t` of a segment.
@@ -240,6 +256,7 @@ where
         if switch_at.is_some() {
             method.first_step(end - t);
         }
+        method.limit_step(segments.longest_step(t));
         if let Err(status) = method.begin(system, t, end, input_end.min(end)) {
             return outcome(status, t, method);
         }
@@ -263,6 +280,7 @@ where
             if looks {
                 start.clone_from(method.x());
             }
+            method.limit_step(segments.longest_step(method.t()));
             let done = match method.step(system) {
                 Ok(done) => done,
                 Err(status) => return outcome(status, method.t(), method),

@@ -78,14 +78,19 @@ pub fn lanes() -> usize {
 /// assert_eq!((runs.q.len(), runs.status.len()), (200, 100));
 /// # Ok::<(), armlet_core::error::Error>(())
 /// ```
-pub fn simulate_batch(mut problem: Problem, keep: Keep, threads: usize, poll: &mut dyn FnMut() -> bool) -> Result<BatchRuns> {
+pub fn simulate_batch(problem: Problem, keep: Keep, threads: usize, poll: &mut dyn FnMut() -> bool) -> Result<BatchRuns> {
+    let plants = problem.sticking_plants()?;
+    let mut problem = match &plants {
+        Some(plants) => problem.with_plants(plants),
+        None => problem,
+    };
     let runs = problem.runs();
     match keep {
         Keep::All => {}
         Keep::Final => problem.options.times = Times::At(vec![problem.options.t_end]),
         Keep::Metrics(measures) => problem.measures = Some(measures),
     }
-    let division = problem.validate()?;
+    let division = problem.limit_by_shared_tables(problem.validate()?);
     let times = match (&division, &problem.measures) {
         (Division::Fixed(fixed), None) => fixed.schedule.record_times()?,
         (Division::Fixed(fixed), _) => {

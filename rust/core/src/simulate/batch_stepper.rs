@@ -58,6 +58,7 @@ impl BatchStepper {
             method: Method::Rk4,
             rtol: 1e-8,
             atol: 1e-10,
+            max_step: None,
             sampling: Some(Sampling::every(dt)),
             times: Times::Every(1),
             tau_max: None,

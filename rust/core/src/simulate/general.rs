@@ -115,7 +115,7 @@ impl<S: Real, F: Watched<S>> WithAdaptive<S, F> for AdaptiveRun<'_, '_> {
     fn with<M: Adaptive<S, F, Vec<S>>>(self, mut closed: F, mut method: M) -> Ended {
         let General { problem, first, stop, sink, observer, .. } = self.general;
         // The samples of a controller also end segments. With random jitter, they differ between runs.
-        let segments = self.segments.with_breaks(&self.instants);
+        let segments = problem.limit_by_own_tables(self.segments.with_breaks(&self.instants), first);
         let size = method.x().len();
         let mut recorder = General::recorder(problem, sink, &|_| f64::NAN, size);
         let mut i = 0;

@@ -44,6 +44,9 @@ pub struct Options {
     pub rtol: f64,
     /// Absolute tolerance of an adaptive method, in the units of the state.
     pub atol: f64,
+    /// Largest step of an adaptive method, s. `None` and infinity mean no limit. With infinity, a force that is a function of time does not
+    /// limit the steps either.
+    pub max_step: Option<f64>,
     /// `None`: the law is evaluated in every stage. Otherwise it is evaluated at samples, and its output is held.
     pub sampling: Option<Sampling>,
     /// The times of the records.
@@ -335,6 +338,9 @@ impl<'a> Problem<'a> {
         // Arguments that the method does not use are also checked.
         o.dt.map_or(Ok(()), |dt| positive("dt", dt))?;
         positive("rtol", o.rtol)?;
+        if let Some(step) = o.max_step.filter(|step| !(*step > 0.0)) {
+            return Err(Error::input("max_step", format!("is not positive: expected > 0, got {step}")));
+        }
         if o.rtol < 1e-15 {
             return Err(Error::input("rtol", format!("is below what a double resolves: expected at least 1e-15, got {}", o.rtol)));
         }
@@ -350,7 +356,8 @@ impl<'a> Problem<'a> {
                 Some(sampling) if sampling.is_plain() => Clock::Every(sampling.period),
                 Some(_) => Clock::Breaks,
             };
-            return Ok(Division::Adaptive(Segments::new(o.t_end, o.times.clone(), &breaks, clock, bound)?));
+            let segments = Segments::new(o.t_end, o.times.clone(), &breaks, clock, bound)?;
+            return Ok(Division::Adaptive(Segments { max_step: o.max_step.unwrap_or(f64::INFINITY), ..segments }));
         }
         let Some(dt) = o.dt.or(o.sampling.as_ref().map(|sampling| sampling.period)) else {
             return Err(Error::input("dt", "is missing: expected a step in seconds for a fixed-step method, got None"));

@@ -78,6 +78,8 @@ pub struct Run {
     /// The factor by which both tolerances must be multiplied to be feasible, dimensionless. It is zero unless the run ended with
     /// [`Status::ExcessAccuracy`], see [`crate::integrate::Work::coarsen`].
     pub coarsen: f64,
+    /// Start and end of a change of the force, s, that fixed steps are too long for. Only a force that is a function of time is checked.
+    pub unresolved: Option<[f64; 2]>,
 }
 
 struct RunRecorder<'a> {
@@ -196,10 +198,18 @@ pub fn simulate(problem: &Problem, stop: &dyn Stop) -> Result<Run> {
 
 /// Run like [`simulate`]. With an adaptive method, the observer also receives the events, the contact modes and the polynomials of the
 /// steps, as requested. Errors: those of [`simulate`], and [`Error::Input`] for an observer with a method of fixed steps.
-pub fn simulate_observed(problem: &Problem, stop: &dyn Stop, mut observer: Option<&mut RunObserver>) -> Result<Run> {
-    let division = problem.validate()?;
+pub fn simulate_observed(problem: &Problem, stop: &dyn Stop, observer: Option<&mut RunObserver>) -> Result<Run> {
+    let division = problem.divide(stop)?;
+    let unresolved = problem.unresolved_force(&division, stop);
+    let plants = problem.sticking_plants()?;
+    let sticking = plants.as_deref().map(|plants| problem.clone().with_plants(plants));
+    Ok(Run { unresolved, ..simulate_divided(sticking.as_ref().unwrap_or(problem), &division, stop, observer)? })
+}
+
+/// Run like [`simulate_observed`] with the time grid `division`.
+pub fn simulate_divided(problem: &Problem, division: &Division, stop: &dyn Stop, mut observer: Option<&mut RunObserver>) -> Result<Run> {
     problem.require_memory(1)?;
-    if let (Some(observer), Division::Fixed(_)) = (&observer, &division) {
+    if let (Some(observer), Division::Fixed(_)) = (&observer, division) {
         let what = if observer.events.is_empty() { "dense" } else { "events" };
         let method = problem.options.method.name();
         let problem = format!("needs a method with dense output: expected one of dopri5, dop853, radau5, rodas4, got {method}");
@@ -212,16 +222,16 @@ pub fn simulate_observed(problem: &Problem, stop: &dyn Stop, mut observer: Optio
     let values = vec![0.0; names.len()];
     let numbers = columns.series(problem.state_size(), names.len());
     let mut sink = RunRecorder { run: &mut run, columns, numbers, problem, monitor: None, values, fault: f64::INFINITY, full: Ok(()) };
-    if let Division::Fixed(fixed) = &division {
+    if let Division::Fixed(fixed) = division {
         require_memory(fixed.schedule.count() as u128)?;
         sink.reserve(fixed.schedule.count())?;
     }
-    let structures = Structures::of(problem, &division, false);
+    let structures = Structures::of(problem, division, false);
     let rates = Rates::of(problem);
-    let ended = match &division {
+    let ended = match division {
         Division::Fixed(fixed) if let Some(structures) = &structures => programs::run::<f64>(
             structures,
-            General { problem, division: &division, first: 0, stop, sink: &mut sink, observer: observer.as_deref_mut(), rates: None },
+            General { problem, division, first: 0, stop, sink: &mut sink, observer: observer.as_deref_mut(), rates: None },
             fixed,
         ),
         division => {

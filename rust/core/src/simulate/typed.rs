@@ -23,6 +23,7 @@ impl Options {
             method: Method::Dopri5,
             rtol: 1e-8,
             atol: 1e-10,
+            max_step: None,
             sampling: None,
             times: Times::Every(1),
             tau_max: None,

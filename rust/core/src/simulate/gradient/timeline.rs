@@ -5,11 +5,12 @@ use crate::error::{Error, Result};
 use crate::interrupt::look;
 use crate::memory::append;
 use crate::plant::Touch;
+use crate::simulate::adaptive_steps::Segments;
 use crate::simulate::problem::{Division, Problem};
 use crate::simulate::run_observer::{Guard, RunObserver, Switched};
 use crate::simulate::sampling::Sampling;
 use crate::simulate::schedule::{Schedule, Times, after_jump};
-use crate::simulate::single::simulate_observed;
+use crate::simulate::single::simulate_divided;
 use crate::simulate::stop::Stop;
 use crate::status::Status;
 
@@ -119,7 +120,7 @@ impl Timeline {
             states: Vec::new(),
         };
         let list = |breaks| TimelineBuilder { timeline, breaks, sampled: None, acting: None, mode: 0 };
-        match problem.validate()? {
+        match problem.divide(stop)? {
             Division::Fixed(fixed) => {
                 let mut listing = list(&fixed.schedule.breaks);
                 listing.timeline.contacts.modes.push(Vec::new());
@@ -129,13 +130,15 @@ impl Timeline {
                 let mut whole = problem.clone();
                 whole.options.times = Times::Every(1);
                 let mut observer = RunObserver { contacts: Some(Vec::new()), ..RunObserver::default() };
-                let run = simulate_observed(&whole, stop, Some(&mut observer))?;
+                let breaks = segments.breaks.clone();
+                let division = Division::Adaptive(Segments { times: Times::Every(1), ..segments });
+                let run = simulate_divided(&whole, &division, stop, Some(&mut observer))?;
                 if run.status != Status::Success {
                     let problem = format!("the run ended at t = {} s: {}", run.ended, run.status.name());
                     return Err(Error::Solve { status: run.status, t: run.ended, problem });
                 }
                 let Times::At(records) = &o.times else { return Ok(list(&[]).timeline) };
-                list(&segments.breaks).adaptive(&run.t, observer.contacts.unwrap_or_default(), records)
+                list(&breaks).adaptive(&run.t, observer.contacts.unwrap_or_default(), records)
             }
         }
     }
