@@ -54,6 +54,7 @@ pub use rodas4::Rodas4;
 pub use ros2::Ros2;
 pub use scheme::{Attempt, Scheme};
 pub use semi_implicit::SemiImplicit;
+pub(crate) use step_controller::StepController;
 pub use tableau::Tableau;
 pub use with_method::{WithAdaptive, WithExplicitSteps, WithScheme, WithSteps};
 

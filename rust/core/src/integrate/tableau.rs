@@ -39,6 +39,15 @@ impl Tableau {
         }
     }
 
+    /// The tableau with one more stage at the end of the step, which the error estimate of the method uses. Its weight `b` is zero.
+    pub(crate) fn with_last_stage<C: Scheme>() -> Self {
+        let mut tableau = Self::embedded::<C>();
+        tableau.c.push(C::C[C::STAGES]);
+        tableau.a.push(C::A[C::STAGES].to_vec());
+        tableau.b.push(0.0);
+        tableau
+    }
+
     fn embedded<C: Scheme>() -> Self {
         let stages = C::A[..C::STAGES].iter().map(|row| row.to_vec()).collect();
         Tableau { c: C::C[..C::STAGES].to_vec(), a: stages, b: C::A[C::STAGES].to_vec(), follows: false }

@@ -1,63 +1,25 @@
 //! Tangents of a run: every operation `X_(k+1) = Phi(X_k, p)` maps `S = dX/dp` by `S_(k+1) = Phi_x S_k + Phi_p`, where `Phi_x` and `Phi_p`
-//! are the derivatives of `Phi`. A *lane* is one element of a SIMD register, and holds the tangent along one direction. A *group* is the
-//! directions of one register. A *block* is a few groups. Each block computes the states of the run again.
+//! are the derivatives of `Phi`. The directions of a *group* are in the lanes of one register. A *block* is a few groups. Each block computes
+//! the states of the run again.
 
-use super::combine::{add_slopes, advance};
-use super::functions::Call;
+use super::combine::{add, add_slopes, advance};
+use super::mixture::Mixture;
 use super::prepared::Prepared;
 use super::series::Series;
 use super::switch::Jump;
+use super::tangent_call::TangentCall;
 use super::timeline::Operation;
 use super::walk::{Walker, act, followers, seen, side_of};
 use crate::error::Result;
+use crate::integrate::Tableau;
 use crate::memory;
 use crate::motion::Side;
 
-/// A recorded function with its tangent.
-struct TangentCall {
-    call: Call,
-    /// The number of varying inputs: loop parameters, exogenous input, state and held input.
-    moving: usize,
-    /// The number of varying loop parameters.
-    moved: usize,
-    /// The number of varying exogenous inputs.
-    driven: usize,
-    answers: usize,
-}
-
-impl TangentCall {
-    /// Set the tangents of the loop parameters for the directions from `first` on.
-    fn set_up(&mut self, prepared: &Prepared, first: usize, groups: usize) {
-        let (lanes, directions) = (self.call.lanes(), &prepared.directions);
-        for g in 0..groups {
-            let rows = directions.set_up.chunks_exact(directions.count);
-            let all = self.call.more(g * self.moving, self.moved).chunks_exact_mut(lanes).zip(rows);
-            for (to, rates) in all {
-                let own = &rates[(first + g * lanes).min(rates.len())..(first + (g + 1) * lanes).min(rates.len())];
-                to.fill(0.0);
-                to[..own.len()].copy_from_slice(own);
-            }
-        }
-    }
-
-    /// Set the tangents of the exogenous input for group `g` of directions. Return the memory for the tangents of the state and of the held
-    /// input.
-    fn rates_of(&mut self, g: usize, outside: &[f64], states: usize) -> (&mut [f64], &mut [f64]) {
-        let (lanes, own) = (self.call.lanes(), self.moving - self.moved);
-        let (driven, rest) = self.call.more(g * self.moving + self.moved, own).split_at_mut(self.driven * lanes);
-        driven.copy_from_slice(outside);
-        rest.split_at_mut(states * lanes)
-    }
-
-    /// The tangents of the results for group `g` of directions.
-    fn answers(&self, g: usize) -> &[f64] {
-        self.call.behind(g * self.answers, self.answers)
-    }
-}
-
 /// A run with its tangents along a block of directions.
-struct Forward<'a> {
+pub struct Forward<'a> {
     prepared: &'a Prepared<'a>,
+    mixture: &'a Mixture<'a>,
+    tableau: &'a Tableau,
     walker: Walker<'a>,
     /// For each contact mode, the state rates with their tangents.
     rates: Vec<TangentCall>,
@@ -86,12 +48,12 @@ struct Forward<'a> {
 
 /// Write the tangents of all records to their series.
 pub fn run(prepared: &Prepared, series: &mut Series) -> Result<()> {
-    let (count, groups) = (prepared.directions.count, prepared.functions.sizes.groups);
-    if groups == 0 {
+    if prepared.directions.count == 0 {
         return Ok(());
     }
-    let mut forward = Forward::new(prepared, groups)?;
-    for first in (0..count).step_by(groups * forward.lanes) {
+    let mixture = Mixture::parameters(prepared);
+    let mut forward = Forward::new(prepared, &mixture, &prepared.tableau)?;
+    for first in (0..mixture.count).step_by(forward.directions()) {
         forward.begin(first);
         forward.run(series)?;
     }
@@ -99,20 +61,17 @@ pub fn run(prepared: &Prepared, series: &mut Series) -> Result<()> {
 }
 
 impl<'a> Forward<'a> {
-    fn new(prepared: &'a Prepared<'a>, groups: usize) -> Result<Self> {
+    /// Return a run with its tangents along a block of directions of `mixture`, by steps with the stages of `tableau`.
+    pub fn new(prepared: &'a Prepared<'a>, mixture: &'a Mixture<'a>, tableau: &'a Tableau) -> Result<Self> {
         let (functions, sizes) = (&prepared.functions, &prepared.functions.sizes);
-        let tangent = |function: &super::functions::Function| TangentCall {
-            call: function.tangent(prepared.given()),
-            moving: function.moving(),
-            moved: sizes.moved,
-            driven: sizes.driven(),
-            answers: function.answers(),
-        };
-        let (rates, law): (Vec<TangentCall>, _) = (functions.rates.iter().map(tangent).collect(), tangent(&functions.law));
-        let (lanes, walker, stages) = (law.call.lanes(), Walker::new(prepared), prepared.tableau.b.len());
+        let rates: Vec<TangentCall> = functions.rates.iter().map(|function| TangentCall::of(function, prepared)).collect();
+        let law = TangentCall::of(&functions.law, prepared);
+        let (lanes, groups, walker, stages) = (law.call.lanes(), sizes.groups, Walker::new(prepared), tableau.b.len());
         let size = walker.places.size();
         Ok(Forward {
             prepared,
+            mixture,
+            tableau,
             walker,
             rates,
             law,
@@ -134,20 +93,69 @@ impl<'a> Forward<'a> {
     }
 
     /// Set the state and the tangents to their values at the start of the run, for the block of directions from `first` on.
-    fn begin(&mut self, first: usize) {
-        let directions = &self.prepared.directions;
+    pub fn begin(&mut self, first: usize) {
         self.state.copy_from_slice(&self.walker.start());
         self.tangent.fill(0.0);
         self.u_rates.fill(0.0);
         (self.first, self.looked) = (first, (f64::NAN, Side::Moving));
-        self.rates.iter_mut().for_each(|rates| rates.set_up(self.prepared, first, self.groups));
-        self.law.set_up(self.prepared, first, self.groups);
-        for (number, rates) in self.prepared.start.chunks_exact(directions.count).enumerate() {
+        self.rates.iter_mut().for_each(|rates| rates.set_up(self.mixture, first, self.groups));
+        self.law.set_up(self.mixture, first, self.groups);
+        for (number, rates) in self.mixture.start.chunks_exact(self.mixture.count).enumerate() {
             for (k, &rate) in rates[first..].iter().take(self.groups * self.lanes).enumerate() {
-                let at = self.place(k, number);
-                self.tangent[at] = rate;
+                self.set_tangent(k, number, rate);
             }
         }
+    }
+
+    /// The number of directions of a block.
+    pub fn directions(&self) -> usize {
+        self.groups * self.lanes
+    }
+
+    /// Set the tangent of state number `number` along direction `k` of the block.
+    pub fn set_tangent(&mut self, k: usize, number: usize, rate: f64) {
+        let at = self.place(k, number);
+        self.tangent[at] = rate;
+    }
+
+    /// Write the rate of the tangent along direction `k` of the block, at a stage of the last step, to `out`.
+    pub fn slope(&self, k: usize, stage: usize, out: &mut [f64]) {
+        let (rows, stages) = (self.point.len() * self.lanes, self.tableau.b.len());
+        self.direction(&self.slope_rates[stage * rows..], k, stages * rows, out);
+    }
+
+    /// Compute `sum_j w_j k_j` for the rates `k_j` of the tangents along all directions, at the stages of the last step.
+    pub fn combined_slopes(&self, weights: &[f64], out: &mut [f64]) {
+        let rows = self.point.len() * self.lanes;
+        for (slopes, out) in self.slope_rates.chunks_exact(self.tableau.b.len() * rows).zip(out.chunks_exact_mut(rows)) {
+            out.fill(0.0);
+            weights.iter().zip(slopes.chunks_exact(rows)).for_each(|(&weight, slopes)| add(out, weight, slopes));
+        }
+    }
+
+    /// Write the tangent along direction `k` of the block before and after the last step, and its rows of `combined`, to `out`.
+    pub fn change(&self, k: usize, combined: &[Vec<f64>], [before, after]: [&mut [f64]; 2], estimates: &mut [Vec<f64>]) {
+        let (all, rows) = (self.state.len() * self.lanes, self.point.len() * self.lanes);
+        self.direction(&self.left.1, k, all, before);
+        self.direction(&self.tangent, k, all, after);
+        combined.iter().zip(estimates).for_each(|(combined, estimate)| self.direction(combined, k, rows, estimate));
+    }
+
+    /// Write the state before and after the last step, and its weighted sums of slopes, to `estimates`.
+    pub fn state_change(&self, weights: &[&[f64]], [before, after]: [&mut [f64]; 2], estimates: &mut [Vec<f64>]) {
+        let size = self.point.len();
+        before.copy_from_slice(&self.left.0[..size]);
+        after.copy_from_slice(&self.state[..size]);
+        for (weights, out) in weights.iter().zip(estimates) {
+            out.fill(0.0);
+            weights.iter().zip(self.slopes.chunks_exact(size)).for_each(|(&weight, slope)| add(out, weight, slope));
+        }
+    }
+
+    /// Copy the numbers of direction `k` of the block from `rates`. A group has `width` numbers.
+    fn direction(&self, rates: &[f64], k: usize, width: usize, out: &mut [f64]) {
+        let rows = rates[k / self.lanes * width..].chunks_exact(self.lanes);
+        rows.zip(out).for_each(|(row, out)| *out = row[k % self.lanes]);
     }
 
     /// The index of the tangent of state number `number` along direction `k` of the block.
@@ -164,28 +172,45 @@ impl<'a> Forward<'a> {
                 Operation::Record { i, .. } if timeline.steps_on(k) => open = Some(i),
                 Operation::Record { i, t } => self.record(i, t, series)?,
                 Operation::Step { t, h, end, mode } => self.step((t, h, end), mode, open.take().map(|i| (i, &mut *series)))?,
-                Operation::Switch { k, t } => {
-                    let jump = self.walker.jump(k, t, &self.state)?;
-                    self.switch(t, jump);
-                }
-                Operation::Branch { k, t } => {
-                    let jump = self.walker.branch_jump(&timeline.crossings[k], t, &self.state)?;
-                    self.switch(t, jump);
+                Operation::Switch { .. } | Operation::Branch { .. } | Operation::Sample { .. } | Operation::Act(_) => {
+                    self.jump(operation)?
                 }
                 Operation::Restore(k) => self.walker.restore(k, &mut self.state),
-                Operation::Sample { k, t } => self.sample(k, t)?,
-                Operation::Act(k) => self.act(k),
-                Operation::Leave => {
-                    self.left.0.copy_from_slice(&self.state);
-                    self.left.1.copy_from_slice(&self.tangent);
-                }
-                Operation::Back => {
-                    self.state.copy_from_slice(&self.left.0);
-                    self.tangent.copy_from_slice(&self.left.1);
-                }
+                Operation::Leave => self.leave(),
+                Operation::Back => self.back(),
             }
         }
         Ok(())
+    }
+
+    /// Apply a sample, or a change at one time.
+    pub fn jump(&mut self, operation: Operation) -> Result<()> {
+        match operation {
+            Operation::Switch { k, t } => {
+                let jump = self.walker.jump(k, t, &self.state)?;
+                self.switch(t, jump);
+            }
+            Operation::Branch { k, t } => {
+                let jump = self.walker.branch_jump(&self.prepared.timeline.crossings[k], t, &self.state)?;
+                self.switch(t, jump);
+            }
+            Operation::Sample { k, t } => self.sample(k, t)?,
+            Operation::Act(k) => self.act(k),
+            Operation::Step { .. } | Operation::Restore(_) | Operation::Record { .. } | Operation::Leave | Operation::Back => {}
+        }
+        Ok(())
+    }
+
+    /// Store the state and its tangents.
+    pub fn leave(&mut self) {
+        self.left.0.copy_from_slice(&self.state);
+        self.left.1.copy_from_slice(&self.tangent);
+    }
+
+    /// Restore the state and the tangents that [`Forward::leave`] stored.
+    pub fn back(&mut self) {
+        self.state.copy_from_slice(&self.left.0);
+        self.tangent.copy_from_slice(&self.left.1);
     }
 
     /// Evaluate the exogenous input and its tangents at time `t`. `side` is the side of `t` if a motion has a knot there.
@@ -197,10 +222,13 @@ impl<'a> Forward<'a> {
         let (directions, lanes, all) = (&self.prepared.directions, self.lanes, self.groups * self.lanes);
         directions.input(t, &mut self.u);
         if directions.drives() {
-            let (rates, width, first) = (&mut self.u_rates, self.u.len(), self.first);
+            let (rates, width, first, mixture) = (&mut self.u_rates, self.u.len(), self.first, self.mixture);
+            rates.fill(0.0);
             directions.input_rates((t, side), &self.u, &mut self.scratch, |slot, parameter, rate| {
-                if let Some(k) = parameter.checked_sub(first).filter(|&k| k < all) {
-                    rates[(k / lanes * width + slot) * lanes + k % lanes] = rate;
+                for (direction, weight) in mixture.parts(parameter) {
+                    if let Some(k) = direction.checked_sub(first).filter(|&k| k < all) {
+                        rates[(k / lanes * width + slot) * lanes + k % lanes] += weight * rate;
+                    }
                 }
             });
         }
@@ -253,12 +281,12 @@ impl<'a> Forward<'a> {
     fn switch(&mut self, t: f64, jump: Option<Jump>) {
         let Some(jump) = jump else { return };
         self.look_outside(t, Side::Moving);
-        let (directions, lanes, all) = (&self.prepared.directions, self.lanes, self.walker.places.size() * self.lanes);
+        let (mixture, lanes, all) = (self.mixture, self.lanes, self.walker.places.size() * self.lanes);
         let driven = self.prepared.functions.sizes.driven() * lanes;
         for (g, tangent) in self.tangent.chunks_exact_mut(all).enumerate() {
             let first = self.first + g * lanes;
-            for (lane, direction) in (first..directions.count.min(first + lanes)).enumerate() {
-                let set_up = jump.of_set_up.iter().zip(directions.set_up.chunks_exact(directions.count)).map(|(w, row)| w * row[direction]);
+            for (lane, direction) in (first..mixture.count.min(first + lanes)).enumerate() {
+                let set_up = jump.of_set_up.iter().zip(mixture.set_up.chunks_exact(mixture.count)).map(|(w, row)| w * row[direction]);
                 let state = jump.of_state.iter().zip(tangent.chunks_exact(lanes)).map(|(w, row)| w * row[lane]);
                 let outside = jump.of_input.iter().zip(self.u_rates[g * driven..].chunks_exact(lanes)).map(|(w, row)| w * row[lane]);
                 let delay: f64 = set_up.chain(state).chain(outside.take(driven / lanes)).sum();
@@ -268,9 +296,8 @@ impl<'a> Forward<'a> {
     }
 
     /// Compute a step, and write the record at its start if one exists.
-    fn step(&mut self, (t, h, end): (f64, f64, f64), mode: usize, mut record: Option<(usize, &mut Series)>) -> Result<()> {
-        let tableau = &self.prepared.tableau;
-        let (places, lanes, size) = (self.walker.places, self.lanes, self.prepared.functions.sizes.states);
+    pub fn step(&mut self, (t, h, end): (f64, f64, f64), mode: usize, mut record: Option<(usize, &mut Series)>) -> Result<()> {
+        let (tableau, places, lanes, size) = (self.tableau, self.walker.places, self.lanes, self.prepared.functions.sizes.states);
         let (rows, acting) = (size * lanes, places.acting());
         let (all, stages, driven) = (places.size() * lanes, tableau.b.len() * rows, self.prepared.functions.sizes.driven() * lanes);
         for i in 0..tableau.b.len() {

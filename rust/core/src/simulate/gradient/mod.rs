@@ -3,8 +3,9 @@
 //! A run is a list of operations on one state `X`: steps `x_next = x + h sum b_i k_i` with the slopes `k_i`, samples of the law, and
 //! records. The forward pass applies the operations to the tangents `X_p`. The backward pass applies the adjoints of the operations, in
 //! reverse order. It reads the states before the operations from memory, or computes them again. The state rates and the law are recorded
-//! as lists of operations, and these lists are differentiated. With an adaptive method, both passes repeat the steps of the run, and the
-//! step sizes count as constants. Where a contact changes, or another branch at which the state rates jump, the tangents jump.
+//! as lists of operations, and these lists are differentiated. With an adaptive method, both passes have steps that are accurate for the
+//! tangents too, and the step sizes count as constants. Where a contact changes, or another branch at which the state rates jump, the
+//! tangents jump.
 //!
 //! A parameter `p` is given by runs of the problem that differ in this parameter, and by weights: `dF/dp = sum w_i (F_i - F_0)`. Here `F`
 //! is a loop parameter, the initial state or a desired motion, and `F_i` its value in run `i`. The results of runs are not differentiated
@@ -24,9 +25,11 @@
 mod backward;
 mod branches;
 mod combine;
+mod controlled_steps;
 mod directions;
 mod forward;
 mod functions;
+mod mixture;
 mod parameters;
 mod prepared;
 mod rows;
@@ -34,6 +37,7 @@ mod series;
 mod set_ups;
 mod structure;
 mod switch;
+mod tangent_call;
 mod timeline;
 mod walk;
 
@@ -44,6 +48,7 @@ use super::columns::Columns;
 use super::problem::Problem;
 use super::stop::Stop;
 use crate::error::Result;
+use controlled_steps::completed;
 use prepared::{Loop, Prepared};
 use series::Series;
 use std::ops::Range;
@@ -61,7 +66,7 @@ pub fn record_parts(problem: &Problem) -> (RecordParts, usize) {
 }
 
 fn prepare<'a>(problem: &'a Problem<'a>, parameters: Parameters, stop: &dyn Stop) -> Result<Prepared<'a>> {
-    Loop::of(problem, parameters)?.prepare(problem, parameters, &FunctionStore::default(), stop)
+    completed(Loop::of(problem, parameters)?.prepare(problem, parameters, &FunctionStore::default(), stop)?, parameters.all)
 }
 
 /// Return the derivatives of the records of run 0 of `problem`, at the times of its options. Each part that [`record_parts`] names has an

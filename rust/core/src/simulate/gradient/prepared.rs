@@ -1,12 +1,11 @@
 //! The loop of a run and its functions, ready to be differentiated.
 
-use super::branches::divided;
 use super::directions::{Directions, start_rates};
 use super::functions::LoopFunctions;
 use super::parameters::Parameters;
 use super::set_ups::SetUps;
 use super::structure::FunctionStore;
-use super::timeline::Timeline;
+use super::timeline::{AdaptivePath, Timeline};
 use crate::error::{Error, Result};
 use crate::integrate::Tableau;
 use crate::simulate::problem::Problem;
@@ -32,6 +31,9 @@ impl Prepared<'_> {
         &self.set_ups.values
     }
 }
+
+/// A run, and the path of an adaptive run whose timeline has no records yet.
+pub type Preparation<'a> = (Prepared<'a>, Option<AdaptivePath>);
 
 /// The directions and the set-ups of a loop. All runs of the loop share them.
 pub struct Loop<'a> {
@@ -86,16 +88,19 @@ impl<'a> Loop<'a> {
         Ok(Loop { tableau, directions, set_ups })
     }
 
-    /// Prepare run 0 of a problem whose loop is `self`. `known`: the recorded functions of all loops of the call.
-    pub fn prepare(&self, problem: &Problem<'a>, parameters: Parameters, known: &FunctionStore, stop: &dyn Stop) -> Result<Prepared<'a>> {
+    /// Prepare run 0 of a problem whose loop is `self`. The second result is the path of an adaptive run, whose timeline is not complete:
+    /// see [`completed`](super::controlled_steps::completed). `known`: the recorded functions of all loops of the call.
+    pub fn prepare(
+        &self,
+        problem: &Problem<'a>,
+        parameters: Parameters,
+        known: &FunctionStore,
+        stop: &dyn Stop,
+    ) -> Result<Preparation<'a>> {
         let (single, start) = (single(problem), start_rates(problem, parameters)?);
-        let timeline = Timeline::of(&single, stop)?;
+        let (timeline, path) = Timeline::of(&single, stop)?;
         let functions = known.functions(problem, &self.directions, &self.set_ups, &timeline.contacts)?;
         let (directions, set_ups) = (self.directions.clone(), self.set_ups.clone());
-        let mut prepared = Prepared { single, tableau: self.tableau.clone(), directions, set_ups, functions, timeline, start };
-        if let Some(found) = divided(&prepared)? {
-            prepared.timeline.divide(found);
-        }
-        Ok(prepared)
+        Ok((Prepared { single, tableau: self.tableau.clone(), directions, set_ups, functions, timeline, start }, path))
     }
 }

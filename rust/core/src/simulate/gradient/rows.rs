@@ -1,6 +1,7 @@
 //! Derivatives of the runs of a batch. A *row* is one run of the batch. Threads compute different rows. A row has the same bits as a single
 //! run. Rows with the same plants, laws and forces share a loop, and loops with the same structure share their recorded functions.
 
+use super::controlled_steps::completed;
 use super::parameters::{Parameter, Parameters};
 use super::prepared::{Loop, Prepared};
 use super::structure::FunctionStore;
@@ -142,7 +143,7 @@ impl<'b> KnownLoops<'b> {
         let new = || Arc::new(KnownLoop { row: r, made: OnceLock::new() });
         let known = self.loops.find_or_keep(|known| rows.is_same_loop(known.row, r), new, |_| true);
         let own = known.made.get_or_init(|| Loop::of(problem, parameters)).as_ref().map_err(Clone::clone)?;
-        own.prepare(problem, parameters, &self.functions, &AtomicBool::new(false))
+        completed(own.prepare(problem, parameters, &self.functions, &AtomicBool::new(false))?, parameters.all)
     }
 }
 

@@ -106,25 +106,14 @@ impl Timeline {
     }
 
     /// List the operations of the one run of a problem. The options contain the times of the records. An adaptive run is computed first, to
-    /// obtain its steps. Error: `Solve` if that run ends early.
-    pub fn of(problem: &Problem, stop: &dyn Stop) -> Result<Self> {
-        let o = &problem.options;
-        let contacts = Contacts { modes: Vec::new(), guards: Vec::new(), switches: Vec::new() };
-        let timeline = Timeline {
-            contacts,
-            operations: Vec::new(),
-            sampling: o.sampling.clone(),
-            grid: o.grid(),
-            records: 0,
-            crossings: Vec::new(),
-            states: Vec::new(),
-        };
-        let list = |breaks| TimelineBuilder { timeline, breaks, sampled: None, acting: None, mode: 0 };
+    /// obtain its samples and contact changes. Then the list has no records and only the steps between these times, and the second result is
+    /// the path of the run. Error: `Solve` if that run ends early.
+    pub fn of(problem: &Problem, stop: &dyn Stop) -> Result<(Self, Option<AdaptivePath>)> {
         match problem.divide(stop)? {
             Division::Fixed(fixed) => {
-                let mut listing = list(&fixed.schedule.breaks);
+                let mut listing = TimelineBuilder::new(problem, &fixed.schedule.breaks);
                 listing.timeline.contacts.modes.push(Vec::new());
-                listing.fixed(&fixed.schedule, fixed.hold)
+                Ok((listing.fixed(&fixed.schedule, fixed.hold)?, None))
             }
             Division::Adaptive(segments) => {
                 let mut whole = problem.clone();
@@ -137,14 +126,64 @@ impl Timeline {
                     let problem = format!("the run ended at t = {} s: {}", run.ended, run.status.name());
                     return Err(Error::Solve { status: run.status, t: run.ended, problem });
                 }
-                let Times::At(records) = &o.times else { return Ok(list(&[]).timeline) };
-                list(&breaks).adaptive(&run.t, observer.contacts.unwrap_or_default(), records)
+                let (switched, sampled) = (observer.contacts.unwrap_or_default(), problem.options.sampling.is_some());
+                let path = AdaptivePath::of(run.t, switched, breaks, sampled)?;
+                let timeline = TimelineBuilder::new(problem, &path.breaks).adaptive(&path, &[])?;
+                Ok((timeline, Some(path)))
             }
         }
     }
 }
 
-impl TimelineBuilder<'_> {
+/// The steps of an adaptive run.
+pub struct AdaptivePath {
+    /// The times at which the steps of the derivatives begin and end, s.
+    times: Vec<f64>,
+    switched: Vec<Switched>,
+    breaks: Vec<f64>,
+    /// The ends of all steps of the run, s.
+    pub steps: Vec<f64>,
+}
+
+impl AdaptivePath {
+    /// Return the path of a run with the ends `steps` of its steps. Its times are those that the derivatives require: the ends of the run,
+    /// jumps of the input, samples and contact changes.
+    fn of(steps: Vec<f64>, switched: Vec<Switched>, breaks: Vec<f64>, sampled: bool) -> Result<Self> {
+        // The number of jumps of the input and of contact changes up to `t`.
+        let passed = |t: f64| breaks.partition_point(|&jump| jump <= t) + switched.partition_point(|switch| switch.t <= t);
+        let mut times = Vec::new();
+        for (i, &t) in steps.iter().enumerate() {
+            if sampled || i == 0 || i + 1 == steps.len() || passed(steps[i - 1]) < passed(t) {
+                append(&mut times, &[t])?;
+            }
+        }
+        Ok(AdaptivePath { times, switched, breaks, steps })
+    }
+
+    /// Divide the steps at the times `more`, s.
+    pub fn divided(mut self, more: &[f64]) -> Result<Self> {
+        append(&mut self.times, more)?;
+        self.times.sort_by(f64::total_cmp);
+        Ok(self)
+    }
+
+    /// List the operations of the run with these steps, and its records.
+    pub fn timeline(&self, problem: &Problem) -> Result<Timeline> {
+        let records: &[f64] = if let Times::At(records) = &problem.options.times { records } else { &[] };
+        TimelineBuilder::new(problem, &self.breaks).adaptive(self, records)
+    }
+}
+
+impl<'a> TimelineBuilder<'a> {
+    /// Begin a list without operations. `breaks`: the times at which the input jumps, s.
+    fn new(problem: &Problem, breaks: &'a [f64]) -> Self {
+        let contacts = Contacts { modes: Vec::new(), guards: Vec::new(), switches: Vec::new() };
+        let (sampling, grid) = (problem.options.sampling.clone(), problem.options.grid());
+        let (operations, crossings, states) = Default::default();
+        let timeline = Timeline { contacts, operations, sampling, grid, records: 0, crossings, states };
+        TimelineBuilder { timeline, breaks, sampled: None, acting: None, mode: 0 }
+    }
+
     fn push(&mut self, operation: Operation) -> Result<()> {
         append(&mut self.timeline.operations, &[operation])
     }
@@ -221,18 +260,18 @@ impl TimelineBuilder<'_> {
     }
 
     /// Append the contact change at `t` to the operations.
-    fn switch(&mut self, t: f64, Switched { by, touches, .. }: Switched) -> Result<()> {
+    fn switch(&mut self, t: f64, Switched { by, touches, .. }: &Switched) -> Result<()> {
         let (before, contacts) = (self.mode, &mut self.timeline.contacts);
-        self.mode = place(&mut contacts.modes, touches);
-        let Some(by) = by else { return Ok(()) };
+        self.mode = place(&mut contacts.modes, touches.clone());
+        let &Some(by) = by else { return Ok(()) };
         let (guard, k) = (place(&mut contacts.guards, by), contacts.switches.len());
         append(&mut contacts.switches, &[Switch { guard, before, after: self.mode }])?;
         self.push(Operation::Switch { k, t })
     }
 
-    fn adaptive(mut self, path: &[f64], switched: Vec<Switched>, records: &[f64]) -> Result<Timeline> {
-        let mut switched = switched.into_iter().peekable();
-        for (j, &t) in path.iter().enumerate() {
+    fn adaptive(mut self, path: &AdaptivePath, records: &[f64]) -> Result<Timeline> {
+        let mut switched = path.switched.iter().peekable();
+        for (j, &t) in path.times.iter().enumerate() {
             look();
             while let Some(next) = switched.next_if(|next| next.t <= t) {
                 self.switch(t, next)?;
@@ -241,7 +280,7 @@ impl TimelineBuilder<'_> {
                 self.timeline.contacts.modes.push(Vec::new());
             }
             self.sample(t)?;
-            let next = path.get(j + 1).copied();
+            let next = path.times.get(j + 1).copied();
             let close = next.map_or(f64::INFINITY, |next| ON_STEP * (next - t));
             while let Some(&at) = records.get(self.timeline.records).filter(|&&at| next.is_none_or(|next| at < next - close)) {
                 if at - t <= close { self.record(at)? } else { self.aside(t, at)? }
