@@ -1,4 +1,4 @@
-"""Write files of runs, tables, figures and sweeps so that no incomplete file remains, and archives of arrays with a checksum."""
+"""Read regular files only, write files so that no incomplete file remains, and pack arrays in archives with a checksum."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import errno
 import hashlib
 import json
 import os
+import stat
 import tempfile
 from collections.abc import Callable, Mapping
 from contextlib import suppress
@@ -19,7 +20,7 @@ from numpy.typing import NDArray
 from .arguments import file_path
 from .errors import FormatError
 
-__all__ = ["digest", "folder_for", "pack", "unpack", "write_whole"]
+__all__ = ["digest", "folder_for", "open_regular", "pack", "unpack", "write_whole"]
 
 SEAL = b"sha256:"
 SEALED = len(SEAL) + 64  # length of the archive's comment, bytes
@@ -78,6 +79,25 @@ def _digest_of(file: IO[bytes], size: int) -> bytes:
         state.update(piece)
         size -= len(piece)
     return state.hexdigest().encode()
+
+
+def open_regular(path: str | PathLike[str]) -> IO[bytes]:
+    """Open a regular file to read bytes.
+
+    Raises:
+        OSError: the file cannot be opened, or is a pipe or a device. Reading of these may wait without end.
+    """
+    return open(path, "rb", opener=_regular)
+
+
+def _regular(path: str, flags: int) -> int:
+    # With this flag, opening a pipe does not wait for its writer. Windows has no such flag.
+    handle = os.open(path, flags | getattr(os, "O_NONBLOCK", 0))
+    mode = os.fstat(handle).st_mode
+    if stat.S_ISREG(mode) or stat.S_ISDIR(mode):  # for a folder, `open` raises its usual error
+        return handle
+    os.close(handle)
+    raise OSError(errno.EINVAL, "is not a regular file", path)
 
 
 def write_whole(path: str | PathLike[str], write: Callable[[IO[bytes]], object]) -> None:

@@ -15,7 +15,7 @@ from . import _core
 from .arguments import file_path, instance, shown
 from .border import border
 from .errors import InputError
-from .files import folder_for, write_whole
+from .files import folder_for, open_regular, write_whole
 
 __all__ = ["export_c"]
 
@@ -166,7 +166,7 @@ def _pair(function: object, k: int) -> tuple[str, str]:
 def _require_own(path: Path) -> None:
     """Refuse to overwrite a file that armlet did not write."""
     try:
-        with path.open("rb") as file:
+        with open_regular(path) as file:
             start = file.read(max(map(len, STAMPS)))
     except FileNotFoundError:
         return

@@ -14,9 +14,12 @@ from os import PathLike
 from pathlib import Path
 from typing import Any
 
+from ._core import example_urdf
 from .arguments import file_path, instance, one_line, shown
-from .errors import InputError
+from .encodings import NotText, decoded
+from .errors import InputError, ModelError
 from .extras import extra
+from .files import open_regular
 
 __all__ = ["robot_file", "robot_text"]
 
@@ -30,9 +33,9 @@ _XACRO = threading.Lock()
 
 
 def robot_file(source: str, is_xml: bool, search_path: SearchPath, xacro_arguments: Mapping[str, object] | None) -> tuple[str, str | None]:
-    """Return the path of the file that `source` names, and the URDF text if xacro expanded it; otherwise None.
+    """Return the path of the file that `source` names, and its URDF text, after expansion by xacro.
 
-    If `is_xml`, `source` is the XML text of a robot. Then the first result is this text instead of a path.
+    If `is_xml`, `source` is the XML text of a robot. Then the first result is this text instead of a path, and the second is None.
     """
     folders = _folders(search_path)
     path = source if is_xml else _located(source, folders)
@@ -41,7 +44,7 @@ def robot_file(source: str, is_xml: bool, search_path: SearchPath, xacro_argumen
             raise InputError(
                 f"{_NAME}: xacro_arguments is not used: expected None for what is no .xacro file, got {shown(xacro_arguments)}"
             )
-        return path, None
+        return path, None if is_xml else _urdf(path)
     return path, _expanded(path, folders, _texts(xacro_arguments))
 
 
@@ -55,18 +58,51 @@ def robot_text(
     """
     given = file_path(function, source, name)
     if isinstance(source, str) and "<" in source:
+        if len(source) > _MOST_BYTES or len(source.encode("utf-8", "replace")) > _MOST_BYTES:
+            raise InputError(f"{function}: {name} is too large: expected at most {_MOST_BYTES} bytes")
         return source
-    path, text = robot_file(given, False, search_path, xacro_arguments)
-    if text is not None:
-        return text
+    folders = _folders(search_path)
+    path = _located(given, folders)
+    if path.endswith(".xacro"):
+        return _expanded(path, folders, _texts(xacro_arguments))
     try:
-        with open(path, "rb") as stream:
-            content = stream.read(_MOST_BYTES + 1)
+        content = _content(path)
         if len(content) > _MOST_BYTES:
             raise InputError(f"{function}: {name} is too large: expected at most {_MOST_BYTES} bytes, got {path}")
-        return content.decode("utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
+        return decoded(content)
+    except (OSError, NotText) as error:
         raise InputError(f"{function}: {name} cannot be read: expected a file or its text, got {path} ({one_line(str(error))})") from None
+
+
+def _urdf(path: str) -> str:
+    """The text of a URDF file."""
+    try:
+        content = _content(path)
+    except (OSError, ValueError) as error:  # ValueError: a zero character in the path
+        reason = one_line((isinstance(error, OSError) and error.strerror) or str(error))
+        hint = f"; al.example_urdf({path!r}) is the text of an example" if _is_example(path) else ""
+        problem = f"cannot be read: expected a URDF file or its text, got {path} ({reason}){hint}"
+        raise InputError(f"{_NAME}: path_or_xml {problem}") from None
+    if len(content) > _MOST_BYTES:
+        raise ModelError(f"{_NAME}: {path}:1: is too large: expected at most {_MOST_BYTES} bytes", path, 1)
+    try:
+        return decoded(content)
+    except NotText as error:
+        raise ModelError(f"{_NAME}: {path}:{error.line}: {error}", path, error.line) from None
+
+
+def _content(path: str) -> bytes:
+    """The bytes of a regular file. If it is too large, it has more than `_MOST_BYTES`."""
+    with open_regular(path) as stream:
+        return stream.read(_MOST_BYTES + 1)
+
+
+def _is_example(name: str) -> bool:
+    try:
+        example_urdf(name)
+    except InputError:
+        return False
+    return True
 
 
 def _folders(search_path: SearchPath) -> list[Path]:

@@ -19,10 +19,10 @@ from xml.etree import ElementTree
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ._core import Arm, load_urdf, numbers
+from ._core import Arm, _urdf_joints, load_urdf, numbers
 from .arguments import choice, instance, number, one_line, shown, text
 from .border import border, bordered
-from .errors import InputError, ModelError
+from .errors import InputError
 from .pickling import sealed
 from .robot_files import robot_text
 
@@ -151,8 +151,7 @@ class Srdf:
         name = "Srdf.arm"
         if len(group.chains) == 1 and not group.joints and not group.links:
             return group.chains[0]
-        tree = _tree(name, robot_text(name, "source", source, **files), "robot", ModelError)
-        carried = {_link(joint, "child"): (joint.get("name", ""), _link(joint, "parent")) for joint in tree.findall("joint")}
+        carried = {child: (joint, parent) for joint, parent, child in _urdf_joints(name, robot_text(name, "source", source, **files))}
         child_of = {joint: child for child, (joint, _) in carried.items()}
         listed = [child_of[joint] for joint in group.joints if joint in child_of] + [link for link in group.links if link in carried]
         for base, tip in group.chains:
@@ -186,21 +185,19 @@ def _numbers(function: str, value: ArrayLike, n: int) -> _Array:
     return values
 
 
-def _link(joint: ElementTree.Element, tag: str) -> str:
-    element = joint.find(tag)
-    return "" if element is None else element.get("link", "")
-
-
-def _tree(function: str, xml: str, root: str, error_type: type[InputError] = InputError) -> ElementTree.Element:
-    """Parse XML and return its root element. Refuse text that declares a document type or entities. Errors have the type `error_type`."""
+def _tree(function: str, xml: str) -> ElementTree.Element:
+    """Parse the XML of an SRDF and return its root element. Refuse text that declares a document type or entities."""
     if "<!DOCTYPE" in xml or "<!ENTITY" in xml:
-        raise error_type(f"{function}: source declares a document type: expected XML without one")
+        raise InputError(f"{function}: source declares a document type: expected XML without one")
+    # The parser takes a text with zero characters for UTF-16, and would then find a document type that the search above does not.
+    if "\0" in xml:
+        raise InputError(f"{function}: source is not well formed: expected no zero character")
     try:
         tree = ElementTree.fromstring(xml)
     except (ElementTree.ParseError, ValueError) as error:
-        raise error_type(f"{function}: source is not well formed: {one_line(str(error))}") from None
-    if tree.tag != root:
-        raise error_type(f"{function}: source has the wrong root: expected <{root}>, got <{one_line(tree.tag)[:80]}>")
+        raise InputError(f"{function}: source is not well formed: {one_line(str(error))}") from None
+    if tree.tag != "robot":
+        raise InputError(f"{function}: source has the wrong root: expected <robot>, got <{one_line(tree.tag)[:80]}>")
     return tree
 
 
@@ -230,7 +227,7 @@ def load_srdf(path_or_xml: str | PathLike[str]) -> Srdf:
     array([0. , 1.2])
     """
     function = "load_srdf"
-    tree = _tree(function, robot_text(function, "path_or_xml", path_or_xml), "robot")
+    tree = _tree(function, robot_text(function, "path_or_xml", path_or_xml))
     elements: dict[str, ElementTree.Element] = {}
     for element in tree.findall("group"):
         name = _attribute(function, element, "name")

@@ -116,11 +116,30 @@ def test_numpy_counts_the_same() -> None:
 
 
 def test_every_row_has_its_own_arm_and_law() -> None:
-    free = al.Arm.from_chain([hinge(-100.0, 100.0)] * 3)
+    free = al.Arm.from_chain([hinge(-1e4, 1e4)] * 3)
     with pytest.raises(al.InputError, match=rf"^simulate_batch: q0{SAYS.replace('1', '1, 1', 1)} \(1 of 2 rows\)$"):
         al.simulate_batch([al.RigidArm(free), PLANT], law(), [DEGREES, DEGREES], **SHORT, check_limits=True)
     with pytest.warns(UserWarning, match=rf"law.target{SAYS} \(1 of 2 rows\)"):
         al.simulate_batch(PLANT, [law(), law(DEGREES)], [HOME, HOME], **SHORT)
+
+
+@pytest.mark.parametrize(
+    ("kind", "limit", "q0", "words"),
+    [
+        ("R", 180.0, -57.0, r"q0\[0\] = -57 rad is implausibly large, and so are its limits \[-180, 180\]: degrees\?"),
+        ("R", 90.0, 91.0, r"q0\[0\] = 91 rad is outside \[-90, 90\]"),
+        ("P", 400.0, 250.0, r"q0\[0\] = 250 m is implausibly large, and so are its limits \[-400, 400\]: millimetres\?"),
+    ],
+)
+def test_limits_in_degrees_do_not_hide_positions_in_degrees(kind: str, limit: float, q0: float, words: str) -> None:
+    arm = al.Arm.from_chain([{**hinge(-limit, limit), "type": kind}])
+    stay = al.PDGravity(arm, [0.0], 10.0, 5.0)
+    with pytest.warns(UserWarning, match=words):
+        al.simulate(al.RigidArm(arm), stay, [q0], **SHORT)
+    with pytest.raises(al.InputError, match=words):
+        al.simulate(al.RigidArm(arm), stay, [q0], **SHORT, check_limits=True)
+    # A position of less than one turn is plausible.
+    al.simulate(al.RigidArm(arm), stay, [0.9], **SHORT, check_limits=True)
 
 
 def test_one_warning_names_all_positions() -> None:

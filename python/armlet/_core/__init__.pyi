@@ -9,6 +9,7 @@ from .arms import _restore_tree as _restore_tree
 from .arms import _seal as _seal
 from .arms import _share as _share
 from .arms import _stored_array as _stored_array
+from .arms import _urdf_joints as _urdf_joints
 from .arms import example_urdf as example_urdf
 from .arms import load_urdf as load_urdf
 from .arms import pendulum as pendulum

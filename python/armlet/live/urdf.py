@@ -23,6 +23,7 @@ import numpy as np
 
 import armlet as al
 
+from ..robot_files import robot_text
 from .shapes import BLUE, ORANGE, Array, Colour, Shape, between
 
 __all__ = ["Looks", "find_mesh", "missing_line", "read_shapes"]
@@ -85,7 +86,7 @@ def _text(source: str | Path, packages: Sequence[Path]) -> tuple[str, list[Path]
     if isinstance(source, str) and "<" in source:  # the rule of `al.load_urdf` for texts
         return source, [*packages]
     path = Path(source)
-    return path.read_text(encoding="utf-8-sig"), [path.resolve().parent, *packages]
+    return robot_text("read_shapes", "source", path), [path.resolve().parent, *packages]
 
 
 def _skeleton(robot: ElementTree.Element, arm: al.Arm) -> dict[str, list[Shape]]:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from ..arguments import file_path
 from ..errors import FormatError
-from ..files import digest, pack, unpack, write_whole
+from ..files import digest, open_regular, pack, unpack, write_whole
 from ..status import Status
 from .events import Events
 from .recorded import SERIES, Recorded
@@ -83,7 +83,7 @@ def read(path: str | PathLike[str]) -> tuple[str, dict[str, Any]]:
         return FormatError(f"load: {name} {problem}")
 
     try:
-        with open(name, "rb") as file:
+        with open_regular(name) as file:
             arrays, sealed = unpack(file)
     except FormatError as error:
         raise fault(str(error)) from None

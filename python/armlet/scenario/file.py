@@ -6,8 +6,9 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import InputError
+from ..files import open_regular
 
-__all__ = ["read", "text_of"]
+__all__ = ["read"]
 
 # Largest size of a file, bytes. A scenario that contains the text of its robot file is smaller.
 MOST_BYTES = 32 << 20
@@ -17,7 +18,7 @@ def read(file: Path) -> dict[str, Any]:
     """Return the tables of a TOML file. The InputError of a fault names its line, and the InputError of a robot file names its commands."""
     import tomllib
 
-    text = text_of(file)
+    text = _text(file)
     try:
         return tomllib.loads(text)
     # An integer of thousands of digits raises ValueError, thousands of nested brackets raise RecursionError.
@@ -25,9 +26,9 @@ def read(file: Path) -> dict[str, Any]:
         raise InputError(f"{file}: {_robot(file, text) or f'is not TOML: {error}'}") from None
 
 
-def text_of(file: Path) -> str:
+def _text(file: Path) -> str:
     """Return the text of a file. Refuse a file that is too large, such as an endless device."""
-    with file.open("rb") as stream:
+    with open_regular(file) as stream:
         content = stream.read(MOST_BYTES + 1)
     if len(content) > MOST_BYTES:
         raise InputError(f"{file}: is too large: expected at most {MOST_BYTES} bytes")

@@ -24,7 +24,7 @@ from ..run.simulation import simulate
 from .across import RIGID, across, knowing, needs_of
 from .built import Built, summary
 from .fields import Kind, OneOf
-from .file import read, text_of
+from .file import read
 from .tables import SCENARIO, arguments
 
 __all__ = ["Built", "Scenario", "change", "pathed"]
@@ -249,8 +249,7 @@ class Scenario:
             path = data.get(table, {}).pop("path", None)
             if path is not None:
                 file = path if "://" in path else str(Path(self.folder) / path)
-                made = "://" in path or path.endswith(".xacro")
-                data[table]["xml"] = robot_text("Scenario.standalone", "path", file) if made else text_of(Path(file))
+                data[table]["xml"] = robot_text("Scenario.standalone", "path", file)
         return Scenario(data, self.folder, self.name)
 
 

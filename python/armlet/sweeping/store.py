@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import FormatError, InputError
-from ..files import digest, pack, unpack, write_whole
+from ..files import digest, open_regular, pack, unpack, write_whole
 
 __all__ = ["Store"]
 
@@ -51,7 +51,8 @@ class Store:
 
     def _same(self, manifest: Path, what: Mapping[str, Any]) -> int:
         try:
-            head = json.loads(manifest.read_text(encoding="utf-8"))
+            with open_regular(manifest) as file:
+                head = json.loads(file.read())
             known = head["format"] == FORMAT and head["version"] == VERSION
             chunk, held = int(head["chunk"]), head["what"]
         except (ValueError, KeyError, TypeError):
@@ -80,7 +81,7 @@ class Store:
     def read(self, start: int, stop: int) -> Columns | None:
         """Return the columns of the chunk with the cells from `start` to `stop`, or None if its file is absent or damaged."""
         try:
-            with open(self._file(start), "rb") as file:
+            with open_regular(self._file(start)) as file:
                 packed, sealed = unpack(file)
             header = json.loads(packed["header"].tobytes().decode())
             arrays = {name: packed[f"column{i}"] for i, name in enumerate(header["names"])}

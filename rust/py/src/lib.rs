@@ -49,7 +49,8 @@ mod _core {
     use super::about::{build_info, statuses};
     #[pymodule_export]
     use super::arm::{
-        _restore_arm, _restore_planar_pr, _restore_tree, Arm, example_urdf, load_urdf, pendulum, planar_arm, planar_pr, project_parameters,
+        _restore_arm, _restore_planar_pr, _restore_tree, _urdf_joints, Arm, example_urdf, load_urdf, pendulum, planar_arm, planar_pr,
+        project_parameters,
     };
     #[pymodule_export]
     use super::arrays::python::numbers;

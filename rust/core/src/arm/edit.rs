@@ -2,9 +2,9 @@
 
 use super::mimic::Leader;
 use super::urdf::negative_moment;
-use super::{Arm, Frame, JointKind, Mimic, writable};
+use super::{Arm, Frame, Mimic, writable};
 use crate::error::{Error, Result, finite, listed};
-use crate::spatial::{Inertia, Matrix3, Placement, RotationMatrix, Sym3, Vector, Vector3};
+use crate::spatial::{Inertia, Matrix, Placement, Sym3, Vector, Vector3};
 
 impl Arm {
     /// Return the arm with an additional frame `name`. `rpy`, rad, and `xyz`, m, are its placement in the frame `parent`. Errors:
@@ -76,13 +76,7 @@ impl Arm {
                 arm.joints.push(super::Joint { parent: body, placement, ..joint.clone() });
                 continue;
             };
-            let axis = Vector3::from(joint.axis);
-            let motion = match joint.kind {
-                JointKind::Prismatic => Placement { rotation: Matrix3::IDENTITY, translation: axis.scale(value) },
-                JointKind::Revolute | JointKind::Continuous => {
-                    Placement { rotation: Matrix3::from_axis_angle(axis, value), translation: Vector3::from([0.0; 3]) }
-                }
-            };
+            let motion = joint.kind.displacement(joint.axis, value);
             let place = placement.then(&motion);
             moved.push((body, place));
             arm.merge(body, &Inertia::from_parameters(&joint.parameters), &place);
@@ -99,9 +93,9 @@ impl Arm {
         Ok(arm)
     }
 
-    /// Return the part of the arm between two frames. The frame `root` becomes the fixed base and the world frame. The numbers of
-    /// `gravity` do not change, and are then in the axes of `root`. With `tip`, only the joints that move `tip` relative to `root` remain.
-    /// Errors: `Unknown` for a frame, `Input` if `tip` is not below `root`.
+    /// Return the part of the arm between two frames. The frame `root` becomes the fixed base and the world frame. Gravity keeps its
+    /// direction relative to the arm's base, with all joints between this base and `root` at zero. With `tip`, only the joints that move
+    /// `tip` relative to `root` remain. Errors: `Unknown` for a frame, `Input` if `tip` is not below `root`.
     pub fn sub_chain(&self, root: Option<&str>, tip: Option<&str>) -> Result<Arm> {
         let find = |argument: &str, name: Option<&str>| {
             name.map(|name| self.frame_index(name).map_err(|error| error.of_argument(argument))).transpose()
@@ -126,7 +120,8 @@ impl Arm {
                 body = self.joints[b].parent;
             }
         }
-        let mut arm = Arm { joints: Vec::new(), frames: Vec::new(), mimics: Vec::new(), ..self.clone() };
+        let gravity = root.map_or(self.gravity, |f| self.gravity_in(f));
+        let mut arm = Arm { joints: Vec::new(), frames: Vec::new(), mimics: Vec::new(), gravity, ..self.clone() };
         let mut index = vec![None; self.joints.len()];
         for (i, joint) in self.joints.iter().enumerate().filter(|(i, _)| kept[*i]) {
             index[i] = Some(arm.joints.len());
@@ -148,6 +143,20 @@ impl Arm {
             arm.report.push(format!("dropped: joints outside the sub-chain, and what they carry: {}", listed(&gone)));
         }
         Ok(arm)
+    }
+
+    /// Return gravity in the axes of a frame, with all coordinates at zero. m/s^2.
+    fn gravity_in(&self, frame: usize) -> [f64; 3] {
+        let mut positions = vec![0.0; self.joints.len()];
+        self.joint_positions(&vec![0.0; self.n()], &mut positions);
+        let (mut placement, mut body) = (self.frames[frame].placement, self.frames[frame].body);
+        while let Some(b) = body {
+            let joint = &self.joints[b];
+            placement = joint.placement.then(&joint.kind.displacement(joint.axis, positions[b])).then(&placement);
+            body = joint.parent;
+        }
+        // Adding zero removes the sign of a negative zero.
+        placement.rotation.apply_transposed(Vector3::from(self.gravity)).array().map(|x| x + 0.0)
     }
 
     /// Set the mimic joints of a part of this arm. `index(i)` is the index of joint `i` in the part, or `None` if the part does not contain

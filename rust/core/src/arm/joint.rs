@@ -1,6 +1,7 @@
 //! Joints and frames of an arm, as the user describes them.
 
-use crate::spatial::Placement;
+use crate::spatial::{Matrix3, Placement, RotationMatrix, Vector, Vector3};
+use std::ops::RangeInclusive;
 
 /// The kind of motion of a joint.
 ///
@@ -36,7 +37,44 @@ impl JointKind {
             JointKind::Prismatic => "prismatic",
         }
     }
+    /// The unit of the coordinate.
+    pub fn unit(self) -> &'static str {
+        if self.is_angle() { "rad" } else { "m" }
+    }
+    /// Return the displacement of the moved joint frame from the joint frame, at a position in rad or m. `axis`: unit vector.
+    pub(crate) fn displacement(self, axis: [f64; 3], position: f64) -> Placement {
+        let axis = Vector3::from(axis);
+        if self.is_angle() {
+            Placement { rotation: Matrix3::from_axis_angle(axis, position), translation: Vector3::from([0.0; 3]) }
+        } else {
+            Placement { rotation: Matrix3::IDENTITY, translation: axis.scale(position) }
+        }
+    }
+    /// The unit in which a position is plausible, if it is too large for rad or m.
+    pub(super) fn other_unit(self, position: f64) -> Option<&'static str> {
+        let (range, unit) = if self.is_angle() { (ANGLES, "degrees") } else { (DISTANCES, "millimetres") };
+        range.contains(&position.abs()).then_some(unit)
+    }
+    /// The unit in which the position limits are plausible, if they are too large for rad or m.
+    pub fn doubtful_unit(self, limits: &Limits) -> Option<&'static str> {
+        [limits.lower, limits.upper].into_iter().find_map(|end| self.other_unit(end))
+    }
+    /// The unit of a position in which the velocity limit is plausible, if it is too large for rad/s or m/s.
+    pub fn doubtful_speed_unit(self, limits: &Limits) -> Option<&'static str> {
+        let (range, unit) = if self.is_angle() { (TURNING_SPEEDS, "degrees") } else { (SPEEDS, "millimetres") };
+        range.contains(&limits.velocity.abs()).then_some(unit)
+    }
 }
+
+/// Position limits of a rotation that are probably in degrees, rad: more than two turns to either side. Robots with more exist, but are
+/// rare. Larger numbers than these ranges stand for a joint without limits.
+const ANGLES: RangeInclusive<f64> = 12.6..=7200.0;
+/// Position limits of a translation that are probably in millimetres, m.
+const DISTANCES: RangeInclusive<f64> = 10.1..=1e5;
+/// Velocity limits of a rotation that are probably in degrees/s, rad/s.
+const TURNING_SPEEDS: RangeInclusive<f64> = 50.0..=7200.0;
+/// Velocity limits of a translation that are probably in mm/s, m/s.
+const SPEEDS: RangeInclusive<f64> = 20.0..=1e5;
 
 /// The limits of a joint. A limit that the model does not state is infinite.
 ///

@@ -22,7 +22,7 @@ pub use outside::Outside;
 pub use tree::{BASE, Body, Tree, TreeFrame, second_moment};
 pub use urdf::Written;
 #[cfg(feature = "urdf")]
-pub use urdf::{MAX_BYTES, MAX_DEPTH, MimicMode, UrdfOptions};
+pub use urdf::{MAX_BYTES, MAX_DEPTH, MimicMode, UrdfOptions, urdf_joints};
 pub use urdf_examples::{EXAMPLES, example_urdf};
 
 use crate::error::{Error, Result, finite};

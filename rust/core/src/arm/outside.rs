@@ -1,6 +1,7 @@
-//! Positions that are outside of joint limits: `q < lower` or `q > upper`, by more than the rounding of decimal numbers.
+//! Positions that are outside of joint limits: `q < lower` or `q > upper`, by more than the rounding of decimal numbers. A position of more
+//! than one turn within limits that are probably in degrees also counts.
 
-use super::{Arm, JointKind};
+use super::{Arm, Joint, JointKind};
 use crate::interrupt::look;
 use std::f64::consts::TAU;
 
@@ -31,6 +32,8 @@ pub struct Outside {
     pub limits: [f64; 2],
     /// Whether the position is an angle.
     pub angle: bool,
+    /// The unit in which both the position and the limits are plausible, if both are too large for rad or m.
+    pub other_unit: Option<&'static str>,
     /// The number of joints outside of their limits in this row.
     pub joints: usize,
     /// The number of rows with a joint outside of its limits.
@@ -49,14 +52,15 @@ impl Outside {
             of += 1;
             let mut beyond = arm.independent().zip(q).enumerate().filter(|(_, (joint, q))| {
                 let limits = &joint.limits;
-                **q < limits.lower - SLACK || **q > limits.upper + SLACK
+                **q < limits.lower - SLACK || **q > limits.upper + SLACK || other_unit(joint, **q).is_some()
             });
             let Some((i, (joint, &value))) = beyond.next() else { continue };
             match &mut found {
                 Some(found) => found.rows += 1,
                 None => {
                     let (limits, angle) = ([joint.limits.lower, joint.limits.upper], joint.kind != JointKind::Prismatic);
-                    found = Some(Outside { row, joint: i, value, limits, angle, joints: 1 + beyond.count(), rows: 1, of });
+                    let other_unit = other_unit(joint, value);
+                    found = Some(Outside { row, joint: i, value, limits, angle, other_unit, joints: 1 + beyond.count(), rows: 1, of });
                 }
             }
         }
@@ -80,9 +84,12 @@ impl Outside {
     /// The problem as text, for example `= -57 rad is outside [-3.1, 3.1]: degrees?`.
     pub fn problem(&self) -> String {
         let ([lower, upper], unit) = (self.limits.map(short), if self.angle { "rad" } else { "m" });
-        let mut text = format!("= {} {unit} is outside [{lower}, {upper}]", short(self.value));
-        if self.degrees() {
-            text += ": degrees?";
+        let mut text = format!("= {} {unit} is ", short(self.value));
+        match self.other_unit {
+            Some(other) if (self.limits[0]..=self.limits[1]).contains(&self.value) => {
+                text += &format!("implausibly large, and so are its limits [{lower}, {upper}]: {other}?");
+            }
+            _ => text += &format!("outside [{lower}, {upper}]{}", if self.degrees() { ": degrees?" } else { "" }),
         }
         if self.of > 1 {
             text += &format!(" ({} of {} rows)", self.rows, self.of);
@@ -92,6 +99,13 @@ impl Outside {
         }
         text
     }
+}
+
+/// The unit in which a position and the limits of its joint are plausible, if both are too large for rad or m. So limits in degrees do not
+/// hide a position in degrees.
+fn other_unit(joint: &Joint, position: f64) -> Option<&'static str> {
+    let far = if joint.kind.is_angle() { TAU + SLACK } else { 1.0 };
+    joint.kind.doubtful_unit(&joint.limits).filter(|_| position.abs() > far)
 }
 
 /// Return the number as text with six digits, without trailing zeros.

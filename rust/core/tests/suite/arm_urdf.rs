@@ -333,6 +333,10 @@ fn root_and_tip_cut_the_tree() {
     let again = example("two_arms").sub_chain(Some("column"), Some("left_fore")).unwrap();
     assert_eq!(names(again.joint_names()), names(arm.joint_names()));
     assert_eq!((again.joints[0].placement, again.parameters()), (arm.joints[0].placement, arm.parameters()));
+    // A sub-chain keeps the direction of gravity. The joint of the upper arm is tilted by 0.2 rad about x, and the frame by 0.3 rad.
+    let tilted = example("two_arms").with_frame("tilted", "left_upper", [0.3, 0.0, 0.0], [0.0; 3]).unwrap();
+    let [x, y, z] = tilted.sub_chain(Some("tilted"), None).unwrap().gravity;
+    assert!(x.abs() < 1e-15 && (y + 9.81 * 0.5f64.sin()).abs() < 1e-14 && (z + 9.81 * 0.5f64.cos()).abs() < 1e-14);
     assert!(matches!(cut(None, Some("nose")), Err(Error::Unknown { argument, .. }) if argument == "tip"));
     assert!(matches!(cut(Some("left_upper"), Some("right_upper")), Err(Error::Input { argument, .. }) if argument == "tip"));
     assert!(matches!(example("two_arms").sub_chain(Some("left_upper"), Some("head")), Err(Error::Input { .. })));

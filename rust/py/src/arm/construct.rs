@@ -15,7 +15,6 @@ use armlet_macros::entered;
 use pyo3::prelude::*;
 use pyo3::types::{PyList, PyString, PyTuple};
 use std::borrow::Cow;
-use std::path::Path;
 
 /// The robot with a prismatic and a revolute joint on a horizontal plane, `M = [[A, B cos q2], [B cos q2, C]]`.
 ///
@@ -56,6 +55,13 @@ pub fn _restore_planar_pr(pi: [f64; 3]) -> Arm {
     Arm { model: ArmModel::PlanarPr(PlanarPr::with_parameters(pi)) }
 }
 
+/// Return the name, the parent link and the child link of each joint of a URDF text.
+#[entered]
+#[pyfunction]
+pub fn _urdf_joints(py: Python<'_>, function: &str, xml: &str) -> PyResult<Vec<(String, String, String)>> {
+    entry(py, function, || long(py, || Ok(core::urdf_joints(xml, "source")?)))
+}
+
 fn gravity3(function: &str, gravity: Option<&Bound<'_, PyAny>>) -> Result<[f64; 3], Failure> {
     let Some(gravity) = gravity else { return Ok(core::STANDARD_GRAVITY) };
     let g = vector(function, "gravity", gravity, 3)?;
@@ -67,8 +73,9 @@ fn gravity3(function: &str, gravity: Option<&Bound<'_, PyAny>>) -> Result<[f64; 
 /// Args:
 ///     path_or_xml: a path, `package://name/file`, or a string of XML. The Python package `xacro`, which must be installed, expands a
 ///         file whose name ends in `.xacro`.
-///     gravity: acceleration of gravity in world axes, `(3,)`, m/s^2; (0, 0, -9.81) if None (keyword only).
-///     root: name of the link that becomes the fixed base; the file's root if None (keyword only). `gravity` is in the axes of this link.
+///     gravity: acceleration of gravity in the axes of the base, `(3,)`, m/s^2; 9.81 m/s^2 along -z of the file's root if None (keyword
+///         only).
+///     root: name of the link that becomes the fixed base; the file's root if None (keyword only).
 ///     tip: name of a link; only the joints between the root and this link remain. All joints remain if None (keyword only).
 ///     mimic: treatment of joints with `<mimic>` (keyword only). "joined": the joint follows its leader, and both are one degree of
 ///         freedom. "independent": the joint is a separate degree of freedom.
@@ -81,6 +88,10 @@ fn gravity3(function: &str, gravity: Option<&Bound<'_, PyAny>>) -> Result<[f64; 
 /// would then allow no motion. The leader gets `multiplier**2` of the follower's armature and damping, and `|multiplier|` of its Coulomb
 /// friction. The leader's effort limit does not change, because one motor moves the leader and its followers. If `root` and `tip` exclude a
 /// leader, its first follower becomes the leader.
+///
+/// With `root` or `tip`, faults of the file outside of the chain do not matter: `arm.report` names the first of them. It also names the
+/// parts that the arm lacks, and gravity in the axes of `root`. Without `gravity`, this is gravity of the whole robot, with the joints
+/// between the file's root and `root` at zero. So a tilted mount tilts gravity. For other positions of these joints, give `gravity`.
 ///
 /// The order of `q` is depth first, with siblings in the order of the file. The names of the frames are the names of the links. Meshes are
 /// never opened. `arm.report` lists unusual values, parts that armlet does not use, and a mass matrix that is not positive definite.
@@ -117,7 +128,8 @@ pub fn load_urdf(
         let root = root.map(|root| name(NAME, "root", root)).transpose()?;
         let tip = tip.map(|tip| name(NAME, "tip", tip)).transpose()?;
         let mimic = mimic.map_or(Ok(MimicMode::default()), |mimic| Ok::<_, Failure>(MimicMode::parse(name(NAME, "mimic", mimic)?)?))?;
-        let options = UrdfOptions { gravity: gravity3(NAME, gravity)?, root, tip, mimic };
+        let gravity = gravity.map(|gravity| vector(NAME, "gravity", gravity, 3).map(|g| [g[0], g[1], g[2]])).transpose()?;
+        let options = UrdfOptions { gravity, root, tip, mimic };
         // The text is borrowed, not copied, because it may be large.
         let text: Cow<'_, str> = match path_or_xml.cast::<PyString>().ok().and_then(|text| text.to_str().ok()) {
             Some(text) => text.into(),
@@ -128,23 +140,18 @@ pub fn load_urdf(
         };
         // A string that contains `<` is XML, not a path. The XML parser reports its errors.
         let is_xml = text.contains('<') && path_or_xml.is_instance_of::<PyString>();
-        // Python code finds files of packages and expands xacro files. It returns the path and the expanded text.
-        let is_plain = is_xml || !(text.contains("://") || text.ends_with(".xacro"));
-        let (text, expanded) = if is_plain && search_path.is_none() && xacro_arguments.is_none() {
+        // Python code finds and reads files, and expands xacro files.
+        let (file, read): (Cow<'_, str>, Option<String>) = if is_xml && search_path.is_none() && xacro_arguments.is_none() {
             (text, None)
         } else {
             let files = py.import("armlet.robot_files")?;
-            let found = files.call_method1("robot_file", (&*text, is_xml, search_path, xacro_arguments))?;
-            let (path, expanded): (String, Option<String>) = found.extract()?;
-            (Cow::Owned(path), expanded)
+            let (path, read): (String, _) = files.call_method1("robot_file", (&*text, is_xml, search_path, xacro_arguments))?.extract()?;
+            (path.into(), read)
         };
         long(py, || {
-            let mut arm = if let Some(expanded) = &expanded {
-                core::Arm::read_urdf(expanded, &text, &options)?
-            } else if is_xml {
-                core::Arm::read_urdf(&text, "<string>", &options)?
-            } else {
-                core::Arm::load_urdf(Path::new(&*text), &options)?
+            let mut arm = match &read {
+                Some(read) => core::Arm::read_urdf(read, &file, &options)?,
+                None => core::Arm::read_urdf(&file, "<string>", &options)?,
             };
             arm.report.extend(indefinite(&arm));
             Ok(arm.into())

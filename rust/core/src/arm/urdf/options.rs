@@ -1,6 +1,5 @@
 //! Options of the URDF reader.
 
-use crate::arm::STANDARD_GRAVITY;
 use crate::error::{Error, Result};
 
 /// The treatment of mimic joints.
@@ -35,8 +34,8 @@ impl MimicMode {
     }
 }
 
-/// Options of the URDF reader. `root` and `tip` are link names. The link `root` becomes the fixed base, and `gravity` is in its axes.
-/// With `tip`, only the joints between `root` and `tip` remain.
+/// Options of the URDF reader. `root` and `tip` are link names. The link `root` becomes the fixed base. With `tip`, only the joints between
+/// `root` and `tip` remain. Faults of the file outside of this part are only reported.
 ///
 /// ```
 /// use armlet_core::arm::{Arm, UrdfOptions, example_urdf};
@@ -49,8 +48,9 @@ impl MimicMode {
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct UrdfOptions<'a> {
-    /// Gravity in the axes of the fixed base, m/s^2.
-    pub gravity: [f64; 3],
+    /// Gravity in the axes of the fixed base, m/s^2. `None` selects 9.81 m/s^2 along -z of the file's root, with all joints between this
+    /// root and the base at zero.
+    pub gravity: Option<[f64; 3]>,
     /// The link that becomes the fixed base. `None` selects the root of the file.
     pub root: Option<&'a str>,
     /// The last link of the chain. `None` selects the whole tree.
@@ -61,6 +61,6 @@ pub struct UrdfOptions<'a> {
 
 impl Default for UrdfOptions<'_> {
     fn default() -> Self {
-        UrdfOptions { gravity: STANDARD_GRAVITY, root: None, tip: None, mimic: MimicMode::default() }
+        UrdfOptions { gravity: None, root: None, tip: None, mimic: MimicMode::default() }
     }
 }

@@ -5,7 +5,7 @@
 //! scan of the text refuses texts that slow the XML parser: many attributes in one tag, many namespaces, deep nesting.
 
 use super::options::UrdfOptions;
-use super::source::{Source, XACRO};
+use super::source::Source;
 use super::{assemble, declaration, element};
 use crate::arm::Arm;
 use crate::error::{Error, Result};
@@ -30,19 +30,13 @@ impl Arm {
     /// Read a URDF text like [`Arm::read_urdf`]. `file`: name for errors. `gravity`: axes of the fixed base, m/s^2. `root` and `tip`: link
     /// names. The link `root` becomes the fixed base. With `tip`, only the joints between `root` and `tip` remain.
     pub fn from_urdf(text: &str, file: &str, gravity: [f64; 3], root: Option<&str>, tip: Option<&str>) -> Result<Arm> {
-        Arm::read_urdf(text, file, &UrdfOptions { gravity, root, tip, ..Default::default() })
+        Arm::read_urdf(text, file, &UrdfOptions { gravity: Some(gravity), root, tip, ..Default::default() })
     }
 
     /// Read a URDF text. `file`: name for errors. Errors: `Model` for a fault of the text, `Input` or `Unknown` for an option, `Memory`.
     pub fn read_urdf(text: &str, file: &str, options: &UrdfOptions) -> Result<Arm> {
-        crate::error::finite("gravity", &options.gravity)?;
-        if text.len() > MAX_BYTES {
-            return Err(Source::new(file, "").error(1, too_large()));
-        }
-        memory::require(text.bytes().filter(|&byte| byte == b'<').count().saturating_mul(BYTES_PER_ELEMENT))?;
-        let source = Source::new(file, text);
-        scan(&source, text)?;
-        let robot = robot(&source, &declaration::forgiven(text), MAX_UNDECLARED)?;
+        crate::error::finite("gravity", options.gravity.as_ref().map_or(&[], |gravity| &gravity[..]))?;
+        let (source, robot) = elements(text, file)?;
         assemble::arm(&source, robot, options)
     }
 
@@ -52,6 +46,10 @@ impl Arm {
         let cannot =
             |e: std::io::Error| Error::input("path_or_xml", format!("cannot be read: expected a URDF file or its text, got {name} ({e})"));
         let mut bytes = Vec::new();
+        // Opening a pipe waits for its writer, and a device may have no end.
+        if !std::fs::metadata(path).map_err(cannot)?.is_file() {
+            return Err(Error::input("path_or_xml", format!("is no regular file: expected a URDF file or its text, got {name}")));
+        }
         let file = std::fs::File::open(path).map_err(cannot)?;
         file.take(MAX_BYTES as u64 + 1).read_to_end(&mut bytes).map_err(cannot)?;
         let text = match std::str::from_utf8(&bytes) {
@@ -67,18 +65,42 @@ impl Arm {
     }
 }
 
+/// Return the name, the parent link and the child link of each joint of a URDF text. A name that the text does not state is empty. `file`:
+/// name for errors. Errors: `Model`, `Memory`.
+///
+/// ```
+/// use armlet_core::arm::{example_urdf, urdf_joints};
+///
+/// let joints = urdf_joints(example_urdf("planar_2r")?, "planar_2r")?;
+/// assert_eq!(joints[0], ("joint1".to_string(), "base".to_string(), "link1".to_string()));
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
+pub fn urdf_joints(text: &str, file: &str) -> Result<Vec<(String, String, String)>> {
+    let (_, robot) = elements(text, file)?;
+    Ok(robot.joints.into_iter().map(|joint| (joint.name, joint.parent, joint.child)).collect())
+}
+
+/// Read the elements of a text, after checks of its size and nesting.
+fn elements<'a>(text: &str, file: &'a str) -> Result<(Source<'a>, element::Robot)> {
+    if text.len() > MAX_BYTES {
+        return Err(Source::new(file, "").error(1, too_large()));
+    }
+    memory::require(text.bytes().filter(|&byte| byte == b'<').count().saturating_mul(BYTES_PER_ELEMENT))?;
+    let source = Source::new(file, text);
+    scan(&source, text)?;
+    let robot = robot(&source, &declaration::forgiven(text), MAX_UNDECLARED)?;
+    Ok((source, robot))
+}
+
 /// Read the elements of a text. `undeclared`: the number of undeclared prefixes that are still allowed.
 fn robot(source: &Source, text: &str, undeclared: usize) -> Result<element::Robot> {
     let parsing = roxmltree::ParsingOptions { nodes_limit: MAX_NODES, ..Default::default() };
     match roxmltree::Document::parse_with_options(text, parsing) {
         Ok(document) => element::read(source, &document),
-        Err(roxmltree::Error::UnknownNamespace(prefix, _)) if prefix != "xacro" && undeclared > 0 => {
+        Err(roxmltree::Error::UnknownNamespace(prefix, _)) if undeclared > 0 => {
             robot(source, &declaration::without_prefix(text, &prefix), undeclared - 1)
         }
-        Err(e) => {
-            let hint = if matches!(&e, roxmltree::Error::UnknownNamespace(prefix, _) if prefix == "xacro") { XACRO } else { "" };
-            Err(source.error(e.pos().row, format!("is not well-formed XML: {e}{hint}")))
-        }
+        Err(e) => Err(source.error(e.pos().row, format!("is not well-formed XML: {e}"))),
     }
 }
 
