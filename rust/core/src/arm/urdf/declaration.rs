@@ -1,7 +1,22 @@
 //! Corrections of files that are not well-formed, but that other URDF readers accept. In some files, an XML declaration follows a blank
-//! line or a comment. In others, a name has an undeclared prefix, such as `drake:acceleration`.
+//! line or a comment. In others, a name has an undeclared prefix, such as `drake:acceleration` or `xacro:sensor`.
 
+use roxmltree::Node;
 use std::borrow::Cow;
+
+/// The undeclared prefix of xacro, after [`without_prefix`].
+pub const UNDECLARED: &str = "xacro.";
+
+/// Whether an element has the prefix of xacro, declared or not.
+pub fn is_xacro(node: Node) -> bool {
+    node.tag_name().namespace().is_some_and(|namespace| namespace.contains("xacro")) || node.tag_name().name().starts_with(UNDECLARED)
+}
+
+/// The name of an element of xacro, without its prefix.
+pub fn xacro_name<'a>(node: Node<'a, '_>) -> &'a str {
+    let name = node.tag_name().name();
+    name.strip_prefix(UNDECLARED).unwrap_or(name)
+}
 
 /// Return the text. If an XML declaration follows blanks or comments, replace it by blanks. Lines and columns do not change.
 pub fn forgiven(text: &str) -> Cow<'_, str> {

@@ -1,8 +1,8 @@
 //! The links and joints of a file, with their line numbers. A fault of an element is stored with the element, because it only matters if
 //! the arm contains the element.
 
+use super::declaration::{is_xacro, xacro_name};
 use super::source::Source;
-use super::xacro;
 use crate::arm::{JointKind, Limits};
 use crate::error::{Error, Result};
 use crate::interrupt::look;
@@ -74,7 +74,7 @@ pub fn read(source: &Source, document: &Document) -> Result<Robot> {
     let root = document.root_element();
     let mut reader = Reader { source, notes: Vec::new(), dropped: BTreeMap::new() };
     match root.tag_name().name() {
-        "robot" if !xacro::is_element(root) => {}
+        "robot" if !is_xacro(root) => {}
         "mujoco" => return Err(reader.error(root, "is a model of MuJoCo (MJCF): expected URDF; load it with mujoco, then from_mujoco")),
         name => return Err(reader.error(root, format!("is not a robot: expected the root element robot, got {name}"))),
     }
@@ -82,7 +82,7 @@ pub fn read(source: &Source, document: &Document) -> Result<Robot> {
     for node in root.children().filter(Node::is_element) {
         look();
         match node.tag_name().name() {
-            _ if xacro::is_element(node) => reader.leftover(node)?,
+            _ if is_xacro(node) => reader.leftover(node)?,
             "link" => links.push(reader.link(node)),
             "joint" => joints.push(reader.joint(node)),
             _ => reader.drop(node),
@@ -108,12 +108,12 @@ impl Reader<'_> {
     pub fn drop(&mut self, node: Node) {
         let parent = node.parent().map_or("", |p| p.tag_name().name());
         self.count(node, format!("{} of {parent}", node.tag_name().name()));
-        node.descendants().skip(1).filter(|inner| xacro::is_element(*inner)).for_each(|inner| self.drop_xacro(inner));
+        node.descendants().skip(1).filter(|inner| is_xacro(*inner)).for_each(|inner| self.drop_xacro(inner));
     }
     /// Count an element of xacro that xacro did not expand.
     pub fn drop_xacro(&mut self, node: Node) {
         let parent = node.parent().map_or("", |p| p.tag_name().name());
-        self.count(node, format!("xacro element {} of {parent}, not expanded", xacro::name(node)));
+        self.count(node, format!("xacro element {} of {parent}, not expanded", xacro_name(node)));
     }
     fn count(&mut self, node: Node, what: String) {
         let line = self.line(node);

@@ -1,9 +1,9 @@
 //! The numbers, words and placements of elements, with errors that name the line.
 
+use super::declaration::is_xacro;
 use super::element::Reader;
 use super::plausible::{ANGLE, Bound, LENGTH};
 use super::source::XACRO;
-use super::xacro;
 use crate::error::Result;
 use crate::spatial::{Matrix3, Placement};
 use roxmltree::Node;
@@ -92,7 +92,7 @@ impl Reader<'_> {
         let mut found = [None; N];
         for child in node.children().filter(Node::is_element) {
             match names.iter().position(|name| *name == child.tag_name().name()) {
-                _ if xacro::is_element(child) => self.drop_xacro(child),
+                _ if is_xacro(child) => self.drop_xacro(child),
                 None => self.drop(child),
                 Some(k) if found[k].is_some() => {
                     return Err(self.error(child, format!("{} has a second {}", node.tag_name().name(), names[k])));

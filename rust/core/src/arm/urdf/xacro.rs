@@ -4,6 +4,7 @@
 //! of a macro that the file does not define. xacro cannot expand it either. It is ignored where it cannot change a link or a joint that
 //! the file states.
 
+use super::declaration::{UNDECLARED, is_xacro, xacro_name};
 use super::element::Reader;
 use super::source::XACRO;
 use crate::error::Result;
@@ -12,24 +13,12 @@ use roxmltree::Node;
 /// The directives of xacro.
 const DIRECTIVES: [&str; 11] =
     ["arg", "attribute", "call", "element", "if", "include", "insert_block", "macro", "once", "property", "unless"];
-/// The prefix of xacro without a declaration, after [`super::declaration::without_prefix`].
-const UNDECLARED: &str = "xacro.";
-
-pub fn is_element(node: Node) -> bool {
-    node.tag_name().namespace().is_some_and(|namespace| namespace.contains("xacro")) || node.tag_name().name().starts_with(UNDECLARED)
-}
-
-/// The name of an element of xacro, without its prefix.
-pub fn name<'a>(node: Node<'a, '_>) -> &'a str {
-    let name = node.tag_name().name();
-    name.strip_prefix(UNDECLARED).unwrap_or(name)
-}
 
 impl Reader<'_> {
     /// Handle an element of xacro among the links and joints of a robot.
     pub fn leftover(&mut self, node: Node) -> Result<()> {
-        if DIRECTIVES.contains(&name(node)) {
-            return Err(self.error(node, format!("holds the xacro element {}{XACRO}", name(node))));
+        if DIRECTIVES.contains(&xacro_name(node)) {
+            return Err(self.error(node, format!("holds the xacro element {}{XACRO}", xacro_name(node))));
         }
         self.drop_xacro(node);
         Ok(())
@@ -41,15 +30,15 @@ impl Reader<'_> {
             if let Some(attribute) = inner.attributes().find(|attribute| attribute.name().starts_with(UNDECLARED)) {
                 return Err(self.error(inner, format!("holds the xacro attribute {}{XACRO}", &attribute.name()[UNDECLARED.len()..])));
             }
-            if !is_element(inner) || inner.ancestors().skip(1).take_while(|outer| *outer != node).any(is_unread) || is_extra(inner, node) {
+            if !is_xacro(inner) || inner.ancestors().skip(1).take_while(|outer| *outer != node).any(is_unread) || is_extra(inner, node) {
                 continue;
             }
-            let advice = if DIRECTIVES.contains(&name(inner)) {
+            let advice = if DIRECTIVES.contains(&xacro_name(inner)) {
                 XACRO
             } else {
                 "; xacro did not expand it: remove it, or replace it by what it stands for"
             };
-            return Err(self.error(inner, format!("holds the xacro element {}{advice}", name(inner))));
+            return Err(self.error(inner, format!("holds the xacro element {}{advice}", xacro_name(inner))));
         }
         Ok(())
     }
@@ -63,5 +52,5 @@ fn is_unread(node: Node) -> bool {
 /// Whether an element of xacro is the call of an unknown macro in a link that has its inertia.
 fn is_extra(node: Node, link: Node) -> bool {
     let has_inertia = link.tag_name().name() == "link" && link.children().any(|child| child.has_tag_name("inertial"));
-    has_inertia && node.parent() == Some(link) && !DIRECTIVES.contains(&name(node))
+    has_inertia && node.parent() == Some(link) && !DIRECTIVES.contains(&xacro_name(node))
 }
