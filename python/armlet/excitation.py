@@ -113,6 +113,11 @@ def _limits(arm: Arm, given: Any) -> _Limits:
         _refuse(name, array, np.isnan(array) | (kind == "a number > 0") & (array <= 0.0), f"is not {kind}: expected {kind}")
         _refuse(name, array, np.isfinite(array) & (np.abs(array) > _MOST), f"is too large: expected at most {_MOST:g}")
         found[name] = np.broadcast_to(array, (n,)).copy()
+    for name, what in (("v_max", "velocity"), ("effort", "effort")):
+        if not (found[name] > 0.0).all():
+            bad = int(np.argmin(found[name] > 0.0))
+            problem = f"allows no motion of joint {arm.joint_names[bad]}, whose {what} limit in its file is {found[name][bad]:g}"
+            raise InputError(f"{_NAME}: limits[{name!r}] {problem}: expected a number > 0 in limits (first bad index {bad})")
     lower, upper = found["q_min"], found["q_max"]
     whole = np.isfinite(lower) & np.isfinite(upper)
     # A joint with fewer than two position limits moves about zero. If its only limit excludes zero, `half` is zero, which is refused below.

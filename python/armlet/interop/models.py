@@ -6,7 +6,8 @@ of the model that the arm lacks or has in another form. The table of `verify` li
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import warnings
+from collections.abc import Collection, Mapping, Sequence
 from importlib import import_module
 from typing import Any, Literal
 
@@ -16,6 +17,7 @@ from numpy.typing import NDArray
 from .._core import Arm, _restore_tree
 from ..arguments import choice
 from ..border import border
+from ..callers import level_of_caller
 from ..errors import InputError
 from . import mujoco_model
 from .verification import Verification, verify
@@ -233,7 +235,8 @@ def from_mujoco(model: Any, *, mimic: Literal["joined", "independent"] = "joined
     The arm has joint and body names, placements, reference positions, inertias, position limits and gravity. It has the limits of the
     actuators' force on a joint, armature, damping (including that of actuators on the joint) and dry friction. Every body and every site
     has a frame. `arm.report` lists the parts that are dropped. These are other effects of actuators, springs, tendons, other equality
-    constraints and gravity compensation. They also include fluid forces, nonlinear damping, and sites with the name of a body.
+    constraints and gravity compensation. They also include fluid forces, nonlinear damping, and sites with the name of a body. A dropped
+    constraint that is active, such as a loop (connect, weld), also causes a `UserWarning`, because the arm moves in another way.
 
     Args:
         model: a `mujoco.MjModel`.
@@ -250,8 +253,10 @@ def from_mujoco(model: Any, *, mimic: Literal["joined", "independent"] = "joined
     """
     _expect(model, "from_mujoco", "mujoco.MjModel", "body_parentid")
     choice("from_mujoco", "mimic", mimic, ("joined", "independent"))
-    followers = mujoco_model.followers(model) if mimic == "joined" else {}
-    joints, frames, report = [], [], []
+    followers, used = mujoco_model.followers(model)
+    if mimic == "independent":
+        followers = {}
+    joints, frames = [], []
     armature, damping = mujoco_model.motors(model)
     carrier: list[tuple[int, _Array, _Array]] = [(-1, np.eye(3), np.zeros(3))]  # for each body: its joint and its pose in the joint
     frames.append({"name": _name(model, "body", 0), "body": -1, "placement": (np.eye(3), np.zeros(3))})
@@ -306,10 +311,25 @@ def from_mujoco(model: Any, *, mimic: Literal["joined", "independent"] = "joined
         parent, turn, at = carrier[model.site_bodyid[site]]
         placement = (turn @ _rotation(model.site_quat[site]), at + turn @ model.site_pos[site])
         frames.append({"name": _name(model, "site", site), "body": parent, "placement": placement})
+    report = _dropped(model, bodies, len(followers))
+    # With "independent", the caller drops the constraints between joints.
+    if lost := mujoco_model.lost_constraints(model, used):
+        warnings.warn(
+            f"from_mujoco: the arm lacks active constraints of model, so it moves in another way: {', '.join(lost)}",
+            stacklevel=level_of_caller(),
+        )
+    if followers:
+        report.append("constraints between joints are rigid here; MuJoCo's are soft")
+    return _build("mujoco", joints, frames, mujoco_model.gravity(model), report)
+
+
+def _dropped(model: Any, bodies: Collection[object], followers: int) -> list[str]:
+    """The lines of the report about the parts of a MuJoCo model that the arm lacks."""
+    report = []
     for what, dropped in (
         ("actuators", model.nu),
         ("tendons", model.ntendon),
-        ("equality constraints", model.neq - len(followers)),
+        ("equality constraints", model.neq - followers),
         ("joint springs", int(np.count_nonzero(model.jnt_stiffness))),
         ("bodies with gravity compensation", int(np.count_nonzero(model.body_gravcomp))),
         ("fluid forces", int(model.opt.density != 0.0 or model.opt.viscosity != 0.0)),
@@ -318,9 +338,7 @@ def from_mujoco(model: Any, *, mimic: Literal["joined", "independent"] = "joined
     ):
         if dropped:
             report.append(f"{what} dropped ({dropped})")
-    if followers:
-        report.append("constraints between joints are rigid here; MuJoCo's are soft")
-    return _build("mujoco", joints, frames, mujoco_model.gravity(model), report)
+    return report
 
 
 def _name(model: Any, kind: str, index: int) -> str:

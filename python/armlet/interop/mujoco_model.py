@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from importlib import import_module
 from typing import Any
 
@@ -33,8 +34,10 @@ def motors(model: Any) -> tuple[_Array, _Array]:
     return armature, damping
 
 
-def followers(model: Any) -> dict[int, tuple[int, float, float]]:
+def followers(model: Any) -> tuple[dict[int, tuple[int, float, float]], list[int]]:
     """Joints that follow a leader, `q = multiplier q_leader + offset`: for each index, the leader's index, multiplier and offset.
+
+    The second result has the indices of the constraints that these joints come from.
 
     An equality constraint of joints is `y - y0 = a0 + a1 (x - x0) + a2 (x - x0)^2 + ..`, for the positions `y` of a joint and `x` of its
     leader, with the references `y0` and `x0`. armlet uses a constraint that is active and linear. If several constraints have the same
@@ -42,6 +45,7 @@ def followers(model: Any) -> dict[int, tuple[int, float, float]]:
     """
     kind = int(import_module("mujoco").mjtEq.mjEQ_JOINT)
     found: dict[int, tuple[int, float, float]] = {}
+    used = []
     for k in range(model.neq):
         joint, leader = int(model.eq_obj1id[k]), int(model.eq_obj2id[k])
         polynomial = np.asarray(model.eq_data[k][:5], dtype=float)
@@ -54,4 +58,12 @@ def followers(model: Any) -> dict[int, tuple[int, float, float]]:
             continue
         y0, x0 = (float(model.qpos0[model.jnt_qposadr[j]]) for j in (joint, leader))
         found[joint] = (leader, float(polynomial[1]), float(polynomial[0] - polynomial[1] * x0 + y0))
-    return found
+        used.append(k)
+    return found, used
+
+
+def lost_constraints(model: Any, used: Collection[int]) -> list[str]:
+    """The type and the name of each active equality constraint whose index is not in `used`."""
+    kinds = import_module("mujoco").mjtEq
+    lost = [k for k in range(model.neq) if model.eq_active0[k] and k not in used]
+    return [f"{kinds(int(model.eq_type[k])).name.removeprefix('mjEQ_').lower()} {model.equality(k).name or k}" for k in lost]

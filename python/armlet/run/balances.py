@@ -11,7 +11,6 @@ the residual of the first equation can be as large as the energy.
 
 from __future__ import annotations
 
-import sys
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -21,6 +20,8 @@ from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
+
+from ..callers import level_of_caller
 
 __all__ = ["Balances", "energy_error", "quiet", "together", "warn_of_balances"]
 
@@ -108,7 +109,7 @@ def warn_of_balances(caller: str, balances: Balances, ended: NDArray[np.bool_], 
             runs = f" in {bad.sum()} of {bad.size} runs (first bad index {int(np.argmax(bad))})" if bad.ndim else ""
             series = name.lower().replace(" ", "_")
             advice = f'the steps are too coarse for this loop: reduce dt, or use an adaptive method (monitors["{series}"])'
-            warnings.warn(f"{caller}: the {name} does not close{runs}: {text}; {advice}", UserWarning, stacklevel=_callers())
+            warnings.warn(f"{caller}: the {name} does not close{runs}: {text}; {advice}", UserWarning, stacklevel=level_of_caller())
 
 
 def warn_of_force(caller: str, change: Sequence[float], dt: float) -> None:
@@ -116,15 +117,7 @@ def warn_of_force(caller: str, change: Sequence[float], dt: float) -> None:
     start, end = change
     advice = "reduce dt, use an adaptive method, or give the force as a list [(t_start, F), ...]"
     text = f"the force changes within {end - start:.3g} s at t = {start:.6g} s, which is too short for steps of {dt:g} s: {advice}"
-    warnings.warn(f"{caller}: {text}", UserWarning, stacklevel=_callers())
-
-
-def _callers() -> int:
-    """Return the stack level of the first caller outside this package, for the `warnings.warn` of the calling function."""
-    level, frame = 1, sys._getframe(1)
-    while frame.f_back is not None and str(frame.f_globals.get("__name__", "")).partition(".")[0] == "armlet":
-        level, frame = level + 1, frame.f_back
-    return level
+    warnings.warn(f"{caller}: {text}", UserWarning, stacklevel=level_of_caller())
 
 
 def _largest(values: Array) -> Array:

@@ -31,6 +31,7 @@ mod joined;
 #[cfg(test)]
 mod large_tests;
 mod model;
+mod named_limit;
 #[doc(hidden)]
 pub mod newton_euler;
 mod planar_pr;

@@ -49,7 +49,8 @@ impl CLoop {
             return Err(Error::wrong_shape("tau_max", &[n], &[limits.len()]));
         }
         if let Some(i) = limits.iter().position(|&limit| !(limit > 0.0)) {
-            return Err(Error::input("tau_max", format!("is not positive: expected > 0, got {}", limits[i])).at([i]));
+            let error = Error::input("tau_max", format!("is not positive: expected > 0, got {}", limits[i])).at([i]);
+            return Err(law.model().name_limit(error));
         }
         match self.sample_time.or(self.dt) {
             _ if !law.samples() => Ok((None, limits)),

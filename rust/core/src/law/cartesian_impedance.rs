@@ -89,7 +89,7 @@ impl CartesianImpedanceSpec {
     /// are not finite.
     pub fn with(self, options: ImpedanceOptions) -> Result<Self> {
         let m = self.coordinates.m();
-        options.validate(m, self.model.n())?;
+        options.validate(m, self.model.n()).map_err(|error| self.model.name_limit(error))?;
         let start = vec![0.0; if options.integral_gain.is_some() { m } else { 0 }];
         Ok(CartesianImpedanceSpec { options, start, ..self })
     }

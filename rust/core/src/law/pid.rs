@@ -108,7 +108,7 @@ impl PidSpec {
     /// (`tau_max` may be infinite), or a `nominal_inertia` without an observer.
     pub fn with(mut self, mut options: PidOptions) -> Result<Self> {
         let n = self.model.n();
-        positive_rows("tau_max", options.tau_max.as_deref(), n, f64::INFINITY)?;
+        positive_rows("tau_max", options.tau_max.as_deref(), n, f64::INFINITY).map_err(|error| self.model.name_limit(error))?;
         positive_rows("derivative_filter", options.derivative_filter.as_deref(), n, f64::MAX)?;
         positive_rows("friction_speed", options.friction_speed.as_deref(), n, f64::MAX)?;
         positive_rows("observer_bandwidth", options.observer_bandwidth.as_deref(), n, f64::MAX)?;

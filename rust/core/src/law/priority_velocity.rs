@@ -63,7 +63,7 @@ impl PriorityVelocitySpec {
         require_levels(&levels)?;
         model.tree("arm")?;
         limits.require_sns(options.method)?;
-        let limits = if options.method == PriorityMethod::Sns { Some(MotionLimits::new(&model, limits)?) } else { None };
+        let limits = if options.method == PriorityMethod::Sns { Some(MotionLimits::new(&model, limits).map_err(|error| model.name_limit(error))?) } else { None };
         let options = limits.as_ref().map_or_else(|| options.clone(), |limits| limits.open(options.clone()));
         let spec = PriorityVelocitySpec { model, levels, options, limits };
         spec.solver()?;

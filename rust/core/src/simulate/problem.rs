@@ -306,7 +306,8 @@ impl<'a> Problem<'a> {
             return Err(Error::wrong("tau_max", "length", n, limit.len()));
         }
         if let Some(i) = limit.iter().position(|&x| !(x > 0.0)) {
-            return Err(Error::input("tau_max", format!("is not positive: expected > 0, got {}", limit[i])).at([i]));
+            let error = Error::input("tau_max", format!("is not positive: expected > 0, got {}", limit[i])).at([i]);
+            return Err(self.plants[0].model().name_limit(error));
         }
         if let Some(sampling) = &o.sampling {
             sampling.validate()?;

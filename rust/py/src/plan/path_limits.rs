@@ -5,6 +5,7 @@
 use crate::arm::ArmModel;
 use crate::arrays::{Axis, Form, Looked, SCALAR, number, numbers, require_finite, require_no_nan, spread, text};
 use crate::errors::{Failure, input_error};
+use armlet_core::error::Error;
 use armlet_core::motion::Path;
 use armlet_core::plan::{PathLimits, TipLimits};
 use pyo3::prelude::*;
@@ -65,7 +66,8 @@ impl Along<'_> {
 
     /// Read the lower and upper torque limits, N m or N. An array `(n, 2)` contains both. All other forms contain the upper limit, and the
     /// lower limit is its negative.
-    fn torque(&self, value: &Bound<'_, PyAny>, n: usize) -> Result<Range, Failure> {
+    fn torque(&self, model: &ArmModel, value: &Bound<'_, PyAny>) -> Result<Range, Failure> {
+        let n = model.n();
         let py = value.py();
         let symmetric = |upper: Vec<f64>| (upper.iter().map(|x| -x).collect(), upper);
         if value.is_callable() {
@@ -83,8 +85,8 @@ impl Along<'_> {
         }
         let upper = spread(&shape, values, n)?;
         if let Some(k) = upper.iter().position(|x| !(*x > 0.0)) {
-            let at = if shape.is_empty() { String::new() } else { format!(" (first bad index {k})") };
-            return Err(input_error(py, NAME, "tau_max", format!("is not positive: expected numbers > 0, got {}{at}", upper[k])).into());
+            let error = Error::input("tau_max", format!("is not positive: expected numbers > 0, got {}", upper[k]));
+            return Err(if shape.is_empty() { error } else { model.core().name_limit(error.at([k])) }.into());
         }
         Ok(symmetric(upper))
     }
@@ -100,7 +102,7 @@ impl Along<'_> {
         let n = model.n();
         let of = |name: &str, value: Given| value.map(|value| self.limit(name, value, n)).transpose();
         Ok(PathLimits {
-            torque: tau_max.map(|value| self.torque(value, n)).transpose()?,
+            torque: tau_max.map(|value| self.torque(model, value)).transpose()?,
             velocity: of("v_max", v_max)?,
             acceleration: of("a_max", a_max)?,
             position: positions(range, n)?,

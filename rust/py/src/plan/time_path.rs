@@ -268,7 +268,7 @@ pub fn time_path<'py>(
             ArmModel::Tree(tree) => Mover::Tree(tree),
             ArmModel::PlanarPr(arm) => Mover::PlanarPr(*arm),
         };
-        let answer = long(py, || plan::time_path(mover, core, &limits, &options))?;
+        let answer = long(py, || plan::time_path(mover, core, &limits, &options).map_err(|error| model.core().name_limit(error)))?;
         Ok(Bound::new(py, TimedPath::answer(answer))?)
     })
 }
