@@ -30,6 +30,7 @@ __all__ = [
     "number",
     "one_line",
     "positive",
+    "require_partner",
     "require_shallow",
     "shown",
     "text",
@@ -189,6 +190,13 @@ def file_path(function: str, value: object, name: str = "path") -> str:
     if not whole:
         raise InputError(f"{function}: {name} cannot be opened: expected the name of a file or folder, got {shown(path)}")
     return str(path)
+
+
+def require_partner(function: str, name: str, value: object, partner: str, present: bool, default: object = None) -> None:
+    """Refuse the argument `name`, which takes effect only with `partner`, unless the partner is present or `value` is the default."""
+    given = value is not default and not (isinstance(value, str | int | float | np.generic) and value == default)
+    if given and not present:
+        raise InputError(f"{function}: {name} takes effect only with {partner}: expected {default!r} without it, got {shown(value)}")
 
 
 def require_shallow(function: str, name: str, value: object, depth: int = DEPTH) -> None:

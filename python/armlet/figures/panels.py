@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from ..run.speeds import excess, speed_limits
 from .style import COLOURS, literal
 
 if TYPE_CHECKING:
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
 
     from ..run.recorded import Recorded
 
-__all__ = ["MOST", "Joints", "Panel", "draw_limits", "draw_lines", "joint_names", "legend_beside", "of_joints"]
+__all__ = ["EXCESS", "MOST", "Joints", "Panel", "draw_excess", "draw_limits", "draw_lines", "joint_names", "legend_beside", "of_joints"]
 
 #: The indices of the joints of a panel.
 Joints: TypeAlias = list[int]
@@ -25,6 +26,8 @@ Panel: TypeAlias = Callable[["Axes", "Recorded"], None]
 
 #: The largest number of joints in a panel. There are more colours, so each joint of a panel has a different colour.
 MOST = 7
+#: The style of values beyond a limit.
+EXCESS: dict[str, Any] = {"color": "red", "linewidth": 4.0, "marker": ".", "alpha": 0.3}
 
 
 def of_joints(draw: Callable[[Axes, Recorded, Joints], None], run: Recorded) -> list[Panel]:
@@ -94,6 +97,17 @@ def draw_limits(ax: Axes, run: Recorded, joints: Joints, upper: str, lower: str 
     notes += [f"\N{GREATER-THAN OR EQUAL TO} {min(distant[1]):.3g}"] if distant[1] else []
     if notes:
         ax.set_title(f"limits not drawn: {', '.join(notes)}".replace("-", "\N{MINUS SIGN}"), loc="right", fontsize=7, color="0.35")
+
+
+def draw_excess(ax: Axes, run: Recorded, speeds: NDArray[Any], joints: Joints) -> None:
+    """Mark the records at which a speed, a column of `speeds`, (K, n), passes the arm's limit."""
+    limits = speed_limits(run)
+    if limits is None:
+        return
+    beyond = excess(speeds, limits)
+    for i in joints:
+        if beyond[:, i].any():
+            ax.plot(run.t, np.where(beyond[:, i], speeds[:, i], np.nan), zorder=1.5, gid="excess", **EXCESS)
 
 
 def legend_beside(ax: Axes) -> None:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .estimates import estimates
-from .panels import MOST, Joints, Panel, draw_limits, draw_lines, joint_names, legend_beside, of_joints
+from .panels import EXCESS, MOST, Joints, Panel, draw_excess, draw_limits, draw_lines, joint_names, legend_beside, of_joints
 from .style import COLOURS, legend_below, literal, require, sheet
 
 if TYPE_CHECKING:
@@ -79,6 +79,8 @@ def _legend_of_joints(figure: Figure, run: Recorded) -> None:
         entries.append(Line2D([], [], color="0.4", linestyle="--", linewidth=1.0, label="desired"))
     if any(line.get_gid() == "limit" for ax in figure.axes for line in ax.get_lines()):
         entries.append(Line2D([], [], color="0.4", linestyle=":", linewidth=1.0, label="limit"))
+    if any(line.get_gid() == "excess" for ax in figure.axes for line in ax.get_lines()):
+        entries.append(Line2D([], [], label="above limit", **EXCESS))
     legend_below(figure, entries, title="joint")
 
 
@@ -131,6 +133,7 @@ def _contact(ax: Axes, run: Recorded) -> None:
 def _velocity(ax: Axes, run: Recorded, joints: Joints) -> None:
     draw_lines(ax, run, run.v, joints)
     draw_limits(ax, run, joints, "v_max")
+    draw_excess(ax, run, run.v, joints)
     ax.set_ylabel(f"velocity ({literal(run.units[joints[0]])}/s)")
     ax.set_title("Joint velocities")
 
@@ -141,6 +144,8 @@ def _torque(ax: Axes, run: Recorded, joints: Joints) -> None:
     commanded = unit not in ("N", "N m")
     draw_lines(ax, run, run.tau, joints)
     draw_limits(ax, run, joints, "v_max" if commanded else "effort")
+    if commanded:
+        draw_excess(ax, run, run.tau, joints)
     ax.set_ylabel(f"input ({literal(unit)})")
     ax.set_title("Commanded velocities" if commanded else "Joint forces" if unit == "N" else "Joint torques")
 

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from ..callers import level_of_caller
 
-__all__ = ["Balances", "energy_error", "quiet", "together", "warn_of_balances"]
+__all__ = ["Balances", "energy_error", "is_quiet", "quiet", "together", "warn_of_balances"]
 
 Array: TypeAlias = NDArray[np.float64]
 
@@ -42,12 +42,17 @@ _QUIET: ContextVar[bool] = ContextVar("quiet", default=False)
 
 @contextmanager
 def quiet() -> Iterator[None]:
-    """Suppress the warnings of `warn_of_balances` in this thread, for callers that report balances themselves."""
+    """Suppress the warnings about results of runs in this thread, for callers that report the metrics of the runs."""
     token = _QUIET.set(True)
     try:
         yield
     finally:
         _QUIET.reset(token)
+
+
+def is_quiet() -> bool:
+    """Return whether `quiet` suppresses the warnings about runs in this thread."""
+    return _QUIET.get()
 
 
 def energy_error(monitors: Mapping[str, Array]) -> Array | None:
@@ -93,7 +98,7 @@ def warn_of_balances(caller: str, balances: Balances, ended: NDArray[np.bool_], 
     `ended`: whether each run reached its end, `()` or `(B,)`. `undisturbed`: whether the law acts at every instant, without input bounds
     and external forces. Only then does the theory predict that the Lyapunov function never rises.
     """
-    if _QUIET.get():
+    if is_quiet():
         return
     given = (balances.energy_error, balances.energy_missing, balances.lyapunov_rise)
     error, missing, rise = (np.broadcast_to(x, np.shape(ended)) for x in given)

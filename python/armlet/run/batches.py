@@ -17,10 +17,11 @@ from ..arguments import choice, finite, instance, shown
 from ..errors import InputError
 from ..status import Status, having
 from .balances import Balances, together, warn_of_balances
-from .metrics import MEASURES, metrics
+from .metrics import MEASURES, metrics, require_one_band
 from .recorded import SERIES
 from .records import BatchRun
 from .sampling import Sampling
+from .speeds import warn_of_speeds
 
 __all__ = ["batch_of", "forces_of_runs", "in_pieces", "measured_by_records", "require_measures"]
 
@@ -68,6 +69,7 @@ def require_measures(keep: str, given: Mapping[str, Any] | None) -> dict[str, An
         raise InputError(f'simulate_batch: metrics is not used: expected None with keep="{keep}", got {shown(given)}')
     for name in given:
         choice("simulate_batch", "a name of metrics", name, MEASURES)
+    require_one_band("simulate_batch", given.get("band"), given.get("settle"))
     stated = {name: value for name, value in given.items() if value is not None}
     if "reference" in stated:
         stated["reference"] = _core.numbers("simulate_batch", 'metrics["reference"]', stated["reference"])
@@ -83,6 +85,7 @@ def batch_of(plant: Any, law: Any, q0: ArrayLike, keywords: dict[str, Any], undi
     """Run one batch, and warn if the residual of a balance is too large."""
     batch, balances = _with_balances(plant, law, q0, keywords)
     _warn(batch, [balances], undisturbed)
+    warn_of_speeds("simulate_batch", batch)
     return batch
 
 
@@ -162,6 +165,7 @@ def in_pieces(
             progress(last, rows)
     batch = pieces[0] if len(pieces) == 1 else _joined(pieces, law, plant)
     _warn(batch, balances, undisturbed)
+    warn_of_speeds("simulate_batch", batch)
     return batch
 
 

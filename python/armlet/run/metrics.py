@@ -17,13 +17,15 @@ position_error_peak,                   target (`Run.position_error`), one value 
 position_error_final
 tau_rms, tau_peak      N m or N        sqrt(1/T int tau^2 dt), max |tau|; of an arm under velocity control rad/s or m/s
 time_outside_limits    s               total time in which any joint is beyond its position, velocity or effort limits; NaN if unknown
+input_ratio            1               largest tau_peak of a joint divided by its effort limit, under velocity control by its speed limit;
+                                       NaN without finite limits above zero
 monitor_violations     1               number of records at which a monitor is violated, summed over the monitors: see `metrics`
 energy_error           1               largest |energy_balance| as a fraction of the largest energy stored or exchanged; NaN without
                                        this monitor
 completed              1               1 for a run that reached its end or an event that stops it, else 0
 =====================  ==============  ====================================================================================
 
-The settling time and the last four metrics are one number per run. If a run reached neither its end nor an event that stops it, all metrics
+The settling time and the last five metrics are one number per run. If a run reached neither its end nor an event that stops it, all metrics
 except `completed` are NaN. A law without a reference in joint space (neither a motion of the joints nor a joint target) requires the
 argument `reference`. Without it the errors, the overshoot and the settling time are NaN.
 """
@@ -37,19 +39,20 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .. import _core
-from ..arguments import choice, instance, integer, number
+from ..arguments import choice, instance, integer, number, require_partner
 from ..border import border, bordered
 from ..errors import InputError
 from ..status import Status
 from .balances import energy_error
 from .recorded import Array, Recorded
+from .speeds import commands_speeds, input_ratio
 from .task_errors import frame_errors
 
 __all__ = ["Metrics", "metrics"]
 
 PER_JOINT = ("error_rms", "error_peak", "error_final", "overshoot", "tau_rms", "tau_peak")
 PER_TASK = ("position_error_rms", "position_error_peak", "position_error_final")
-PER_RUN = ("settling_time", "time_outside_limits", "monitor_violations", "energy_error", "completed")
+PER_RUN = ("settling_time", "time_outside_limits", "input_ratio", "monitor_violations", "energy_error", "completed")
 ALL = (*PER_JOINT, *PER_TASK, *PER_RUN)
 SETTLE, TOLERANCE = 0.02, 1e-6
 #: Names of the arguments of `metrics`, without the run.
@@ -88,7 +91,7 @@ class Metrics(dict[str, Array]):
             raise InputError(f"Metrics.unit: joint is out of range: expected 0..{len(self.units) - 1}, got {joint}")
         if name in ("settling_time", "time_outside_limits"):
             return "s"
-        if name in ("overshoot", "monitor_violations", "energy_error", "completed"):
+        if name in ("overshoot", "input_ratio", "monitor_violations", "energy_error", "completed"):
             return "1"
         if name in PER_TASK:
             return "m"
@@ -151,7 +154,7 @@ def metrics(
         reference: a reference in place of the law's motion or target, (n,) or (K, n), for a batch also (B, K, n), rad or m.
         band: band of the settling time, a number or (n,), rad or m. None means `settle` times the largest error of the joints with the
             same unit.
-        settle: relative band of the settling time, dimensionless, if `band` is None.
+        settle: relative band of the settling time, dimensionless. It requires `band=None`.
         tolerance: relative tolerance of the monitors, dimensionless.
         frame: name of the frame whose position error is measured, in place of the frames of the law's tasks. Its target is the frame's
             position at the joints' reference.
@@ -175,13 +178,17 @@ def metrics(
     """
     instance("metrics", "run", run, Recorded, "a run of simulate or simulate_batch")
     settle, tolerance = number("metrics", "settle", settle), number("metrics", "tolerance", tolerance)
+    require_one_band("metrics", band, settle)
     if run.q.shape[-2] == 1 and np.any(run.t > 0.0):
         if "error_rms" not in run.stats:
             raise InputError('metrics: run has only its last record: expected a batch run with keep="all"')
         if reference is not None or band is not None or frame is not None or (settle, tolerance) != (SETTLE, TOLERANCE):
             raise InputError("metrics: run kept its metrics alone: expected no other argument, or simulate_batch(metrics={..})")
         # A batch with keep="metrics" stores its metrics in `stats`.
-        return Metrics({name: run.stats[name] for name in ALL if name in run.stats}, run.units, run.input_units)
+        kept = {name: run.stats[name] for name in ALL if name in run.stats}
+        if "tau_peak" in kept:
+            kept.setdefault("input_ratio", input_ratio(run, np.asarray(kept["tau_peak"])))
+        return Metrics({name: kept[name] for name in ALL if name in kept}, run.units, run.input_units)
     q, t = run.q, run.t
     n = q.shape[-1]
     desired = run.reference()
@@ -213,6 +220,7 @@ def metrics(
         if run.tau is not None and q.shape[-2]:
             found["tau_rms"] = _rms(run.tau, weights)
             found["tau_peak"] = np.abs(run.tau).max(axis=-2)
+            found["input_ratio"] = input_ratio(run, found["tau_peak"])
         found["time_outside_limits"] = _outside(run, t)
         found["monitor_violations"] = _violations(run.monitors, tolerance, per_run)
         missing = energy_error(run.monitors)
@@ -258,6 +266,11 @@ def _overshoot(q: Array, q_d: Array, v_d: Array | None) -> Array:
     return result
 
 
+def require_one_band(function: str, band: ArrayLike | None, settle: float | None) -> None:
+    """Refuse a relative band of the settling time in addition to an absolute one."""
+    require_partner(function, "settle", SETTLE if settle is None else settle, "band=None", band is None, SETTLE)
+
+
 def _band(band: ArrayLike | None, settle: float, peak: Array, units: tuple[str, ...]) -> Array:
     if band is not None:
         return np.broadcast_to(_core.numbers("metrics", "band", band, (), (peak.shape[-1],)), peak.shape)
@@ -288,7 +301,7 @@ def _outside(run: Recorded, t: Array) -> Array:
     low, high, speed, effort = (run.limits[name][..., None, :] for name in ("q_min", "q_max", "v_max", "effort"))
     out = ((run.q < low) | (run.q > high) | (np.abs(run.v) > speed)).any(axis=-1)
     if run.tau is not None:
-        effort = speed if run.input_units == tuple(f"{unit}/s" for unit in run.units) else effort
+        effort = speed if commands_speeds(run) else effort
         out = out | (np.abs(run.tau) > effort).any(axis=-1)
     span = t[..., -1] - t[..., 0] if t.shape[-1] else np.zeros(t.shape[:-1])
     result: Array = (out * _weights(t)).sum(axis=-1) * span

@@ -17,6 +17,7 @@ from .export import pandas_for, to_csv, to_parquet, to_xarray
 from .metrics import Metrics, metrics
 from .recorded import SERIES, Array, Recorded
 from .sensitivity import of_row
+from .speeds import speed_ratio
 from .storage import read, save
 
 if TYPE_CHECKING:
@@ -166,6 +167,9 @@ class Run(_Stored):
             text += f", lyapunov balance {np.max(np.abs(self.monitors['lyapunov_balance'])):.1e}"
         if "energy_balance" in self.monitors:
             text += f", energy balance {np.max(np.abs(self.monitors['energy_balance'])):.1e} J"
+        ratio = speed_ratio(self)
+        if ratio is not None and ratio.any():
+            text += f", commands up to {ratio.max():.3g} times the speed limits"
         return text + ")"
 
 

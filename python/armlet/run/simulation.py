@@ -21,6 +21,7 @@ from .events import Event, Events, watched
 from .records import BatchRun, Run
 from .sampling import Sampling
 from .sensitivity import of_rows, of_run, require_names, vary, vary_rows
+from .speeds import warn_of_speeds
 
 __all__ = ["simulate", "simulate_batch"]
 
@@ -68,7 +69,7 @@ def simulate(
         t_end: length of the run, s.
         dt: step of a fixed-step method, s. If `t_end` is not a multiple of `dt`, the last step is shorter. None means the period of
             `sample_time`. An adaptive method requires None.
-        v0: initial velocity, (n,), rad/s or m/s; zero if None.
+        v0: initial velocity, (n,), rad/s or m/s; zero if None. A VelocityArm requires None.
         theta0, theta_dot0: initial motor positions and velocities of elastic arms, (n,), rad or m, rad/s or m/s. With None the spring
             torques balance gravity, and the motors have the velocity of the links.
         method: "euler", "semi_implicit", "rk4" or "ros2" take fixed steps; "ros2" is implicit and L-stable. "dopri5",
@@ -79,11 +80,12 @@ def simulate(
         sample_time: None evaluates the law in every stage. A period in s holds the law's output for that time, as a real controller does. A
             `Sampling` adds delay, jitter, noise, quantisation, joint-torque sensors and a rate limit.
         record_every: number of steps between records. The start and the end are always recorded.
-        t_eval: times of the records, (K,), increasing, in [0, t_end], s. They replace `record_every`.
+        t_eval: times of the records, (K,), increasing, in [0, t_end], s. They replace `record_every`, which must be 1.
         force: external force, N or N m: None, a constant, a piecewise constant list `[(t_start, F), ...]`, or a function `F(t)`. The force
             acts at the law's frame, in the law's axes. A function is Python inside the loop, and slow. Before the run, an adaptive method
             evaluates it at 4,097 times and searches its jumps, with at most 4,096 further calls. So the steps do not pass over its changes.
-            A change that is shorter than `t_end / 4096` may be missed: then use a list, or `max_step`.
+            A change that is shorter than `t_end / 4096` may be missed: then use a list, or `max_step`. A VelocityArm
+            requires None.
         force_frame: name of another frame at which the force acts, required for a law without a frame. The force is then (3,), or (6,) as
             [f; m], in world axes.
         tau_max: largest magnitude of the input, at which it saturates, scalar or (n,), N m or N; rad/s or m/s under velocity control.
@@ -110,6 +112,8 @@ def simulate(
             partial run.
 
     Warns:
+        UserWarning: commands pass the finite speed limits of the arm: the inputs of a VelocityArm, or the velocities of the joints under a
+            `PriorityAcceleration`. Only the method "sns" keeps these limits.
         UserWarning: a position is outside of the joint limits, such as an angle in degrees. Or the steps are too coarse for the loop.
             They are too coarse if the residual of the energy balance exceeds 1e-6 J and a tenth of the energy stored or exchanged. There
             is a second criterion for a law that acts at every instant without `tau_max` and `force`. The steps are too coarse if the
@@ -153,6 +157,7 @@ def simulate(
     undisturbed = sample_time is None and tau_max is None and force is None
     if run.monitors:
         warn_of_balances("simulate", balances, np.asarray(run.status in (Status.SUCCESS, Status.EVENT)), undisturbed)
+    warn_of_speeds("simulate", run)
     return run
 
 
@@ -217,7 +222,8 @@ def simulate_batch(
 
     A failed run raises no error. `status` has one entry per run, and the rows of a failed run are NaN from its failure on. The bits of the
     other runs do not change. The results have the same bits for every number of threads. One warning per balance (energy, Lyapunov) counts
-    the runs with a large residual. A batch with `progress`, `out` or a reference per record issues them after its last piece.
+    the runs with a large residual. Another one counts the runs whose commands pass the arm's
+    speed limits. A batch with `progress`, `out` or a reference per record issues them after its last piece.
 
     Args:
         plant, law: one for all runs, or a list with one per run.

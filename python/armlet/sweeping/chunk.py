@@ -169,7 +169,7 @@ def _batch(members: Members, start: int, cells: Cells, threads: int | None, metr
     if isinstance(given.get("sample_time"), Sampling):
         given["sample_time"] = replace(given["sample_time"], seed=cells.sampling_seed(start + members[0][0]))
     plants, laws = [built.plant for _, built in members], [built.law for _, built in members]
-    with quiet():  # the table has the column `energy_error`
+    with quiet():  # the table has the columns `energy_error` and `input_ratio`
         given.setdefault("check_limits", False)  # in a sweep `rehearse` has checked the first and the last cell
         return simulate_batch(plants, laws, **given, threads=threads, keep="metrics", metrics=metrics)
 

@@ -24,7 +24,7 @@ from ..files import digest, open_regular, pack, unpack, write_whole
 __all__ = ["Store"]
 
 # The version is increased when results change in their last digits, so that all chunks of a sweep have the bits of one release.
-FORMAT, VERSION = "armlet sweep", 5
+FORMAT, VERSION = "armlet sweep", 6
 Columns = dict[str, NDArray[Any]]
 
 
