@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from . import _core, rotations
 from ._core import Arm, Task
-from .arguments import choice, finite, instance, number, text
+from .arguments import choice, finite, instance, number, require_partner, text
 from .border import border, bordered
 from .errors import InputError, SolveError
 from .pickling import sealed
@@ -223,8 +223,9 @@ def cartesian_path(
         tolerance: largest error between knots: one number for m and rad, or `(2,)`.
         axes: letters such as "xyz" or "x y rz"; None: the whole pose. It contains none, one, or all of rx, ry, rz.
         kind: "lines": straight lines in position and geodesics in rotation; "spline": one smooth curve through all poses.
-        blend: a corner between two lines is rounded from this length before it to the same length after it, m. The length is at most half
-            of each line, and is measured as in `CartesianPath.length`. With 0 a corner is rounded only within the tolerance.
+        blend: a corner between two lines is rounded from this length before it to the same length after it, m; only for "lines". The length
+            is at most half of each line, and is measured as in `CartesianPath.length`. With 0 a corner is rounded only within the
+            tolerance.
         arcs: indices of poses in the middle of an arc, only for "lines". The arc is on the circle through the previous, this and the next
             position.
         limits: whether the path must respect the joint limits of the arm.
@@ -269,6 +270,7 @@ def cartesian_path(
         raise InputError(f"{_NAME}: tolerance is out of range: expected numbers >= 1e-08, got {bound.min()}")
     if not 0.0 <= blend < np.inf:
         raise InputError(f"{_NAME}: blend is out of range: expected a radius >= 0, got {blend}")
+    require_partner(_NAME, "blend", blend, 'kind="lines"', kind == "lines", 0.0)
     if rows.shape[0] < 2:
         raise InputError(f"{_NAME}: poses are too few: expected two or more, got {rows.shape[0]}")
     whole = PoseCurve(rows, turns if len(turns) == 3 else [], turns if len(turns) == 1 else [], kind == "spline", blend)

@@ -6,7 +6,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from typing import Any, TypeAlias
 
+import numpy as np
+
 from . import _core
+from .arguments import require_partner
 from .border import bordered
 from .pickling import sealed
 
@@ -18,11 +21,17 @@ Numbers: TypeAlias = float | Sequence[float]
 class _Model:
     """A model as numbers and tuples of numbers. Models can be compared, printed and pickled."""
 
+    static: Numbers | None
+    stribeck_speed: Numbers | None
+
     def __post_init__(self) -> None:
         for name, value in self.__getnewargs_ex__()[1].items():
             if value is not None:
                 values = _core.numbers(type(self).__name__, name, value, (), ("n",)).tolist()
                 object.__setattr__(self, name, tuple(values) if isinstance(values, list) else values)
+        # The plant's constructor refuses negative speeds, and a speed of zero is the default of some models.
+        if np.all(np.asarray(self.stribeck_speed or 0.0) > 0.0):
+            require_partner(type(self).__name__, "stribeck_speed", self.stribeck_speed, "static", self.static is not None)
 
     def __getnewargs_ex__(self) -> tuple[tuple[()], Mapping[str, Any]]:
         """The constructor arguments of an equal model, for pickling."""
@@ -46,7 +55,7 @@ class LuGre(_Model):
         stiffness: stiffness of the bristles `sigma_0` > 0, N m/rad or N/m.
         damping: damping of the bristles `sigma_1` >= 0, N m s/rad or N s/m.
         static: static friction `F_s` >= `F_c`, N m or N; None: `F_c`.
-        stribeck_speed: Stribeck speed `v_s` > 0, rad/s or m/s. It is required if `F_s` exceeds `F_c`.
+        stribeck_speed: Stribeck speed `v_s` > 0, rad/s or m/s. It is required if `F_s` exceeds `F_c`, and requires `static`.
         viscous: viscous friction `sigma_2` >= 0, N m s/rad or N s/m.
         load_ratio: friction per transmitted torque `mu`, in [0, 1).
 
@@ -86,6 +95,7 @@ class StickSlip(_Model):
         coulomb: Coulomb friction `F_c` >= 0, N m or N. This and all following arguments are scalars or (n,).
         static: static friction `F_s` >= `F_c`, N m or N; None: `F_c`.
         stribeck_speed: Stribeck speed `v_s` > 0, rad/s or m/s. With None or 0, friction is `F_c` as soon as the joint moves.
+            It requires `static`.
         viscous: viscous friction `d` >= 0, N m s/rad or N s/m.
         load_ratio: friction per transmitted torque `mu`, in [0, 1).
 

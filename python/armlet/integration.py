@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _core
-from .arguments import count, entries, instance, integer, number, shown
+from .arguments import count, entries, instance, integer, number, require_partner, shown
 from .border import border, bordered
 from .errors import InputError, SolveError
 from .pickling import sealed
@@ -19,6 +19,8 @@ __all__ = ["DenseOutput", "Integration", "integrate"]
 
 #: Largest number of events, and of further arguments, of a call.
 MOST = 10_000
+#: The methods with fixed steps.
+FIXED = ("euler", "semi_implicit", "rk4", "ros2")
 
 Array: TypeAlias = NDArray[np.float64]
 
@@ -156,7 +158,7 @@ def integrate(
         y0: initial state, (n,), in the units of `f`.
         method: fixed step: "euler", "semi_implicit", "rk4", and "ros2" for stiff problems; adaptive: "dopri5", "dop853", and "radau5" and
             "rodas4" for stiff problems.
-        rtol, atol: relative and absolute error allowed per step, each a number or (n,); rtol >= 2.22e-14.
+        rtol, atol: relative and absolute error allowed per step, each a number or (n,); rtol >= 2.22e-14. Only for adaptive methods.
         dt: the step of a fixed-step method. If the span is not a multiple of it, the last step is shorter.
         t_eval: record exactly these times, in the order of the span; None: record every step.
         dense_output: store the polynomials of the steps, for `result.dense(t)`.
@@ -195,6 +197,10 @@ def integrate(
     except (TypeError, ValueError):
         raise InputError(f"integrate: t_span is not a pair: expected (start, end), got {shown(t_span)}") from None
     positions = integer("integrate", "positions", positions)
+    adaptive = method not in FIXED
+    sizes = {"rtol": (rtol, 1e-8), "atol": (atol, 1e-10), "max_step": (max_step, None), "first_step": (first_step, None)}
+    for name, (value, default) in sizes.items():
+        require_partner("integrate", name, value, "an adaptive method", adaptive, default)
     instance("integrate", "throw", throw, (bool, np.bool_), "True or False")
     fields = _core.integrate(
         f,

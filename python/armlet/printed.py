@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from . import _core
-from .arguments import file_path, instance, shown
+from .arguments import file_path, instance, require_partner, shown
 from .border import border
 from .errors import InputError
 from .files import folder_for, open_regular, write_whole
@@ -25,6 +25,8 @@ DYNAMICS = ("mass_matrix", "coriolis_matrix", "gravity", "bias", "inverse_dynami
 FRAMED = ("pose", "pose_vector", "position", "jacobian", "jacobian_dot")
 #: Functions that accept a wrench at a frame.
 LOADED = ("inverse_dynamics", "forward_dynamics")
+#: Functions with the argument `friction`.
+RUBBING = ("bias", "inverse_dynamics", "forward_dynamics", "regressor")
 #: Beginnings of the first lines of files that armlet writes.
 STAMPS = ("/* Made by armlet ", "# Made by armlet ")
 
@@ -67,12 +69,13 @@ def export_c(
         dt: step of the sampled loop, s, for a law with a state (an estimate, an integral). Calls at multiples of `dt` advance the state
             to the same bits as `simulate(.., dt=dt, sample_time=..)`. None: each call advances the state by one step, whose length is the
             time since the previous call.
-        method: integration method of the law's state: "rk4", "euler" or "semi_implicit", as for `simulate`. Only for laws.
+        method: integration method of the law's state: "rk4", "euler" or "semi_implicit", as for `simulate`. Only for laws with a state.
         sample_time: time between calls, s, of a `Guarded` law, whose observer depends on it. None: `dt`.
         tau_max: limits of the torque (or velocity), as for `simulate`: a number > 0 or (n,). None: no limits. The observer of a `Guarded`
             law receives limited torques.
-        friction: whether functions of an arm include friction, as with the argument `friction` of the methods of `Arm`.
-        armature: whether the regressor has columns of armature.
+        friction: whether functions of an arm include friction, as with the argument `friction` of the methods of `Arm`. At least one of the
+            functions must have this argument.
+        armature: whether the regressor has columns of armature. `functions` must have the regressor.
         fused: whether a product and a sum are one operation `fma`. None: as armlet does on this machine. Only None guarantees equal bits.
         overwrite: overwrite files with these names that armlet did not write.
 
@@ -104,6 +107,9 @@ def export_c(
     if isinstance(law, _core.Arm):
         _require_unused("an arm", of_law)
         named = _named(law, DYNAMICS if functions is None else functions)
+        methods = {method for _, method, _ in named}
+        require_partner("export_c", "friction", friction, " or ".join(RUBBING), bool(methods.intersection(RUBBING)), False)
+        require_partner("export_c", "armature", armature, "the function regressor", "regressor" in methods, False)
         files = _core._c_of_arm(law, named, "arm" if prefix is None else prefix, fused, friction, armature)
     elif isinstance(law, _core.MomentumObserver):
         _require_unused("an observer", of_law | of_arm)

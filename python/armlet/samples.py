@@ -85,9 +85,9 @@ def select_samples(
         q, v, tau: positions, velocities and torques of the record, (K, n), rad or m, rad/s or m/s, N m or N.
         count: number of samples.
         a: accelerations of the record, (K, n), rad/s^2 or m/s^2 (keyword only).
-        t: times of the record, (K,), evenly spaced, s. Required without `a` (keyword only).
-        window: length of a window, s. Required without `a`. Windows overlap by half (keyword only).
-        held: whether each torque acts until the next record, as in a sampled loop (keyword only).
+        t: times of the record, (K,), evenly spaced, s. Only without `a`, and then required (keyword only).
+        window: length of a window, s. Only without `a`, and then required. Windows overlap by half (keyword only).
+        held: whether each torque acts until the next record, as in a sampled loop. Only without `a` (keyword only).
 
     Returns:
         The selected samples, with the smallest nonzero singular value of their stacked `W`.

@@ -135,10 +135,13 @@ def _export(args: argparse.Namespace) -> int:
         files = export_c(built.plant.arm, args.out, functions=functions, **chosen)
     else:
         method, dt = built.arguments.get("method", "rk4"), built.arguments.get("dt")
+        own: dict[str, Any] = {"tau_max": built.arguments.get("tau_max")}
         # `export_c` integrates the state of a law only with these three methods.
-        own = {"method": method, "dt": dt} if method in ("euler", "semi_implicit", "rk4") else {}
-        sampling = built.arguments.get("sample_time")
-        own |= {"sample_time": getattr(sampling, "period", sampling), "tau_max": built.arguments.get("tau_max")}
+        if built.law._state_count and method in ("euler", "semi_implicit", "rk4"):
+            own |= {"method": method, "dt": dt}
+        if isinstance(built.law, _core.Guarded):
+            sampling = built.arguments.get("sample_time")
+            own["sample_time"] = getattr(sampling, "period", sampling)
         files = export_c(built.law, args.out, **own, **chosen)
     for file in files:
         print(f"wrote {file}")

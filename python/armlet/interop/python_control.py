@@ -25,7 +25,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from .. import _core
 from .._core import Arm, ElasticArm, Law, Plant, RigidArm
-from ..arguments import finite, number
+from ..arguments import finite, number, require_partner
 from ..border import border
 from ..errors import InputError
 from ..extras import extra
@@ -58,7 +58,7 @@ def to_control(
         x0: None: return the nonlinear system. Otherwise linearise about this state: q, (n,), or all states. With q alone, the arm is at
             rest, the springs support gravity, and the law has the state of the start of a run. The states of the linear system are
             deviations from this state.
-        t: time of the law for the linearisation, s.
+        t: time of the law for the linearisation, s. It requires a law and `x0`.
         u0: input about which an arm is linearised, (n,). None: the input with which a rigid arm has zero acceleration; zero for a
             velocity-controlled arm. With a law, the law determines it.
 
@@ -85,6 +85,8 @@ def to_control(
     control = extra("to_control", "control", "control", "python-control")
     loop = _Loop(plant if isinstance(plant, Plant) else RigidArm(_arm(plant)), law)
     names = {"inputs": loop.inputs, "outputs": loop.outputs, "states": loop.states}
+    t = number("to_control", "t", t)
+    require_partner("to_control", "t", t, "law and x0", law is not None and x0 is not None, 0.0)
     if x0 is None:
         if u0 is not None:
             raise InputError("to_control: u0 is given without x0: expected the state to linearise about")
@@ -96,7 +98,7 @@ def to_control(
         )
     if law is not None and u0 is not None:
         raise InputError("to_control: u0 is given with a law: expected None, since the law has the input")
-    return control.StateSpace(*loop.linear(number("to_control", "t", t), loop.state(x0), u0), **names, name=f"{loop.name}, linear")
+    return control.StateSpace(*loop.linear(t, loop.state(x0), u0), **names, name=f"{loop.name}, linear")
 
 
 def _arm(value: Any) -> Arm:

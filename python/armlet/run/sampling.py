@@ -87,7 +87,8 @@ class Sampling(_Effects):
         jitter: largest lateness of a sample, s, below the period. With a fixed-step method, each lateness is rounded down to a multiple of
             the step.
         sensor_delay: number of samples between the measurement and its use in the law.
-        noise: standard deviations by measured quantity: "q" and "theta" in rad or m, "v" and "theta_dot" in rad/s or m/s.
+        noise: standard deviations by measured quantity: "q" and "theta" in rad or m, "v" and "theta_dot" in rad/s or m/s. The plant
+            must have these quantities among its states.
         resolution: resolutions by measured quantity, in its unit, such as 2 pi / 2**14 rad of an encoder.
         rate_limit: largest rate of change of the input, N m/s or N/s, under velocity control rad/s^2 or m/s^2. The rate limiter starts at
             zero input.

@@ -9,25 +9,25 @@ from .. import _core
 from ..null_space import NullSpace
 from .fields import Entries, Field, Flag, Numbers, OneOf, Table, Text
 
-__all__ = ["OPTIONS", "impedance", "target_of"]
+__all__ = ["impedance", "options", "target_of"]
 
 _LIMIT = Numbers(depth=1, low=0.0, strict=True)
 _GAIN = Numbers(depth=2, low=0.0)
-_NULL_SPACE = Table(
-    {"q_d": Numbers(depth=1, scalar=False), "stiffness": _GAIN, "damping": _GAIN, "projection": Text(("consistent", "static"))},
-    ("q_d", "stiffness", "damping"),
-)
 
-#: Options of `CartesianImpedance` and `ElasticImpedance`.
-OPTIONS: dict[str, Field] = {
-    "nullspace": _NULL_SPACE,
-    "feedforward": Numbers(depth=1, scalar=False),
-    "compensate_coupling": Flag(),
-    "eps": Numbers(low=0.0, strict=True),
-    "integral_gain": _GAIN,
-    "wrench_max": _LIMIT,
-    "tau_max": _LIMIT,
-}
+
+def options(motions: OneOf) -> dict[str, Field]:
+    """Return the options of `CartesianImpedance` and `ElasticImpedance`. The posture `q_d` of a null space may be a table of `motions`."""
+    posture = Entries({"plain": Numbers(depth=1, scalar=False), "table": motions})
+    fields = {"q_d": posture, "stiffness": _GAIN, "damping": _GAIN, "projection": Text(("consistent", "static"))}
+    return {
+        "nullspace": Table(fields, ("q_d", "stiffness", "damping")),
+        "feedforward": Numbers(depth=1, scalar=False),
+        "compensate_coupling": Flag(),
+        "eps": Numbers(low=0.0, strict=True),
+        "integral_gain": _GAIN,
+        "wrench_max": _LIMIT,
+        "tau_max": _LIMIT,
+    }
 
 
 def target_of(motions: OneOf) -> dict[str, Field]:
@@ -45,7 +45,9 @@ def impedance(law: Callable[..., _core.Law], motions: OneOf) -> Callable[..., _c
         if isinstance(target, Mapping):
             target = motions.make(target)
         if nullspace is not None:
-            keywords["nullspace"] = NullSpace(**nullspace)
+            q_d = nullspace["q_d"]
+            posture = motions.make(q_d, arm=arm) if isinstance(q_d, Mapping) else q_d
+            keywords["nullspace"] = NullSpace(**{**nullspace, "q_d": posture})
         return law(arm, target, **keywords)
 
     return make

@@ -21,7 +21,7 @@ from ..samples import stated_samples
 from .derived import classes_of, derived
 from .fields import Entries, Field, Flag, FlagOrNames, Integer, Items, Keyed, Kind, Names, Numbers, OneOf, Table, Text, Values
 from .guarded import with_guarded
-from .impedance import OPTIONS, impedance, target_of
+from .impedance import impedance, options, target_of
 from .paths import POSES, timed_path
 from .tasks import prioritised, tasks_of
 
@@ -196,6 +196,7 @@ MOTIONS = OneOf(
 
 _TARGET: dict[str, Field] = {"target": VECTOR}
 _REACHED = target_of(MOTIONS)
+_OPTIONS = options(MOTIONS)
 _PD: dict[str, Field] = {"kp": GAIN, "kd": GAIN}
 _IMPEDANCE: dict[str, Field] = {"stiffness": GAIN, "damping": DAMPING}
 _FRAME: dict[str, Field] = {"frame": TEXT, "axes": TEXT}
@@ -264,11 +265,11 @@ _SPECIAL = {
     "Adaptive": _law(_adaptive, _PD | {"gamma": GAIN}, _ADAPTATION, _FOLLOWS),
     "ComputedTorque": _law(_core.ComputedTorque, _PD, None, _FOLLOWS),
     "PID": _law(_pid, _FOLLOWED | _PD, _PID),
-    "CartesianImpedance": _law(impedance(_core.CartesianImpedance, MOTIONS), _REACHED | _IMPEDANCE | _TIP, _FRAME | OPTIONS),
+    "CartesianImpedance": _law(impedance(_core.CartesianImpedance, MOTIONS), _REACHED | _IMPEDANCE | _TIP, _FRAME | _OPTIONS),
     "ElasticImpedance": _law(
         impedance(_core.ElasticImpedance, MOTIONS),
         _REACHED | _IMPEDANCE | _REDUCED | _TIP,
-        _FRAME | _INNER | _INNER_OPTIONS | OPTIONS,
+        _FRAME | _INNER | _INNER_OPTIONS | _OPTIONS,
     ),
     "ElasticTracking": _law(_core.ElasticTracking, _IMPEDANCE | _REDUCED | _TIP, _FRAME | _INNER | _INNER_OPTIONS, _FOLLOWS),
     "PriorityVelocity": _law(prioritised(_core.PriorityVelocity, _TASKS), _LEVELS, _METHOD | _BOUNDS),

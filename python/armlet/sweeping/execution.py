@@ -23,7 +23,7 @@ from ..errors import InputError
 from ..pickling import sealed
 from ..progress import Progress, reporter
 from ..run.export import pandas_for, to_csv
-from ..run.metrics import MEASURES
+from ..run.metrics import MEASURES, require_one_band
 from ..scenario import Scenario
 from ..status import Status
 from .chunk import Chunk, Columns, joined, of_cell
@@ -255,4 +255,5 @@ def metrics_arguments(function: str, given: Mapping[str, Any], scenario: Scenari
             plain[name] = _core.numbers(function, name, value, *shapes[name]).tolist()
         else:
             plain[name] = number(function, name, value)
+    require_one_band(function, plain.get("band"), plain.get("settle"))
     return plain

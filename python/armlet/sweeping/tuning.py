@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .. import _core
-from ..arguments import choice, integer, number, shown
+from ..arguments import choice, integer, number, require_partner, shown
 from ..border import border, bordered
 from ..errors import InputError
 from ..extras import extra
@@ -126,10 +126,12 @@ def tune(
             several starts by scipy's L-BFGS-B. It finds minima near its starts.
         over: conditions for each candidate, a grid as in `sweep`: `{"arm.masses[1]": [2.0, 3.0]}`. None runs each candidate once, with the
             values of the scenario.
-        by: "worst": the cost of a candidate is the largest cost of its conditions. "mean": it is the mean cost of its conditions.
-        candidates: number of candidates per generation, >= 5; not used with gradients.
+        by: "worst": the cost of a candidate is the largest cost of its conditions. "mean": it is the mean cost of its conditions. It
+            requires `over`.
+        candidates: number of candidates per generation, >= 5; not with gradients.
         generations: largest number of generations after the first. With gradients: largest number of iterations per start.
-        starts: number of starts of a gradient search. The first start has the scenario's values. All other starts are random.
+        starts: number of starts of a gradient search; only with gradients. The first start has the scenario's values. All other starts are
+            random.
         tolerance: the search ends when the standard deviation of the candidates' costs, divided by their mean, is below this value. With
             gradients a search from one start ends when an iteration lowers its cost by less than this fraction. None means 0.01, and 1e-6
             with gradients.
@@ -163,6 +165,9 @@ def tune(
     choice("tune", "by", by, ("worst", "mean"))
     choice("tune", "method", method, ("differential_evolution", "gradient"))
     starts = integer("tune", "starts", starts, 1, MOST)
+    require_partner("tune", "by", by, "over", over is not None, "worst")
+    require_partner("tune", "candidates", candidates, 'method="differential_evolution"', method != "gradient", 32)
+    require_partner("tune", "starts", starts, 'method="gradient"', method == "gradient", 4)
     tolerance = (1e-6 if method == "gradient" else 0.01) if tolerance is None else number("tune", "tolerance", tolerance)
     if not isinstance(cost, str) and not callable(cost) and not (method == "gradient" and isinstance(cost, Mapping)):
         raise InputError(f"tune: cost is of the wrong type: expected the name of a metric or a function, got {shown(cost)}")

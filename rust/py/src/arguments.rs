@@ -2,9 +2,9 @@
 
 use crate::arm::Arm;
 use crate::arrays::{
-    Axis, Form, SCALAR, WHATEVER, flag_or_false, new_array, numbers, object, owned, per_entry, require_finite, spread, text,
+    Axis, Form, SCALAR, WHATEVER, flag_or_false, new_array, numbers, object, owned, per_entry, quoted, require_finite, spread, text,
 };
-use crate::errors::Failure;
+use crate::errors::{Failure, input_error};
 use crate::kept::Kept;
 use crate::motion::Motion;
 use armlet_core::kinematics::coordinates::parse_axes;
@@ -119,6 +119,17 @@ impl<'py> Arguments<'py> {
         })?;
         self.arguments.push((name, copy.unbind()));
         Ok(())
+    }
+}
+
+/// Refuse the argument `name`, which takes effect only with `partner`, unless the partner is present.
+pub fn require_partner(function: &str, name: &str, value: Option<&Bound<'_, PyAny>>, partner: &str, present: bool) -> Result<(), Failure> {
+    match value.filter(|value| !value.is_none()) {
+        Some(value) if !present => {
+            let problem = format!("takes effect only with {partner}: expected None without it, got {}", quoted(value));
+            Err(input_error(value.py(), function, name, problem).into())
+        }
+        _ => Ok(()),
     }
 }
 

@@ -1,6 +1,7 @@
 //! Elastic joints: `equilibrium`, `elastic_limits`, `smallest_reduced_inertia`, `stiffness_limit`, `damping_from_ratio`, and the warning
 //! about a long sample time.
 
+use crate::arguments::require_partner;
 use crate::arrays::{Looked, new_array, number, object, optional_number, vector};
 use crate::broadcast::{LOOK, columns};
 use crate::errors::{Failure, entry, input_error};
@@ -42,6 +43,7 @@ fn constant(
     value: Option<&Bound<'_, PyAny>>,
     frame: Option<&Bound<'_, PyAny>>,
 ) -> Result<(Wrench, Option<usize>), Failure> {
+    require_partner(function, "force_frame", frame, "force", value.is_some())?;
     let named = match frame {
         None => None,
         Some(frame) => Some(force_frame(function, plant, frame)?),
@@ -132,6 +134,7 @@ pub fn elastic_limits<'py>(
         let (wrench, frame) = constant(NAME, plant, law, force, force_frame)?;
         let q0 = vector(NAME, "q0", q0, plant.n())?;
         let sample_time = optional_number(NAME, "sample_time", sample_time)?;
+        require_partner(NAME, "sensor_bandwidth", sensor_bandwidth, "sample_time", sample_time.is_some())?;
         let bandwidth = optional_number(NAME, "sensor_bandwidth", sensor_bandwidth)?.unwrap_or(f64::INFINITY);
         let found = long(py, || limits::elastic_limits(plant, law, &wrench, frame, &q0, sample_time, bandwidth))?;
         let fields = PyDict::new(py);

@@ -1,5 +1,6 @@
 //! `armlet.inverse_kinematics` and its result.
 
+use crate::arguments::require_partner;
 use crate::arm::Arm;
 use crate::arrays::{Axis, Form, Looked, SCALAR, adopted, copied, elements, flag, number, numbers, object, owned, shown, whole};
 use crate::broadcast::{common_shape, stretch};
@@ -123,7 +124,7 @@ const NAME: &str = "inverse_kinematics";
 ///     method: the method of `solve_priority` for every step: "clamp", "damped", "exact" or "chiaverini" (keyword only, as all below).
 ///         None: steps for all tasks together, and "clamp" for steps in the order of priority.
 ///     eps: threshold on singular values, for steps in the order of priority: one number, or one per task. With `eps`, all steps are of
-///         this kind. None: 0.02 times each task's largest row norm.
+///         this kind. "exact" does not accept it. None: 0.02 times each task's largest row norm.
 ///     tolerance: a task is reached if the size of every entry of its error is at most this, m or rad; 1e-9 if None.
 ///     max_iterations: largest number of steps from each start; 100 if None.
 ///     restarts: largest number of random starts after `q0`; 50 if None.
@@ -131,7 +132,7 @@ const NAME: &str = "inverse_kinematics";
 ///     step_max: largest change of a joint position in one step, rad or m; 0.5 if None.
 ///     limits: keep `q` within the arm's joint limits.
 ///     check_limits: action for a start outside of the joint limits: None warns, True raises, and False does neither. With `limits=False`
-///         there is no check.
+///         it must be None.
 ///     solutions: number of different solutions of each target, from at most `restarts` random starts. None: one solution, without an axis
 ///         for it. Solutions that reach every task are first, ordered by their distance `|q - q0|`. The others follow, ordered by the error
 ///         of the first task in which they differ. Two solutions are equal if no joint differs by more than 1e-3 rad or m. A difference of
@@ -209,7 +210,7 @@ pub fn inverse_kinematics<'py>(
         let q0 = owned(q0)?;
         let check = LimitCheck::of(NAME, check_limits)?;
         let plain = IkOptions::default();
-        let eps = match eps {
+        let thresholds = match eps {
             None => None,
             Some(eps) => {
                 let (_, values) = numbers(NAME, "eps", eps, &[SCALAR, Form(&[Axis::Is(goals.len())])])?;
@@ -227,8 +228,11 @@ pub fn inverse_kinematics<'py>(
                 None => None,
                 given => Some(PriorityMethod::from_name(method_name(NAME, given)?)?),
             },
-            eps,
+            eps: thresholds,
         };
+        let threshold = search.method.is_none_or(PriorityMethod::has_threshold);
+        require_partner(NAME, "eps", eps, "the methods clamp, damped and chiaverini", threshold)?;
+        require_partner(NAME, "check_limits", check_limits, "limits=True", search.limits)?;
         if search.limits {
             check.rows(py, NAME, "q0", tree, &q0, wide)?;
         }

@@ -1,5 +1,6 @@
 //! The keywords of `simulate`, `simulate_batch` and `Simulator`, converted to options, initial states, forces and laws of the core.
 
+use crate::arguments::require_partner;
 use crate::arrays::{
     Axis, Form, Looked, SCALAR, any_vector, count, flag, items, number, numbers, object, optional_number, owned, quoted, require_finite,
     spread, text, vector, whole,
@@ -93,7 +94,11 @@ impl<'py> Keywords<'py> {
         let function = self.function;
         let every = count(function, "record_every", &self.required("record_every")?)?;
         let times = match self.get("t_eval")? {
-            Some(t_eval) => Times::At(any_vector(function, "t_eval", &t_eval)?),
+            Some(t_eval) if every == 1 => Times::At(any_vector(function, "t_eval", &t_eval)?),
+            Some(t_eval) => {
+                let problem = format!("takes effect only without t_eval: expected 1 with t_eval, got {every}");
+                return Err(input_error(t_eval.py(), function, "record_every", problem).into());
+            }
             None => Times::Every(every),
         };
         let method = self.method()?;
@@ -174,7 +179,8 @@ impl<'py> Keywords<'py> {
         let mut rest = [const { None }; 3];
         for (part, name) in rest.iter_mut().zip(["v0", "theta0", "theta_dot0"]) {
             let Some(value) = self.get(name)? else { continue };
-            if name != "v0" && !plants[0].kind().has_motors() {
+            let kind = plants[0].kind();
+            if if name == "v0" { !kind.has_speeds() } else { !kind.has_motors() } {
                 let problem = format!("is not used: expected None for {}", plants[0].kind().name());
                 return Err(input_error(value.py(), self.function, name, problem).into());
             }
@@ -197,6 +203,11 @@ impl<'py> Keywords<'py> {
         Ok((rows, x0))
     }
 
+    /// Refuse a `force_frame` without a force. A `Simulator` accepts it, because each of its steps has its own force.
+    pub fn require_force(&self) -> Result<(), Failure> {
+        require_partner(self.function, "force_frame", self.get("force_frame")?.as_ref(), "force", self.get("force")?.is_some())
+    }
+
     /// Read the force, and the index of the frame at which it acts. `raised` stores the exception of a callable.
     pub fn force(&self, plant: &PlantSpec, law: &LawSpec, raised: &Raised) -> Result<(Option<Force>, Option<usize>), Failure> {
         let (mut forces, frame) = self.forces(plant, law, raised)?;
@@ -206,7 +217,9 @@ impl<'py> Keywords<'py> {
     /// Read the forces, and the index of the frame at which they act. The result has no force, one force for all runs, or one force per run
     /// (`[[(t_start, F), ...], ...]`).
     pub fn forces(&self, plant: &PlantSpec, law: &LawSpec, raised: &Raised) -> Result<(Vec<Force>, Option<usize>), Failure> {
-        let frame = match self.get("force_frame")? {
+        let frame = self.get("force_frame")?;
+        require_partner(self.function, "force_frame", frame.as_ref(), "a plant whose input is a torque", plant.kind().has_speeds())?;
+        let frame = match frame {
             None => None,
             Some(frame) => Some(force_frame(self.function, plant, &frame)?),
         };

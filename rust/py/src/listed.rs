@@ -28,6 +28,7 @@ pub fn loop_program<'py>(
         let law = &law_of(NAME, law, plant, &raised)?;
         let given = Keywords { function: NAME, keywords: keywords.clone() };
         let options = given.options(plant.n())?;
+        given.require_force()?;
         let (force, force_frame) = given.force(plant, law, &raised)?;
         let batch = flag(NAME, "batch", &given.required("batch")?)?;
         let part = given.get("part")?.map(|part| text(NAME, "part", &part)).transpose()?;

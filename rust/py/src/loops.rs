@@ -93,6 +93,7 @@ impl<'py> Loops<'py> {
         let options = self.given.options(plants[0].n())?;
         let (rows, x0) = self.given.initial_states(&plants, q0, true)?;
         let raised = Raised::default();
+        self.given.require_force()?;
         let (forces, force_frame) = self.given.forces(plants[0], laws[0], &raised)?;
         let forces = memory::collected(forces.iter())?;
         let done = work(Problem { plants, laws, x0, forces, force_frame, options, measures: None }, rows, &raised)?;

@@ -1,5 +1,6 @@
 //! C code of laws, observers and functions of arms: the files of `armlet.export_c`, as pairs of a name and a text.
 
+use crate::arguments::require_partner;
 use crate::arm::Arm;
 use crate::arrays::{Axis, Form, SCALAR, flag, items, name, numbers, object, optional_number, spread, text};
 use crate::errors::{Failure, entry, input_error};
@@ -8,7 +9,7 @@ use crate::law::Law;
 use crate::observer::MomentumObserver;
 use armlet_core::dynamics::{CFunction, Quantity, Query};
 use armlet_core::integrate::{Method, MethodKind};
-use armlet_core::law::CLoop;
+use armlet_core::law::{CLoop, LawSpec};
 use armlet_core::trace::c::{CFile, COptions};
 use armlet_macros::entered;
 use pyo3::prelude::*;
@@ -48,21 +49,25 @@ pub fn _c_of_law(
 ) -> PyResult<Vec<(String, String)>> {
     entry(py, NAME, || {
         let law = object::<Law>(NAME, "law", "an arm or a law such as Adaptive", law)?;
+        let (state, guarded) = (!law.get().spec.initial_state().is_empty(), matches!(law.get().spec, LawSpec::Guarded(_)));
+        require_partner(NAME, "dt", dt, "a law with a state", state)?;
+        require_partner(NAME, "sample_time", sample_time, "a Guarded law", guarded)?;
         let (options, dt, given) = (options(prefix, fused)?, optional_number(NAME, "dt", dt)?, name(NAME, "method", method)?);
         let fixed: Vec<Method> =
             Method::ALL.iter().copied().filter(|method| matches!(method.kind(), MethodKind::ExplicitSteps(_))).collect();
-        let Some(method) = fixed.iter().find(|method| method.name() == given) else {
+        let Some(chosen) = fixed.iter().find(|method| method.name() == given) else {
             let names: Vec<&str> = fixed.iter().map(|method| method.name()).collect();
             return Err(input_error(py, NAME, "method", format!("is unknown: expected one of {}, got {given:?}", names.join(", "))).into());
         };
         let spec = law.get().spec.clone();
+        require_partner(NAME, "method", (chosen.name() != "rk4").then_some(method), "a law with a state", state)?;
         let n = spec.model().n();
         let limits = |given| -> Result<Vec<f64>, Failure> {
             let (shape, values) = numbers(NAME, "tau_max", given, &[SCALAR, Form(&[Axis::Is(n)])])?;
             spread(&shape, values, n)
         };
         let sample_time = optional_number(NAME, "sample_time", sample_time)?;
-        let timing = CLoop { dt, sample_time, rk4: method.name() == "rk4", tau_max: tau_max.map(limits).transpose()? };
+        let timing = CLoop { dt, sample_time, rk4: chosen.name() == "rk4", tau_max: tau_max.map(limits).transpose()? };
         Ok(pairs(long(py, || spec.export_c(&options, &timing))?))
     })
 }

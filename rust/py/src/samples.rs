@@ -50,9 +50,11 @@ pub fn _select_samples<'py>(
         let held = flag(NAME, "held", &held)?;
         let count = whole(NAME, "count", count)?;
         let windows = match (&a, t, window) {
-            (Some(_), _, None) => None,
-            (Some(_), _, Some(_)) => {
-                return Err(input_error(py, NAME, "window", "is not used: expected None with accelerations a=").into());
+            (Some(_), None, None) if !held => None,
+            (Some(_), t, window) => {
+                let name = if window.is_some() { "window" } else { t.map_or("held", |_| "t") };
+                let expected = if name == "held" { "False" } else { "None" };
+                return Err(input_error(py, NAME, name, format!("is not used: expected {expected} with accelerations a=")).into());
             }
             (None, Some(t), Some(window)) => {
                 let t = vector(NAME, "t", &t, q.len() / n)?;

@@ -73,6 +73,7 @@ pub fn simulate<'py>(
         let n = plant.n();
         let options = given.options(n)?;
         let (_, x0) = given.initial_states(&[plant], q0, false)?;
+        given.require_force()?;
         let (force, force_frame) = given.force(plant, law, &raised)?;
         let problem =
             Problem { plants: vec![plant], laws: vec![law], x0, forces: force.iter().collect(), force_frame, options, measures: None };

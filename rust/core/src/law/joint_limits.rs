@@ -143,6 +143,11 @@ impl MotionLimits {
         Ok(limits)
     }
 
+    /// Whether a joint has a position limit.
+    pub fn have_positions(&self) -> bool {
+        [&self.q_min, &self.q_max].iter().any(|limits| limits.iter().any(|limit| limit.is_finite()))
+    }
+
     /// Set infinite bounds in the options of a solver. The bounds themselves change at every evaluation.
     pub fn open(&self, mut options: PriorityOptions) -> PriorityOptions {
         let n = self.q_min.len();

@@ -67,7 +67,11 @@ impl PriorityAccelerationSpec {
             return Err(Error::input("joint_damping", format!("is not a damping: expected a finite number >= 0, got {joint_damping}")));
         }
         limits.require_sns(options.method)?;
-        let limits = if options.method == PriorityMethod::Sns { Some(MotionLimits::new(&model, limits).map_err(|error| model.name_limit(error))?) } else { None };
+        let limits = if options.method == PriorityMethod::Sns {
+            Some(MotionLimits::new(&model, limits).map_err(|error| model.name_limit(error))?)
+        } else {
+            None
+        };
         let mut options = limits.as_ref().map_or_else(|| options.clone(), |limits| limits.open(options.clone()));
         // The joint damping is one more level below all tasks. Its Jacobian is the identity. If `eps` has one threshold for each
         // of several tasks, the default threshold is appended for this level. A single threshold applies to all levels.

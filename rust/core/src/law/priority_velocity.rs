@@ -15,7 +15,7 @@ use super::joint_limits::{LimitOverrides, MotionLimits};
 use super::level::{self, Level, desired_size, require_levels, same_tasks, stack};
 use super::terms::{Instant, Term};
 use crate::dynamics::Model;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::kinematics::TaskStack;
 use crate::linalg::AnyGain;
 use crate::linalg::gain::Multiply;
@@ -61,9 +61,26 @@ impl PriorityVelocitySpec {
     /// [`PrioritySolver::new`].
     pub fn new(model: Model, levels: Vec<Level>, options: PriorityOptions, limits: &LimitOverrides) -> Result<Self> {
         require_levels(&levels)?;
+        if let Some(i) = levels.iter().position(|level| level.damping.is_some()) {
+            let problem = "takes effect only with PriorityAcceleration: expected None for a law of velocities";
+            return Err(Error::input(format!("tasks[{i}].damping"), problem));
+        }
         model.tree("arm")?;
         limits.require_sns(options.method)?;
-        let limits = if options.method == PriorityMethod::Sns { Some(MotionLimits::new(&model, limits).map_err(|error| model.name_limit(error))?) } else { None };
+        let given = limits;
+        let limits = if options.method == PriorityMethod::Sns {
+            Some(MotionLimits::new(&model, given).map_err(|error| model.name_limit(error))?)
+        } else {
+            None
+        };
+        if limits.as_ref().is_some_and(|limits| !limits.have_positions()) {
+            for (name, given) in [("a_max", given.a_max.is_some()), ("horizon", given.horizon.is_some())] {
+                if given {
+                    let problem = "takes effect only with position limits: expected q_min or q_max, or an arm with limits";
+                    return Err(Error::input(name, problem));
+                }
+            }
+        }
         let options = limits.as_ref().map_or_else(|| options.clone(), |limits| limits.open(options.clone()));
         let spec = PriorityVelocitySpec { model, levels, options, limits };
         spec.solver()?;

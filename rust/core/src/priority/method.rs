@@ -60,6 +60,14 @@ impl PriorityMethod {
         self == PriorityMethod::Sns
     }
 
+    /// Whether the method uses the threshold `eps` on singular values.
+    pub fn has_threshold(self) -> bool {
+        match self {
+            PriorityMethod::Clamp | PriorityMethod::Damped | PriorityMethod::Chiaverini => true,
+            PriorityMethod::Exact | PriorityMethod::Sns => false,
+        }
+    }
+
     /// Whether the method damps small singular values of the projected Jacobian.
     pub(super) fn damps(self) -> bool {
         match self {

@@ -265,6 +265,10 @@ impl<'a> Problem<'a> {
             return Err(Error::wrong("plant", "number of joints", n, self.plants[i].n()).at([i]));
         }
         if !self.forces.is_empty() {
+            if !plant.kind().has_speeds() {
+                let problem = format!("takes effect only on a plant whose input is a torque: expected None for {}", plant.kind().name());
+                return Err(Error::input("force", problem));
+            }
             let Model::Tree(arm) = plant.model() else {
                 return Err(Error::input("force", "has no frame to act at: expected a plant with links, got planar_pr"));
             };
@@ -312,7 +316,7 @@ impl<'a> Problem<'a> {
         if let Some(sampling) = &o.sampling {
             sampling.validate()?;
             self.validate_motor_loops(sampling.period)?;
-            self.validate_torque_sensor(sampling)?;
+            self.validate_sensors(sampling)?;
         }
         Ok(())
     }

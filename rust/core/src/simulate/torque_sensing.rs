@@ -8,7 +8,7 @@
 //! reading. At the first sample, `tau_f = tau_J`. `theta` is the motor position. Without a resolution, the reading is not rounded.
 
 use super::problem::Problem;
-use super::sampling::{Sampling, gaussian};
+use super::sampling::{CHANNELS, Sampling, gaussian};
 use crate::error::{Error, Result};
 use crate::linalg::gain::{AnyGain, Gain, Multiply};
 use crate::plant::sensors::TorqueSensor;
@@ -91,10 +91,20 @@ impl<S: Real> TorqueSensing<S> {
 }
 
 impl Problem<'_> {
-    /// Refuse torque sensors for a plant without elastic joints, a `bias` of another length, and noise or resolution of `q`.
-    pub(super) fn validate_torque_sensor(&self, sampling: &Sampling) -> Result<()> {
-        let Some(sensor) = &sampling.torque_sensor else { return Ok(()) };
+    /// Refuse noise and resolution of quantities that are no states of the plant. Refuse torque sensors for a plant without elastic joints,
+    /// a `bias` of another length, and noise or resolution of `q` with a torque sensor.
+    pub(super) fn validate_sensors(&self, sampling: &Sampling) -> Result<()> {
         let plant = self.plant(0);
+        let measured = plant.seen() / plant.n();
+        for (name, values) in [("noise", sampling.noise), ("resolution", sampling.resolution)] {
+            if let Some(i) = (measured..CHANNELS.len()).find(|&i| values[i] != 0.0) {
+                let (kind, states) = (plant.kind().name(), CHANNELS[..measured].join(", "));
+                let problem =
+                    format!("takes effect only on states of the plant: expected quantities of {kind} ({states}), got {}", CHANNELS[i]);
+                return Err(Error::input(name, problem));
+            }
+        }
+        let Some(sensor) = &sampling.torque_sensor else { return Ok(()) };
         if plant.elastic().is_none() {
             let problem = format!("has nothing to sense: expected a plant with elastic joints, got {}", plant.kind().name());
             return Err(Error::input("torque_sensor", problem));

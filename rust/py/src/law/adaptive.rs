@@ -1,6 +1,7 @@
 //! Adaptive tracking: `armlet.Adaptive`, the law of Slotine and Li with its options.
 
 use super::{Arguments, Law};
+use crate::arguments::require_partner;
 use crate::arrays::{Axis, Form, Looked, WHATEVER, flag, name, numbers, owned, shown, text};
 use crate::errors::{Failure, entry, input_error};
 use armlet_core::error::positive;
@@ -47,7 +48,7 @@ use pyo3::types::{PyBool, PyString, PyTuple};
 ///         them. It cannot be combined with `natural` or `base`.
 ///     friction: estimate friction: True for "viscous" and "coulomb", or some of "viscous", "coulomb", "stribeck" (keyword only).
 ///     armature: estimate the rotors' inertia (keyword only).
-///     friction_speed: `v_s`, rad/s or m/s, > 0: scalar or `(n,)`; 0.1 if None (keyword only).
+///     friction_speed: `v_s` of "coulomb" and "stribeck", rad/s or m/s, > 0: scalar or `(n,)`; 0.1 if None (keyword only).
 ///     leakage: `sigma`, >= 0 (keyword only). Its unit is 1/s divided by the unit of `gamma`. With `leakage_form="e"` the unit is 1/rad or
 ///         1/m divided by the unit of `gamma`.
 ///     leakage_form: "sigma" for the constant `sigma`, "e" for `sigma |s|` in its place (e-modification) (keyword only).
@@ -63,7 +64,9 @@ use pyo3::types::{PyBool, PyString, PyTuple};
 ///         for samples with accelerations, and 1/(N m s^3) for windows.
 ///
 /// Raises:
-///     InputError: a shape is wrong, a number is not finite or out of its range, a gain is not positive definite, or a name is unknown.
+///     InputError: a shape is wrong, a number is not finite or out of its range, a gain is not positive definite, or a name is unknown. It is
+///         also raised for `friction_speed`, `leakage_form`, `leakage_centre`, `composite_rate` or `concurrent_weight` without `friction`,
+///         `leakage`, `composite` or `concurrent`.
 ///
 /// Source: Slotine and Li, On the adaptive control of robot manipulators, IJRR 6(3), 1987.
 /// Natural metric: Lee, Kwon and Park, A natural adaptive control law for robot manipulators, IROS 2018.
@@ -180,6 +183,8 @@ fn columns_of<'py>(
     if given.flag("armature", armature)? {
         kinds.push(JointColumn::Armature);
     }
+    let smooth = kinds.iter().any(|kind| matches!(kind, JointColumn::Coulomb | JointColumn::Stribeck));
+    require_partner("Adaptive", "friction_speed", speed, "friction of the kind 'coulomb' or 'stribeck'", smooth)?;
     let speeds = given.rows("friction_speed", speed, n)?.unwrap_or_else(|| vec![FRICTION_SPEED; n]);
     let columns = JointColumns::new(n, &kinds, speeds)?;
     Ok(if kinds.is_empty() { JointColumns::default() } else { columns })
@@ -194,6 +199,9 @@ fn restrained<'py>(
     dead_zone: Option<&Bound<'py, PyAny>>,
 ) -> Result<AdaptiveSpec, Failure> {
     let p = spec.parameter_names().len();
+    for (name, value) in [("leakage_form", form), ("leakage_centre", centre)] {
+        require_partner("Adaptive", name, value, "leakage", leakage.is_some())?;
+    }
     let sigma = leakage.map(|leakage| given.number("leakage", leakage)).transpose()?.unwrap_or(0.0);
     let form = match form {
         None => LeakageForm::Sigma,
@@ -227,6 +235,7 @@ fn filtered<'py>(
     rate: Option<&Bound<'py, PyAny>>,
 ) -> Result<AdaptiveSpec, Failure> {
     let n = given.model().n();
+    require_partner("Adaptive", "composite_rate", rate, "composite", weight.is_some())?;
     let weight = weight.map(|weight| given.gain("composite", weight, n)).transpose()?;
     let rate = rate.map(|rate| given.number("composite_rate", rate)).transpose()?.unwrap_or(COMPOSITE_RATE);
     positive("composite_rate", rate)?;
@@ -244,6 +253,7 @@ fn remembering<'py>(
     weight: Option<&Bound<'py, PyAny>>,
 ) -> Result<AdaptiveSpec, Failure> {
     let (n, p) = (given.model().n(), spec.parameter_names().len());
+    require_partner("Adaptive", "concurrent_weight", weight, "concurrent", stored.is_some())?;
     let weight =
         weight.map_or_else(|| Ok(Gain::scalar("concurrent_weight", n, 1.0)?), |weight| given.gain("concurrent_weight", weight, n))?;
     let Some(stored) = stored else { return Ok(spec) };

@@ -1,6 +1,7 @@
 //! `armlet.CartesianImpedance`, and the common arguments of the impedance laws: targets and options.
 
 use super::{Arguments, Law};
+use crate::arguments::require_partner;
 use crate::arrays::{Axis, Form, SCALAR, new_vector, numbers, owned, require_finite, spread, text};
 use crate::errors::{Failure, entry, input_error};
 use crate::motion::Motion as PyMotion;
@@ -52,6 +53,9 @@ impl<'py> OptionArguments<'_, 'py> {
         options.compensate_coupling = given.flag("compensate_coupling", there(self.compensate_coupling))?;
         if let Some(value) = there(self.eps) {
             options.eps = given.number("eps", value)?;
+            // The core refuses an invalid threshold.
+            let inverts = options.null_space.is_some() || options.compensate_coupling || options.eps <= 0.0;
+            require_partner(given.function(), "eps", Some(value), "nullspace or compensate_coupling", inverts)?;
         }
         if let Some(value) = there(self.integral_gain) {
             options.integral_gain = Some(gain_or_zero(given.function(), "integral_gain", value, m)?);
@@ -139,6 +143,7 @@ pub(super) fn target<'py>(given: &mut Arguments<'py>, value: &Bound<'py, PyAny>,
 ///     feedforward: `F_ff`, a wrench in the m coordinates, `(m,)`, N and N m (keyword only).
 ///     compensate_coupling: compensate the coupling between null-space motion and the frame (keyword only).
 ///     eps: the smallest singular value in `L` and in the null-space projector, 1e-7 <= `eps` < 1; 0.02 if None (keyword only).
+///         It requires `nullspace` or `compensate_coupling`.
 ///     integral_gain: `K_i`, N/(m s) and N m/(rad s), at least zero: scalar, `(m,)`, or positive definite `(m, m)` (keyword only).
 ///     wrench_max: the largest magnitude of each entry of `F`, N and N m, scalar or `(m,)`; no limit if None (keyword only).
 ///     tau_max: the largest commanded torque, N m or N, scalar or `(n,)`; no limit if None (keyword only).

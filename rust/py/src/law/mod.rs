@@ -234,6 +234,12 @@ impl Law {
         given.find(|value| value.bind(py).is_instance_of::<Motion>()).map(|motion| motion.clone_ref(py))
     }
 
+    /// The number of states of the law, such as the entries of an estimate.
+    #[getter]
+    fn _state_count(&self) -> usize {
+        self.spec.initial_state().len()
+    }
+
     /// The motion of the joints from which errors are measured; None for a law with another reference or without one.
     #[getter]
     fn _joint_motion<'py>(slf: &Bound<'py, Self>) -> PyResult<Option<Bound<'py, PyAny>>> {

@@ -64,9 +64,10 @@ impl<'py> Arguments<'py> {
 ///
 /// Args:
 ///     arm: the model; not `planar_pr`, which has no links.
-///     tasks: `Task` and other tasks, each with a target and a gain in 1/s, the highest priority first.
+///     tasks: `Task` and other tasks, each with a target and a gain in 1/s and without `damping`, the highest priority first.
 ///     method: "clamp" (default), "exact", "damped", "chiaverini" or "sns", as for `solve_priority`.
-///     eps: threshold on singular values, one number or one per level; None: 0.02 times each level's largest row norm.
+///     eps: threshold on singular values, one number or one per level; None: 0.02 times each level's largest row norm. "exact" and "sns" do
+///         not accept it.
 ///     v_min, v_max: velocity bounds for "sns", a number or `(n,)`, rad/s or m/s (keyword only). A missing bound is minus the other bound.
 ///         None for both: the arm's bounds.
 ///     q_min, q_max: position limits for "sns", a number or `(n,)`, rad or m; None: the arm's limits (keyword only). At every evaluation

@@ -2,6 +2,7 @@
 
 use super::path_limits::{Along, NAME, limit};
 use super::timed_path::TimedPath;
+use crate::arguments::require_partner;
 use crate::arm::{Arm, ArmModel};
 use crate::arrays::{Axis, Form, Looked, copied, count, items, number, numbers, object, owned, require_finite, shown, text, vector, whole};
 use crate::errors::{Failure, entry, input_error};
@@ -11,7 +12,7 @@ use armlet_core::motion::{Ends, Path};
 use armlet_core::plan::{self, Friction, Mover, TimePathOptions};
 use armlet_macros::entered;
 use pyo3::prelude::*;
-use pyo3::types::PyTuple;
+use pyo3::types::{PyBool, PyTuple};
 use std::sync::Arc;
 
 /// The default number of samples of a callable path.
@@ -144,6 +145,22 @@ fn path_of(
     Ok(Path::waypoints(&q, n, knots.as_deref(), ends(spline, default)?)?)
 }
 
+/// Refuse `refine=False` without `grid`, `friction` without limits of torques, and `check_limits` where no limits are checked.
+fn require_partners(
+    path: &Bound<'_, PyAny>,
+    refined: bool,
+    (friction, torques): (Option<&Bound<'_, PyAny>>, [Option<&Bound<'_, PyAny>>; 2]),
+    (check_limits, positions): (Option<&Bound<'_, PyAny>>, [Option<&Bound<'_, PyAny>>; 2]),
+) -> Result<(), Failure> {
+    if !refined {
+        return Err(input_error(path.py(), NAME, "refine", "takes effect only with grid: expected True without it, got False").into());
+    }
+    let friction = friction.filter(|friction| !friction.cast::<PyBool>().is_ok_and(|flag| !flag.is_true()));
+    require_partner(NAME, "friction", friction, "tau_max or torque_rate", torques.iter().any(Option::is_some))?;
+    let checked = positions.iter().all(Option::is_none) && path.getattr_opt(JOINED)?.is_none();
+    require_partner(NAME, "check_limits", check_limits, "waypoints or a callable, and without q_min and q_max", checked)
+}
+
 /// The fastest timing of a path of an arm under limits of torque, speed and acceleration.
 ///
 /// The motion is `q(s(t))`, so `v = dq/ds ds/dt`, `a = dq/ds u + d2q/ds2 (ds/dt)^2` with `u = d2s/dt2`, and `tau = M a + C v + g`, plus the
@@ -165,9 +182,11 @@ fn path_of(
 ///     stops: indices of waypoints where the arm stops.
 ///     start_speed, end_speed: path speeds ds/dt at the ends, 1/s; zero if None.
 ///     friction: True for the arm's damping and Coulomb friction; viscous coefficients, number or `(n,)`, N m s/rad or N s/m; None: none.
+///         It requires `tau_max` or `torque_rate`.
 ///     grid: number of grid points, including the path's knots. None: 201 points at first. Then grids with additional points follow, until
 ///         the duration changes by less than 1e-4 of its value.
 ///     refine: halve the segments of `grid` on which the motion exceeds limits, or that make the motion longer (default True).
+///         Without `grid` it must be True.
 ///     samples: number of samples of a callable; 201 if None.
 ///     torque_rate: limit of |d tau/dt|, N m/s or N/s: number or `(n,)`. It requires a rest-to-rest motion without stops and without
 ///         Coulomb friction. The fastest timing is averaged over a window of time, and slowed down until it satisfies this limit. So the
@@ -178,7 +197,7 @@ fn path_of(
 ///     tip_acceleration: largest norm of the acceleration of the origin of `frame`, m/s^2, in the forms of `tip_speed`.
 ///     frame: name of the frame that `tip_speed` and `tip_acceleration` limit.
 ///     check_limits: action if a waypoint, or a sample of a callable, is outside of the arm's joint limits. None warns, True raises, and
-///         False does neither. With `q_min` or `q_max` there is no check.
+///         False does neither. It must be None with `q_min` or `q_max`, and for a `CartesianPath`.
 ///
 /// Returns:
 ///     A `TimedPath`. Limits that allow no timing are not an error: `p.feasible` is False, and `p.reason` states the reason.
@@ -233,6 +252,7 @@ pub fn time_path<'py>(
         let model = &arm.get().model;
         let n = model.n();
         let check = LimitCheck::of(NAME, check_limits)?;
+        require_partners(path, refine || grid.is_some(), (friction, [tau_max, torque_rate]), (check_limits, [q_min, q_max]))?;
         let torque_rate = torque_rate.map(|value| limit("torque_rate", value, n)).transpose()?;
         let mut options = TimePathOptions { refine, torque_rate, ..TimePathOptions::default() };
         for (name, value, to) in [("start_speed", start_speed, &mut options.start_speed), ("end_speed", end_speed, &mut options.end_speed)]
@@ -246,7 +266,7 @@ pub fn time_path<'py>(
         }
         options.friction = match friction {
             None => None,
-            Some(value) if value.is_instance_of::<pyo3::types::PyBool>() => value.extract::<bool>()?.then(|| own_friction(model, n)),
+            Some(value) if value.is_instance_of::<PyBool>() => value.extract::<bool>()?.then(|| own_friction(model, n)),
             Some(value) => Some(Friction { viscous: limit("friction", value, n)?, coulomb: vec![0.0; n] }),
         };
         let within = |q: &[f64]| match (model, q_min, q_max) {

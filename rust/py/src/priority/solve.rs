@@ -64,12 +64,12 @@ fn solve_row(solver: &mut Core, stack: &Stack) -> Result<Status, Error> {
 ///         `eps`. "damped" and "chiaverini" use damped pseudoinverses. "sns" keeps `v` between `v_min` and `v_max`, and requires at least
 ///         one of them. The method and all further arguments are keyword only.
 ///     eps: threshold on singular values, > 0, one number or one per level; None: 0.02 times each level's largest row norm. "exact" and
-///         "sns" do not use it.
+///         "sns" do not accept it.
 ///     rounding: relative error of the entries of the Jacobians; None: 8 times the machine epsilon. For Jacobians that were computed from
 ///         angles `q`, pass `8 (1 + sum|q|)` times the machine epsilon.
 ///     weight: joint metric `W`, `(n, n)`, symmetric and positive definite: `v' W v` is minimised; None: the identity.
-///     v_min, v_max: bounds for "sns", a number or `(n,)`, rad/s or m/s. A missing bound is minus the other bound. Other methods ignore
-///         them.
+///     v_min, v_max: bounds for "sns", a number or `(n,)`, rad/s or m/s. A missing bound is minus the other bound. Other methods do
+///         not accept them.
 ///
 /// Returns:
 ///     A `PrioritySolution`. A batch does not raise for one invalid row. A row whose numbers are not finite, or whose result overflows, is

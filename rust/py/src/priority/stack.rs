@@ -3,6 +3,7 @@
 //! The arrays are checked and broadcast over their leading axes. A *row of the batch* is one stack: one Jacobian and one velocity per
 //! level.
 
+use crate::arguments::require_partner;
 use crate::arrays::{self, Axis, Form, Looked, PIECE, SCALAR, numbers, of_shape, owned, require_finite, shown, spread};
 use crate::broadcast::{common_shape, stretch};
 use crate::errors::{Failure, input_error};
@@ -257,7 +258,12 @@ impl Keywords<'_, '_> {
     }
 
     pub fn options(&self, function: &str, n: usize, levels: usize) -> Result<PriorityOptions, Failure> {
-        let mut options = PriorityOptions { rounding: self.rounding, ..PriorityOptions::new(PriorityMethod::from_name(self.method)?) };
+        let method = PriorityMethod::from_name(self.method)?;
+        let mut options = PriorityOptions { rounding: self.rounding, ..PriorityOptions::new(method) };
+        require_partner(function, "eps", self.eps, "the methods clamp, damped and chiaverini", method.has_threshold())?;
+        for (name, value) in [("v_min", self.v_min), ("v_max", self.v_max)] {
+            require_partner(function, name, value, "method sns", method.has_bounds())?;
+        }
         if let Some(eps) = self.eps {
             options.eps = Some(per_joint(function, "eps", eps, levels)?);
         }
