@@ -165,7 +165,7 @@ def _batch(members: Members, start: int, cells: Cells, threads: int | None, metr
         if name in given:
             given[name] = np.array([built.arguments[name] for _, built in members], dtype=np.float64)
     if given.get("method", "rk4") in _core.ADAPTIVE_METHODS and given.get("t_eval") is None:
-        given["t_eval"] = np.linspace(0.0, given["t_end"], 1001)
+        given |= {"t_eval": np.linspace(0.0, given["t_end"], 1001), "record_every": 1}
     if isinstance(given.get("sample_time"), Sampling):
         given["sample_time"] = replace(given["sample_time"], seed=cells.sampling_seed(start + members[0][0]))
     plants, laws = [built.plant for _, built in members], [built.law for _, built in members]
