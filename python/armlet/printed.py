@@ -26,7 +26,7 @@ FRAMED = ("pose", "pose_vector", "position", "jacobian", "jacobian_dot")
 #: Functions that accept a wrench at a frame.
 LOADED = ("inverse_dynamics", "forward_dynamics")
 #: Functions with the argument `friction`.
-RUBBING = ("bias", "inverse_dynamics", "forward_dynamics", "regressor")
+RUBBING = ("bias", "regressor", *(f"{way}_dynamics{what}" for way in ("inverse", "forward") for what in ("", "_derivatives")))
 #: Beginnings of the first lines of files that armlet writes.
 STAMPS = ("/* Made by armlet ", "# Made by armlet ")
 

@@ -154,7 +154,7 @@ def test_a_folder_that_exists_and_one_that_is_a_file(tmp_path: Path) -> None:
     (tmp_path / "mine" / "notes.txt").write_text("mine")
     files = al.export_c(law, tmp_path / "mine")
     assert sorted(os.listdir(tmp_path / "mine")) == ["CMakeLists.txt", "law.c", "law.h", "notes.txt"]
-    assert al.export_c(law, str(tmp_path / "mine"), dt=1e-3) == files
+    assert al.export_c(law, str(tmp_path / "mine"), method="rk4") == files
     (tmp_path / "file").write_text("mine")
     for folder in (tmp_path / "file", tmp_path / "file" / "below"):
         with pytest.raises((al.InputError, OSError)):

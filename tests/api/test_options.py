@@ -151,11 +151,11 @@ def test_scenarios_have_the_same_checks() -> None:
     refused(lambda: al.Scenario.from_dict(data | {"law": data["law"] | {"eps": 0.1}}).build(), "$.law.eps: takes effect only with")
     refused(
         lambda: al.Scenario.from_dict(data | {"run": data["run"] | {"force_frame": "link2"}}).run(),
-        "force_frame takes effect only with force",
+        "force_frame: takes effect only with force",
     )
     refused(
         lambda: al.Scenario.from_dict(data | {"run": data["run"] | {"sample_time": {"period": 1e-3, "noise": {"theta": 0.1}}}}).run(),
-        "noise takes effect only on states of the plant",
+        "takes effect only on states of the plant",
     )
 
 

@@ -50,8 +50,7 @@ pub fn _c_of_law(
     entry(py, NAME, || {
         let law = object::<Law>(NAME, "law", "an arm or a law such as Adaptive", law)?;
         let (state, guarded) = (!law.get().spec.initial_state().is_empty(), matches!(law.get().spec, LawSpec::Guarded(_)));
-        require_partner(NAME, "dt", dt, "a law with a state", state)?;
-        require_partner(NAME, "sample_time", sample_time, "a Guarded law", guarded)?;
+        let given_dt = dt;
         let (options, dt, given) = (options(prefix, fused)?, optional_number(NAME, "dt", dt)?, name(NAME, "method", method)?);
         let fixed: Vec<Method> =
             Method::ALL.iter().copied().filter(|method| matches!(method.kind(), MethodKind::ExplicitSteps(_))).collect();
@@ -66,8 +65,12 @@ pub fn _c_of_law(
             let (shape, values) = numbers(NAME, "tau_max", given, &[SCALAR, Form(&[Axis::Is(n)])])?;
             spread(&shape, values, n)
         };
-        let sample_time = optional_number(NAME, "sample_time", sample_time)?;
-        let timing = CLoop { dt, sample_time, rk4: chosen.name() == "rk4", tau_max: tau_max.map(limits).transpose()? };
+        let period = optional_number(NAME, "sample_time", sample_time)?;
+        // The core refuses invalid times.
+        let invalid = |time: Option<f64>| time.is_some_and(|time| !(time > 0.0 && time.is_finite()));
+        require_partner(NAME, "dt", given_dt, "a law with a state", state || invalid(dt))?;
+        require_partner(NAME, "sample_time", sample_time, "a Guarded law", guarded || invalid(period))?;
+        let timing = CLoop { dt, sample_time: period, rk4: chosen.name() == "rk4", tau_max: tau_max.map(limits).transpose()? };
         Ok(pairs(long(py, || spec.export_c(&options, &timing))?))
     })
 }

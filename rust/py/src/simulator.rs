@@ -4,7 +4,6 @@ mod copies;
 
 pub use copies::_restore_simulator;
 
-use crate::arguments::require_partner;
 use crate::arrays::{new_array, object, of_shape, overwrite, vector};
 use crate::errors::{Failure, entry, input_error, solve_error};
 use crate::force::{Raised, raise};

@@ -54,8 +54,8 @@ impl<'py> OptionArguments<'_, 'py> {
         if let Some(value) = there(self.eps) {
             options.eps = given.number("eps", value)?;
             // The core refuses an invalid threshold.
-            let inverts = options.null_space.is_some() || options.compensate_coupling || options.eps <= 0.0;
-            require_partner(given.function(), "eps", Some(value), "nullspace or compensate_coupling", inverts)?;
+            let (inverts, valid) = (options.null_space.is_some() || options.compensate_coupling, 0.0 < options.eps && options.eps < 1.0);
+            require_partner(given.function(), "eps", Some(value), "nullspace or compensate_coupling", inverts || !valid)?;
         }
         if let Some(value) = there(self.integral_gain) {
             options.integral_gain = Some(gain_or_zero(given.function(), "integral_gain", value, m)?);
