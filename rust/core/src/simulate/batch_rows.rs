@@ -282,6 +282,10 @@ impl GroupRecorder<'_> {
                     let fault = of.at[lane].min(faults[lane]);
                     *status = if fault.is_finite() { Status::Diverged } else { Status::Success };
                     *ended = fault.min(t_end);
+                    // A lane continues after its fault, and its later records are not valid.
+                    if fault.is_finite() {
+                        self.written[lane] = self.written[lane].min(self.times.partition_point(|&t| t < fault));
+                    }
                 }
                 false
             }

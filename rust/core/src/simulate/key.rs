@@ -57,7 +57,7 @@ impl Common {
         }
     }
 
-    /// Return the properties for functions that compute one run, without metrics and records.
+    /// Return the properties for functions and state rates of one run, whose programs compute no metrics and no records.
     pub fn of_functions(problem: &Problem) -> Self {
         Common { lanes: false, shared: false, monitored: Monitored::of(problem), sums: false, aims: false, notes: None }
     }

@@ -69,7 +69,7 @@ pub fn list_loop(problem: &Problem, batch: bool, part: Option<&str>) -> Result<L
             format!("is not used: expected False for {method}, whose runs are computed one by one, got True"),
         ));
     }
-    let common = Common::of(problem, batch);
+    let common = if fixed { Common::of(problem, batch) } else { Common::of_functions(problem) };
     let parameters = recorded::loop_parameters(problem, 0, common);
     let mut parts: Vec<(String, Form, usize)> = Vec::new();
     let seen = record(problem, common, fixed, None, &mut |name, part, stream, scratch, lanes| {

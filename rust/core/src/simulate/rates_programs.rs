@@ -120,8 +120,9 @@ pub type RatesOfRun = (Arc<RecordedRates>, Vec<f64>);
 /// `None` for a sampled law.
 pub fn record_both(problem: &Problem) -> [Option<RatesOfRun>; 2] {
     let sampled = problem.options.sampling.is_some();
-    [false, true]
-        .map(|held| if is_recordable(problem) && (held || !sampled) { of_run(problem, 0, Common::of(problem, false), held) } else { None })
+    [false, true].map(|held| {
+        if is_recordable(problem) && (held || !sampled) { of_run(problem, 0, Common::of_functions(problem), held) } else { None }
+    })
 }
 
 /// Return the rates of run `run`. `held`: whether the input is held. The result is `None` if the code branches on data.
@@ -256,7 +257,7 @@ impl Rates {
         let shared = (problem.plants.len() == 1 && problem.laws.len() == 1).then(OnceLock::new);
         let method = problem.options.method;
         let takes = (method.is_adaptive() || method.is_implicit()) && is_recordable(problem);
-        takes.then(|| Rates { common: Common::of(problem, false), shared, used: AtomicBool::new(false) })
+        takes.then(|| Rates { common: Common::of_functions(problem), shared, used: AtomicBool::new(false) })
     }
 
     /// The name of the engine that computed the runs.

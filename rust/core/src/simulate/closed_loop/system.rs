@@ -37,9 +37,10 @@ impl<S: Real> System<S> for ClosedLoop<'_, S> {
         self.closing.held.then_some((&self.tau, &self.dz))
     }
     fn pairs(&self) -> Pairs {
-        // The plant's state is [q, v], [q, v, theta, theta_dot], or [q] without rates. The bristle deflections follow.
+        // The plant's state is [q, v], [q, v, theta, theta_dot], or [q] without rates. The bristle deflections, the states of the law and
+        // the integrals of the monitors follow.
         let n = self.tau.len();
-        Pairs { joints: n, count: self.states / (2 * n) }
+        Pairs { joints: n, count: self.states / (2 * n), quadratures: self.size() - self.controlled() }
     }
 
     fn rhs(&mut self, u: &Exogenous<S>, x: &[S], dx: &mut [S]) {

@@ -70,7 +70,7 @@ pub fn side_of(c: f64) -> Side {
 
 /// The positions whose rates are also components of the state, as pairs `(index of the position, index of its rate)`.
 pub fn followers(sizes: &Sizes) -> Vec<(usize, usize)> {
-    let pairs = Pairs { joints: sizes.n, count: sizes.plant / (2 * sizes.n) };
+    let pairs = Pairs { joints: sizes.n, count: sizes.plant / (2 * sizes.n), quadratures: 0 };
     (0..sizes.plant).filter_map(|i| pairs.rate_of(i).map(|rate| (i, rate))).collect()
 }
 
