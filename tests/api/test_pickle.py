@@ -71,6 +71,17 @@ def test_laws_and_plants(back: Callable[[Any], Any], law: Any) -> None:
     np.testing.assert_array_equal(ours.q, theirs.q)
 
 
+@way
+def test_directions_keep_their_bits(back: Callable[[Any], Any]) -> None:
+    """The normal of a wall and the axes of joints are unit vectors up to rounding, and a copy does not divide by their length again."""
+    rng = np.random.default_rng(7)
+    for _ in range(30):
+        wall = al.Wall("link1", [0.7, 0.1, 0.0], rng.standard_normal(3), stiffness=1e3, damping=5.0)
+        assert repr(back(wall)) == repr(wall)
+        arm = al.Arm.from_chain([{"type": "R", "axis": list(rng.standard_normal(3)), "phi": [1, 0.1, 0, 0, 0.1, 0, 0.1, 0, 0, 0.1]}])
+        assert back(arm) == arm
+
+
 def same(a: Any, b: Any) -> None:
     assert type(a) is type(b) and repr(a) == repr(b)
     for name in ("t", "q", "v", "tau", "estimate", "parameters", "status"):

@@ -5,7 +5,7 @@ use super::{Arm, Follows, Frame, Joint, JointKind, Limits, writable};
 use crate::error::{Error, Result, finite};
 use crate::interrupt::look;
 use crate::memory;
-use crate::spatial::{Inertia, Placement, Vector, Vector3};
+use crate::spatial::{Inertia, Placement, unit_vector};
 use std::collections::HashSet;
 
 /// The type of a joint in a list.
@@ -245,14 +245,5 @@ pub(super) fn depth_first(parents: &[Option<usize>]) -> Vec<usize> {
 /// Return the unit vector along `axis`. Errors: `Input` for an axis that is zero or not finite.
 pub(super) fn unit(argument: &str, axis: [f64; 3]) -> Result<[f64; 3]> {
     finite(argument, &axis)?;
-    // The axis is scaled first, so that tiny and huge axes neither underflow nor overflow.
-    let largest = axis.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
-    if largest == 0.0 {
-        return Err(Error::input(argument, "is zero: expected a vector with a direction, got (0, 0, 0)"));
-    }
-    // Each component is divided, because the reciprocal of a subnormal `largest` can be infinite.
-    let scaled = Vector3::from(axis.map(|x| x / largest));
-    let unit = Vector3::from(scaled.array().map(|x| x / scaled.norm()));
-    // An axis that is a unit vector up to rounding is returned unchanged. So a second call has the same result as the first call.
-    if (Vector3::from(axis).norm() - 1.0).abs() <= 4.0 * f64::EPSILON { Ok(axis) } else { Ok(unit.array()) }
+    unit_vector(axis).ok_or_else(|| Error::input(argument, "is zero: expected a vector with a direction, got (0, 0, 0)"))
 }

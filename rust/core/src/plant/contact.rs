@@ -4,7 +4,7 @@
 use super::unilateral::{Touch, pressing, push, require_spring, stored};
 use crate::error::{Error, Result, finite};
 use crate::scalar::Real;
-use crate::spatial::{Lift, Vector, Vector3};
+use crate::spatial::{Lift, Vector, Vector3, unit_vector};
 
 /// A compliant wall that a frame may touch.
 ///
@@ -41,11 +41,10 @@ impl Wall {
         finite("point", &point)?;
         finite("normal", &normal)?;
         require_spring(stiffness, damping)?;
-        let length = Vector3::from(normal).norm();
-        if !(length > 0.0 && length.is_finite()) {
+        let Some(normal) = unit_vector(normal) else {
             return Err(Error::input("normal", format!("has no direction: expected a vector of length > 0, got {normal:?}")));
-        }
-        Ok(Wall { frame, point, normal: normal.map(|x| x / length), stiffness, damping })
+        };
+        Ok(Wall { frame, point, normal, stiffness, damping })
     }
 
     /// Depth of a point `p` below the surface, m; negative outside.

@@ -22,7 +22,7 @@ pub use nalgebra::{Matrix3, Vector3};
 pub use quarter_turn::QuarterTurn;
 pub use rotation_log::{rotation_exp, rotation_log};
 pub use rotation_rate::rotation_rate;
-pub use vector::{Lift, Vector};
+pub use vector::{Lift, Vector, unit_vector};
 
 use crate::scalar::Real;
 

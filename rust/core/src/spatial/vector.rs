@@ -94,3 +94,27 @@ impl Lift for Vector3<f64> {
         self.map(S::splat)
     }
 }
+
+/// Return the unit vector along `v`. The result is `None` for a vector that is zero or not finite. A unit vector of this function has the
+/// same result again, so that a stored vector keeps its bits.
+///
+/// ```
+/// use armlet_core::spatial::unit_vector;
+///
+/// assert_eq!(unit_vector([0.0, -3.0, 0.0]), Some([0.0, -1.0, 0.0]));
+/// assert_eq!(unit_vector([0.0; 3]), None);
+/// let unit = unit_vector([1.0, -2.0, 0.3]);
+/// assert_eq!(unit.and_then(unit_vector), unit);
+/// ```
+pub fn unit_vector(v: [f64; 3]) -> Option<[f64; 3]> {
+    // The vector is scaled first, so that tiny and huge vectors neither underflow nor overflow.
+    let largest = v.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
+    if largest == 0.0 || !v.iter().all(|x| x.is_finite()) {
+        return None;
+    }
+    // Each component is divided, because the reciprocal of a subnormal `largest` can be infinite.
+    let scaled = Vector3::from(v.map(|x| x / largest));
+    let unit = Vector3::from(scaled.array().map(|x| x / scaled.norm()));
+    // A unit vector up to rounding is returned unchanged.
+    if (Vector3::from(v).norm() - 1.0).abs() <= 4.0 * f64::EPSILON { Some(v) } else { Some(unit.array()) }
+}
