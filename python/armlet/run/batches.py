@@ -179,6 +179,7 @@ def _check(plant: Any, law: Any, start: NDArray[np.float64], keywords: dict[str,
     np.empty((len(start), 2 * start.shape[1]))
     # A batch of all runs that end at their start checks the arguments of each run. It has no step and no monitors.
     short = {"t_end": 0.0, "t_eval": None, "monitors": False, "keep": "metrics" if keywords["keep"] == "metrics" else "final"}
+    short |= {"check_monitors": keywords["monitors"]}
     _core.simulate_batch(plant, law, start, keywords | short)
 
 
@@ -247,7 +248,7 @@ def _joined(pieces: Sequence[BatchRun], law: Any, plant: Any) -> BatchRun:
 
     fields: dict[str, Any] = {name: together([getattr(p, name) for p in pieces]) for name in SERIES if getattr(first, name) is not None}
     fields |= {"t": first.t, "status": together([p.status for p in pieces])}
-    fields["monitors"] = {name: together([p.monitors[name] for p in pieces]) for name in first.monitors}
+    fields |= {"monitors": {name: together([p.monitors[name] for p in pieces]) for name in first.monitors}, "sampled": first._sampled}
     stats = {name: [p.stats[name] for p in pieces] for name in first.stats}
     fields["stats"] = {name: together(values) if np.ndim(values[0]) else values[0] for name, values in stats.items()}
     return BatchRun(fields, law=law, plant=plant)

@@ -22,18 +22,22 @@ Array: TypeAlias = NDArray[np.float64]
 
 
 def contact_forces(plants: Sequence[Any], q: Array, v: Array) -> Array | None:
-    """Compute the contact forces, (K,) or (B, K), N: NaN where the state is not finite. Return None if a plant has no wall.
+    """Compute the contact forces, (K,) or (B, K), N: NaN without a wall and where the state is not finite. None if no plant has a wall.
 
     Args:
         plants: one plant for all rows, or one per row.
         q, v: joint positions and velocities, (K, n) or (B, K, n), rad or m, rad/s or m/s.
     """
     walls = [_wall(plant) for plant in plants]
-    if any(wall is None for wall in walls):
+    if all(wall is None for wall in walls):
         return None
     if len(plants) == 1:
         return _force(plants[0].arm, walls[0], q, v)
-    return np.array([_force(plant.arm, wall, *rows) for plant, wall, *rows in zip(plants, walls, q, v, strict=True)])
+    forces = np.full(q.shape[:-1], np.nan)
+    for row, (plant, wall) in enumerate(zip(plants, walls, strict=True)):
+        if wall is not None:
+            forces[row] = _force(plant.arm, wall, q[row], v[row])
+    return forces
 
 
 def _wall(plant: Any) -> Any:

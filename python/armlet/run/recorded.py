@@ -19,7 +19,7 @@ from ..status import Status
 from .contacts import contact_forces
 from .events import Events
 from .guards import Contact, contact_states, residuals, touched_joints
-from .task_errors import orientation_errors, position_errors
+from .task_errors import orientation_errors, position_errors, stacked
 
 __all__ = ["SERIES", "Array", "Recorded"]
 
@@ -93,19 +93,27 @@ class Recorded:
 
     @cached_property
     def parameters(self) -> Array | None:
-        """The true inertial parameters of the plant's arm, (p,) or (B, p), for comparison with `estimate`; None if unknown."""
+        """The true inertial parameters of the plant's arm, (p,) or (B, p), for comparison with `estimate`; None if unknown.
+
+        Rows of arms with fewer bodies end with NaN.
+        """
         if None in self._arms:
             return None
-        parameters = [arm.parameters for arm in self._arms] if len(self._arms) > 1 else self._arms[0].parameters
-        return np.asarray(parameters, dtype=np.float64)
+        each = [np.asarray(arm.parameters, dtype=np.float64) for arm in self._arms]
+        return stacked(each) if len(each) > 1 else each[0]
 
     @cached_property
     def target(self) -> Array | None:
-        """The joint position that a law in joint space holds, (n,) or (B, n), rad or m; None for other laws."""
+        """The joint position that a law in joint space holds, (n,) or (B, n), rad or m; None for other laws.
+
+        It is NaN in rows of a batch whose laws track a motion.
+        """
         targets = [getattr(each, "_joint_target", None) for each in self._laws]
-        if any(each is None for each in targets):
+        if all(each is None for each in targets):
             return None
-        return np.array(targets if len(targets) > 1 else targets[0], dtype=np.float64)
+        nothing = np.full(self.q.shape[-1], np.nan)
+        rows = [nothing if each is None else each for each in targets]
+        return np.array(rows if len(rows) > 1 else rows[0], dtype=np.float64)
 
     @cached_property
     def limits(self) -> dict[str, Array] | None:
@@ -156,7 +164,10 @@ class Recorded:
 
     @cached_property
     def contact_force(self) -> Array | None:
-        """The force of the plant's wall on the frame, along the wall's normal, (K,) or (B, K), N; None for a plant without a wall."""
+        """The force of the plant's wall on the frame, along the wall's normal, (K,) or (B, K), N; None for plants without a wall.
+
+        It is NaN in rows of a batch whose plants have no wall.
+        """
         return None if self.arm is None else contact_forces(self._plants, self.q, self.v)
 
     @cached_property

@@ -19,6 +19,7 @@ from .recorded import SERIES, Array, Recorded
 from .sensitivity import of_row
 from .speeds import speed_ratio
 from .storage import read, save
+from .task_errors import unstacked
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -199,22 +200,34 @@ class BatchRun(_Stored):
             raise InputError('BatchRun: rows have no time axis: expected a batch run with keep="all"')
         items = {name: getattr(self, name)[i] for name in SERIES if getattr(self, name) is not None}
         items |= {"t": self._times(i), "monitors": {name: values[i] for name, values in self.monitors.items()}}
-        items |= {"status": self.status[i], "law_name": self.law_name, "units": self.units, "input_units": self.input_units}
-        items["target"] = self.target[i] if self.target is not None and self.target.ndim == 2 else self.target
-        items["limits"] = self.limits and {name: each[i] if each.ndim == 2 else each for name, each in self.limits.items()}
-        items["parameters"] = self.parameters[i] if self.parameters is not None and self.parameters.ndim == 2 else self.parameters
+        items |= {"status": self.status[i], "law_name": self.law_name}
         items["stats"] = {name: np.asarray(value)[i] if np.ndim(value) else value for name, value in self.stats.items()}
-        for name in ("position_error", "orientation_error", "contact_force", "residual", "touched", "contact_state"):
+        items["sensitivity"] = self.sensitivity and {name: of_row(one, i) for name, one in self.sensitivity.items()}
+        if self._laws[0] is None or self.arm is None:
+            return Run(items | self._stored_row(i))
+        # The other fields follow from the law and the plant of the row, as for a single run.
+        law, plant = (each[i if len(each) > 1 else 0] for each in (self._laws, self._plants))
+        return Run(items | {"sampled": self._sampled}, law=law, plant=plant)
+
+    def _stored_row(self, i: int) -> dict[str, Any]:
+        """Return the fields of row `i` of a batch without laws and plants, such as a batch from a file."""
+        items: dict[str, Any] = {"units": self.units, "input_units": self.input_units}
+        for name in ("target", "parameters"):
+            values = getattr(self, name)
+            items[name] = values if values is None or values.ndim == 1 else unstacked(values[i])
+        items["limits"] = self.limits and {name: each[i] if each.ndim == 2 else each for name, each in self.limits.items()}
+        for name in ("residual", "touched", "contact_state"):
             values = getattr(self, name)
             items[name] = None if values is None else values[i]
+        for name in ("position_error", "orientation_error"):
+            values = getattr(self, name)
+            items[name] = None if values is None else unstacked(values[i])
+        force = self.contact_force
+        items["contact_force"] = None if force is None or np.isnan(force[i]).all() else force[i]
         # Where other rows track a motion, `desired` of the batch has a motion at rest for a row with a constant target.
-        held = None if self.target is not None else getattr(self._laws[i if len(self._laws) > 1 else 0], "_joint_target", None)
-        if held is not None:
-            items["target"] = held
-        elif self._desired is not None:
+        if self._desired is not None and items["target"] is None:
             items["desired"] = tuple(part if part.ndim == 2 else part[i] for part in self._desired)
-        items["sensitivity"] = self.sensitivity and {name: of_row(one, i) for name, one in self.sensitivity.items()}
-        return Run(items, motion=self._motions[i if len(self._motions) > 1 else 0] if self._motions and held is None else None)
+        return items
 
     def _times(self, i: int) -> Array:
         return self.t if self.t.ndim == 1 else self.t[i]

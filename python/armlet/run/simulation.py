@@ -226,7 +226,8 @@ def simulate_batch(
     speed limits. A batch with `progress`, `out` or a reference per record issues them after its last piece.
 
     Args:
-        plant, law: one for all runs, or a list with one per run.
+        plant, law: one for all runs, or a list with one per run. All runs have the same kinds of plant, joints, friction and law. They also
+            have the same monitors, unless `monitors` is False.
         q0, v0, theta0, theta_dot0: initial positions and velocities of joints and motors, (B, n), rad or m, rad/s or m/s.
         t_end, dt: length of all runs and step of a fixed-step method, s, as for `simulate`.
         method, rtol, atol, max_step: method, error per step and largest step, as for `simulate`.

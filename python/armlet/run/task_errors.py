@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from .. import _core, rotations
 from ..pose_curves import columns_of
 
-__all__ = ["frame_errors", "orientation_errors", "position_errors", "where_finite"]
+__all__ = ["frame_errors", "orientation_errors", "position_errors", "stacked", "unstacked", "where_finite"]
 
 Array: TypeAlias = NDArray[np.float64]
 
@@ -48,7 +48,7 @@ class _Aim:
 def position_errors(laws: Sequence[Any], arms: Sequence[Any], t: Array, q: Array) -> Array | None:
     """Compute the distances between the tasks' frames and their targets, (K, tasks) or (B, K, tasks), m.
 
-    Return None if the laws have no such tasks, or different numbers of tasks.
+    Return None if no law has such tasks. Rows of laws with fewer tasks end with NaN.
 
     Args:
         laws, arms: one for all rows, or one per row.
@@ -64,15 +64,29 @@ def orientation_errors(laws: Sequence[Any], arms: Sequence[Any], t: Array, q: Ar
 
 
 def _of_tasks(aims: list[list[_Aim]], arms: Sequence[Any], t: Array, q: Array) -> Array | None:
-    if not aims[0] or any(len(each) != len(aims[0]) for each in aims) or not all(getattr(arm, "frame_names", ()) for arm in arms):
+    if not any(aims) or not all(getattr(arm, "frame_names", ()) for arm in arms):
         return None
     if len(aims) == len(arms) == 1 and t.ndim == 1:
         return _errors(aims[0], arms[0], t, q)
     each = []
     for i, rows in enumerate(q):
         own = aims[i if len(aims) > 1 else 0], arms[i if len(arms) > 1 else 0]
-        each.append(_errors(*own, t if t.ndim == 1 else t[i], rows))
-    return np.array(each).reshape(*q.shape[:-1], len(aims[0]))
+        each.append(_errors(*own, t if t.ndim == 1 else t[i], rows) if own[0] else np.zeros((*rows.shape[:-1], 0)))
+    return stacked(each).reshape(*q.shape[:-1], max(map(len, aims)))
+
+
+def stacked(rows: Sequence[Array]) -> Array:
+    """Return the rows as one array. The last axis of shorter rows ends with NaN."""
+    width = max((row.shape[-1] for row in rows), default=0)
+    if all(row.shape[-1] == width for row in rows):
+        return np.array(rows)
+    return np.array([np.concatenate([row, np.full((*row.shape[:-1], width - row.shape[-1]), np.nan)], axis=-1) for row in rows])
+
+
+def unstacked(row: Array) -> Array | None:
+    """Return a row of `stacked` without the columns that are NaN at its end. Return None if all of its numbers are NaN."""
+    known = np.flatnonzero(~np.isnan(row).reshape(-1, row.shape[-1]).all(axis=0))
+    return row[..., : known[-1] + 1] if len(known) else None
 
 
 def frame_errors(arms: Sequence[Any], frame: str, q: Array, q_d: Array) -> Array:

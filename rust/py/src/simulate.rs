@@ -162,6 +162,10 @@ pub fn simulate_batch<'py>(
             if given.get("check_sampling")?.map_or(Ok(true), |check| flag(NAME, "check_sampling", &check))? {
                 warn_of_sampling(py, NAME, &problem)?;
             }
+            // The pieces of a batch have the monitors of its first piece.
+            if given.get("check_monitors")?.map_or(Ok(false), |check| flag(NAME, "check_monitors", &check))? {
+                problem.require_same_monitors()?;
+            }
             given.limit_check()?.problem(py, NAME, &problem, true)?;
             Ok((long(py, || core::simulate_batch(problem, keep, threads, &mut signalled))?, rows, p))
         })?;

@@ -37,7 +37,8 @@ use std::sync::{Mutex, PoisonError};
 ///
 /// A step *diverges* if the state after it would not be finite, or would exceed `state_limit`. Such a step raises `SolveError`, and the
 /// arrays keep the state and the input before it. Then `status` is no longer `Status.SUCCESS`, and every further step raises until
-/// `set_state` or `reset`. `tau` is the input of the last step, after clipping to `tau_max`.
+/// `set_state` or `reset`. If `force` or the law is a Python function that raises an exception, `step` raises it too. This step has no
+/// effect, and the next `step` repeats it. `tau` is the input of the last step, after clipping to `tau_max`.
 ///
 /// Raises:
 ///     InputError: an argument has a wrong type, shape or value.
@@ -134,7 +135,10 @@ impl Simulator {
                 None if self.has_law => self.stepping().step(None, push.as_ref()),
                 None => return Err(input_error(py, NAME, "tau", "is missing: expected (n,), since there is no law").into()),
             };
-            raise(&self.raised)?;
+            if let Err(error) = raise(&self.raised) {
+                self.stepping().undo();
+                return Err(error);
+            }
             self.show(py)?;
             if status == Status::Success { Ok(()) } else { Err(self.ended(py, status)?) }
         })

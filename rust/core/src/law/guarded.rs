@@ -115,6 +115,12 @@ pub struct GuardedSpec {
 }
 
 impl GuardedSpec {
+    /// Whether both laws guard the same kind of law, and both or neither have thresholds.
+    pub fn same_kind(&self, other: &Self) -> bool {
+        std::mem::discriminant(&*self.inner) == std::mem::discriminant(&*other.inner)
+            && self.thresholds.is_empty() == other.thresholds.is_empty()
+    }
+
     /// Add an observer with `model` to the law `inner`. `gain` is `K`, of size `n`, 1/s. `friction` is the known viscous friction, N m
     /// s/rad or N s/m, and Coulomb friction, N m or N, `(n,)` each.
     ///

@@ -48,7 +48,7 @@ impl Segments {
             Times::Every(0) => return Err(crate::error::Error::input("record_every", "is not positive: expected an integer >= 1, got 0")),
             Times::Every(_) => {}
         }
-        let breaks = breaks.iter().copied().filter(|&b| b > 0.0 && b < t_end).collect();
+        let breaks = breaks.iter().copied().filter(|&b| b > 0.0 && b <= t_end).collect();
         Ok(Segments { t_end, times, breaks, clock, bound, max_step: f64::INFINITY, scales: Vec::new() })
     }
 

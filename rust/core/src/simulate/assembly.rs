@@ -23,6 +23,11 @@ pub trait Watched<S: Real>: System<S, Input = Exogenous<S>> {
     fn drive(&mut self, tau: Option<&[S]>, held: bool);
     /// Restart at `t = 0`.
     fn rewind(&mut self);
+    /// Undo a step from time `t`, s. `sides` are the states of the switches before this step. A sample at `t` remains, unless its output is
+    /// not finite.
+    fn undo_step(&mut self, _t: f64, _sides: &[i8]) {}
+    /// Continue at time `t`, s, from a state that the caller has set. A sample at `t` is taken again.
+    fn replace_state(&mut self, _t: f64) {}
     /// Hold the contacts of the plant in the modes `contacts`.
     fn hold_contacts(&mut self, contacts: &[Touch]);
     /// Apply `wrench` instead of the external forces. `None` restores the forces.
@@ -50,6 +55,13 @@ impl<S: Real> Watched<S> for ClosedLoop<'_, S> {
     fn rewind(&mut self) {
         ClosedLoop::rewind(self);
     }
+    fn undo_step(&mut self, t: f64, sides: &[i8]) {
+        self.forget_sample(t, true);
+        self.follow(sides);
+    }
+    fn replace_state(&mut self, t: f64) {
+        self.forget_sample(t, false);
+    }
     fn hold_contacts(&mut self, contacts: &[Touch]) {
         ClosedLoop::hold_contacts(self, contacts);
     }
@@ -76,6 +88,13 @@ impl Watched<f64> for Twins<'_> {
     }
     fn rewind(&mut self) {
         self.system.rewind();
+    }
+    fn undo_step(&mut self, t: f64, sides: &[i8]) {
+        self.system.undo_step(t, sides);
+        self.twin.follow(sides);
+    }
+    fn replace_state(&mut self, t: f64) {
+        self.system.replace_state(t);
     }
     fn hold_contacts(&mut self, contacts: &[Touch]) {
         self.system.hold_contacts(contacts);

@@ -57,7 +57,8 @@ pub fn lanes() -> usize {
 }
 
 /// Run all runs of `problem` on `threads` threads, and return their records. `poll` is called every 20 ms. If it returns true, the runs
-/// stop. Errors: those of [`Problem::validate`] and of invalid metrics, [`Error::Input`] for an adaptive method without record times, and
+/// stop. Errors: those of [`Problem::validate`],
+/// [`Problem::require_same_monitors`] and of invalid metrics, [`Error::Input`] for an adaptive method without record times, and
 /// [`Error::Memory`] if the records exceed the memory.
 ///
 /// ```
@@ -91,6 +92,9 @@ pub fn simulate_batch(problem: Problem, keep: Keep, threads: usize, poll: &mut d
         Keep::Metrics(measures) => problem.measures = Some(measures),
     }
     let division = problem.limit_by_shared_tables(problem.validate()?);
+    if problem.options.monitors {
+        problem.require_same_monitors()?;
+    }
     let times = match (&division, &problem.measures) {
         (Division::Fixed(fixed), None) => fixed.schedule.record_times()?,
         (Division::Fixed(fixed), _) => {

@@ -264,6 +264,13 @@ impl<'a, S: Real> ClosedLoop<'a, S> {
         }
     }
 
+    /// Forget the sample at time `t`, s. With `failed`, forget it only if its output is not finite.
+    pub fn forget_sample(&mut self, t: f64, failed: bool) {
+        if let Some(sampler) = &mut self.sampler {
+            sampler.forget_at(t, failed);
+        }
+    }
+
     /// Evaluate the law at time `t` and state `x`, and store its output in `tau`.
     pub fn observe(&mut self, t: f64, x: &[S]) {
         let (measured, z) = x.split_at(self.states);

@@ -5,7 +5,7 @@
 //! on. The other lanes repeat the same operations, and their bits do not change.
 
 use super::bound::Bound;
-use super::schedule::{Schedule, Within, after_jump};
+use super::schedule::{Schedule, Within, after_jump, is_end};
 use super::stop::Stop;
 use crate::integrate::{Buffer, FixedStep, System};
 use crate::scalar::Real;
@@ -194,8 +194,7 @@ fn smooth_steps(schedule: &Schedule, step: usize, to: usize, hold: usize, next_b
     end.saturating_sub(step)
 }
 
-/// Compute step number `step`, or only its part of size `offset`. The step is divided where the input jumps, inside or at its end. Each
-/// part uses the input on its side of the jump.
+/// Compute step number `step`, or only its part of size `offset`.
 fn one_step<S, F, M, B>(system: &mut F, method: &mut M, schedule: &Schedule, step: usize, offset: f64, next_break: &mut usize, x: &mut B)
 where
     S: Real,
@@ -203,25 +202,42 @@ where
     M: FixedStep<S, F, B>,
     B: Buffer<S>,
 {
-    let (mut t, mut end) = (schedule.time(step), schedule.time(step + 1));
+    let (t, mut end) = (schedule.time(step), schedule.time(step + 1));
     let mut h = if step + 1 < schedule.steps { schedule.dt } else { end - t };
     if offset > 0.0 {
         (end, h) = (t + offset, offset);
     }
+    divided_step(system, method, (&schedule.breaks, schedule.dt, next_break), (t, h, end), x);
+}
+
+/// Compute a step of size `h` from `t` to `end`, s. It is divided where the input jumps, inside or at its end. Each part uses the input on
+/// its side of the jump. `breaks` are the jumps, s, `dt` is the size of a whole step, and `next_break` counts the jumps passed.
+pub fn divided_step<S, F, M, B>(
+    system: &mut F,
+    method: &mut M,
+    (breaks, dt, next_break): (&[f64], f64, &mut usize),
+    (mut t, mut h, end): (f64, f64, f64),
+    x: &mut B,
+) where
+    S: Real,
+    F: System<S>,
+    M: FixedStep<S, F, B>,
+    B: Buffer<S>,
+{
     loop {
         let (mut piece, mut input_end, mut jumps) = (h, end, false);
-        if *next_break < schedule.breaks.len() {
-            let jump = schedule.breaks[*next_break];
-            if jump <= end || schedule.is_end(jump, end) {
+        if let Some(&jump) = breaks.get(*next_break) {
+            let last = is_end(dt, jump, end);
+            if jump <= end || last {
                 jumps = true;
                 input_end = jump.min(end).next_down();
-                piece = if schedule.is_end(jump, end) { end - t } else { jump - t };
+                piece = if last { end - t } else { jump - t };
             }
         }
         if system.enter_step(t, x.as_ref()) {
             method.restart();
         }
-        method.step(system, after_jump(&schedule.breaks[..*next_break], t), piece, input_end, x);
+        method.step(system, after_jump(&breaks[..*next_break], t), piece, input_end, x);
         if system.leave_step(x.as_mut()) {
             method.restart();
         }
@@ -232,7 +248,7 @@ where
         method.restart();
         t += piece;
         h = end - t;
-        if schedule.is_end(t, end) {
+        if is_end(dt, t, end) {
             return;
         }
     }

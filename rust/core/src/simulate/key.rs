@@ -1,7 +1,7 @@
 //! Keys of recorded loops. Two loops have the same recording if their keys match and their loop parameters have the same structure
 //! (`recorded::LoopParameters`). So a stored recording is found without recording the whole loop.
 
-use super::measures::{Plan, same_aims};
+use super::measures::Plan;
 use super::monitors::Monitored;
 use super::problem::Problem;
 use crate::integrate::Method;
@@ -38,34 +38,30 @@ pub struct Common {
     pub monitored: Monitored,
     /// Whether the programs compute metrics.
     pub sums: bool,
-    /// Whether these metrics include the position errors of the law's tasks, if the law has such tasks.
-    pub aims: bool,
     /// The number of monitors, if the programs compute records.
     pub notes: Option<usize>,
 }
 
 impl Common {
     pub fn of(problem: &Problem, lanes: bool) -> Self {
-        let sums = problem.sums_in_programs();
         Common {
             lanes,
             shared: problem.shares_exogenous(),
             monitored: Monitored::of(problem),
-            sums,
-            aims: sums && same_aims(problem),
+            sums: problem.sums_in_programs(),
             notes: None,
         }
     }
 
     /// Return the properties for functions and state rates of one run, whose programs compute no metrics and no records.
     pub fn of_functions(problem: &Problem) -> Self {
-        Common { lanes: false, shared: false, monitored: Monitored::of(problem), sums: false, aims: false, notes: None }
+        Common { lanes: false, shared: false, monitored: Monitored::of(problem), sums: false, notes: None }
     }
 
     /// Return the metrics that the programs of run `run` compute.
     pub fn plan(&self, problem: &Problem, run: usize) -> Option<Plan> {
         let measures = problem.measures.as_ref().filter(|_| self.sums)?;
-        Plan::of(problem, run, measures, self.aims).ok()
+        Plan::of(problem, run, measures).ok()
     }
 }
 

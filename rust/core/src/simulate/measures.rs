@@ -111,8 +111,7 @@ impl Problem<'_> {
 impl Plan {
     /// Return the metrics of the runs of a problem: one plan for all runs, or one per run.
     pub fn all(problem: &Problem, measures: &Measures) -> Result<Vec<Self>> {
-        let aims = same_aims(problem);
-        (0..problem.plants.len().max(problem.laws.len())).map(|run| Plan::of(problem, run, measures, aims)).collect()
+        (0..problem.plants.len().max(problem.laws.len())).map(|run| Plan::of(problem, run, measures)).collect()
     }
 
     /// Whether both plans have the same metrics and the same joint limits. Targets, settling bands and tolerances may differ.
@@ -123,8 +122,8 @@ impl Plan {
             && (&self.units, &self.bounds, self.velocity) == (&other.units, &other.bounds, other.velocity)
     }
 
-    /// Return the metrics of run `run` of a problem. `aims`: the result of [`same_aims`].
-    pub fn of(problem: &Problem, run: usize, measures: &Measures, aims: bool) -> Result<Self> {
+    /// Return the metrics of run `run` of a problem.
+    pub fn of(problem: &Problem, run: usize, measures: &Measures) -> Result<Self> {
         let (plant, law) = (problem.plant(run), problem.law(run));
         let n = plant.n();
         finite("settle", &[measures.settle])?;
@@ -142,7 +141,7 @@ impl Plan {
             }
             Some(name) => Some(plant.model().tree("frame")?.frame_index(name)?),
         };
-        let aims = if frame.is_none() && aims { law.aims() } else { Vec::new() };
+        let aims = if frame.is_none() && matches!(plant.model(), Model::Tree(_)) { law.aims() } else { Vec::new() };
         let angles = plant.model().angles();
         let of_unit = |angle: bool| (0..n).filter(|&i| angles[i] == angle).collect::<Vec<_>>();
         let units = [of_unit(true), of_unit(false)].into_iter().filter(|joints| !joints.is_empty()).collect();
@@ -228,12 +227,6 @@ impl Plan {
         }
         kept
     }
-}
-
-/// Whether all laws have the same number of tasks with frames, and all arms have frames.
-pub fn same_aims(problem: &Problem) -> bool {
-    let count = problem.law(0).aims().len();
-    problem.laws.iter().all(|law| law.aims().len() == count) && problem.plants.iter().all(|plant| matches!(plant.model(), Model::Tree(_)))
 }
 
 /// Return the limits of the model's joints. `None` for a model without limits.

@@ -61,6 +61,7 @@ mod recorded;
 mod redo;
 mod run_observer;
 mod running_rates;
+mod same_structure;
 mod sampler;
 mod sampling;
 mod schedule;

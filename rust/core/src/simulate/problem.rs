@@ -209,27 +209,8 @@ impl<'a> Problem<'a> {
 
     /// Refuse plants and laws that do not match.
     fn validate_pairs(&self) -> Result<()> {
-        let runs = self.runs();
-        let counts = [("plant", self.plants.len()), ("law", self.laws.len()), ("force", self.forces.len().max(1))];
-        for (name, count) in counts {
-            if count != 1 && count != runs {
-                return Err(Error::wrong(name, "number of entries", format!("1 or {runs}"), count));
-            }
-        }
+        self.require_same_structure()?;
         let (plant, law) = (self.plants[0], self.laws[0]);
-        let mixed = |argument: &str, i: usize, expected: &str, got: &str| {
-            Err(Error::input(argument, format!("mixes kinds: expected {expected} throughout, got {got}")).at([i]))
-        };
-        if let Some(i) = self.laws.iter().position(|l| std::mem::discriminant(*l) != std::mem::discriminant(law)) {
-            return mixed("law", i, law.name(), self.laws[i].name());
-        }
-        if let Some(i) = self.plants.iter().position(|p| p.kind() != plant.kind()) {
-            return mixed("plant", i, plant.kind().name(), self.plants[i].kind().name());
-        }
-        let friction = |plant: &PlantSpec| plant.friction().map(std::mem::discriminant);
-        if let Some(i) = self.plants.iter().position(|p| friction(p) != friction(plant)) {
-            return Err(Error::input("plant", "mixes models of friction: expected one throughout").at([i]));
-        }
         if law.plant() != plant.kind() {
             let problem = format!(
                 "is made for another plant: expected a law for {}, got {}, a law for {}",
@@ -244,26 +225,16 @@ impl<'a> Problem<'a> {
             let problem = format!("needs velocities among the states: expected such as rk4 for {name}, got semi_implicit");
             return Err(Error::input("method", problem));
         }
-        if law.route().is_scalar() && self.options.sampling.is_none() && self.options.method.is_implicit() {
+        if let Some(law) = self.laws.iter().find(|law| law.route().is_scalar())
+            && self.options.sampling.is_none()
+            && self.options.method.is_implicit()
+        {
             let (name, method) = (law.name(), self.options.method.name());
             let problem =
                 format!("needs derivatives, which {name} has not: expected such as rk4 or dop853, or a sample_time, got {method}");
             return Err(Error::input("method", problem));
         }
-        self.require_period(law)?;
-        let n = plant.n();
-        for (i, l) in self.laws.iter().enumerate() {
-            if l.model().n() != n {
-                return Err(Error::wrong("law", "number of joints", n, l.model().n()).at([i]));
-            }
-            if l.initial_state().len() != law.initial_state().len() {
-                let (p, got) = (law.initial_state().len(), l.initial_state().len());
-                return Err(Error::wrong("law", "number of states", p, got).at([i]));
-            }
-        }
-        if let Some(i) = self.plants.iter().position(|p| p.n() != n) {
-            return Err(Error::wrong("plant", "number of joints", n, self.plants[i].n()).at([i]));
-        }
+        self.laws.iter().try_for_each(|law| self.require_period(law))?;
         if !self.forces.is_empty() {
             if !plant.kind().has_speeds() {
                 let problem = format!("takes effect only on a plant whose input is a torque: expected None for {}", plant.kind().name());
@@ -282,7 +253,7 @@ impl<'a> Problem<'a> {
                 Some(frame) if frame >= arm.frames.len() => {
                     return Err(Error::input("force_frame", format!("is out of range: expected below {}, got {frame}", arm.frames.len())));
                 }
-                Some(_) => {}
+                Some(frame) => self.require_same_force_frame(frame)?,
             }
         }
         Ok(())
@@ -321,6 +292,17 @@ impl<'a> Problem<'a> {
         Ok(())
     }
 
+    /// Return the times at which a desired motion or a force jumps, s, increasing. Errors: [`Error::Memory`].
+    pub fn breaks(&self) -> Result<Vec<f64>> {
+        let mut breaks: Vec<f64> = self.laws.iter().flat_map(|law| law.breaks()).collect();
+        for force in &self.forces {
+            memory::append(&mut breaks, force.breaks())?;
+        }
+        breaks.sort_by(f64::total_cmp);
+        breaks.dedup();
+        Ok(breaks)
+    }
+
     /// Validate the problem and return its time grid. Errors: [`Error::Input`] or [`Error::WrongShape`] for an invalid argument,
     /// [`Error::Memory`] if the records exceed the memory.
     pub fn validate(&self) -> Result<Division> {
@@ -334,12 +316,7 @@ impl<'a> Problem<'a> {
             return Err(Error::input("state_limit", format!("is not positive: expected > 0, got {}", o.state_limit)));
         }
         let bound = Bound::new(self.plants[0].states(), o.state_limit);
-        let mut breaks: Vec<f64> = self.laws.iter().flat_map(|law| law.breaks()).collect();
-        for force in &self.forces {
-            memory::append(&mut breaks, force.breaks())?;
-        }
-        breaks.sort_by(f64::total_cmp);
-        breaks.dedup();
+        let breaks = self.breaks()?;
         // Arguments that the method does not use are also checked.
         o.dt.map_or(Ok(()), |dt| positive("dt", dt))?;
         positive("rtol", o.rtol)?;

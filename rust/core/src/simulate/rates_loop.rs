@@ -4,7 +4,7 @@
 //! A run uses programs from the start if an earlier run with the same structure has made them. Otherwise an explicit method starts without
 //! programs, and makes them after `WAIT` evaluations of the rates. The bits are the same in both cases. For implicit methods the programs
 //! are made before the first step, because the Jacobian from dual numbers rounds differently. If an angle exceeds the range of the
-//! programs' sines, the loop continues without programs.
+//! programs' sines, the loop continues without programs. A stepper uses them again from a state that the caller sets.
 
 use super::assembly::{Twins, Watched, twins};
 use super::force::Wrench;
@@ -37,27 +37,35 @@ pub struct RatesLoop<'a, S: Real, D> {
     wait: usize,
     /// The programs of the rates: the first with the law's output as the input, the second with a held input.
     running: [Option<Running<S>>; 2],
+    /// Whether the loop continues without programs.
+    left: bool,
 }
 
 impl<'a, S: Real, D: Watched<S>> RatesLoop<'a, S, D> {
     /// Create the loop of an explicit method. With a `source`, it uses the programs of an earlier run from the start, or makes programs
     /// after `WAIT` evaluations.
     pub fn explicit(direct: D, source: Option<Source<'a>>) -> Self {
-        RatesLoop { direct, source, work: 0, wait: WAIT, running: [None, None] }
+        RatesLoop { direct, source, work: 0, wait: WAIT, running: [None, None], left: false }
     }
 
     /// Create the loop of an implicit method. With a `source`, it uses programs from the first evaluation on.
     pub fn implicit(direct: D, source: Option<Source<'a>>) -> Self {
-        RatesLoop { direct, source, work: 0, wait: 0, running: [None, None] }
+        RatesLoop { direct, source, work: 0, wait: 0, running: [None, None], left: false }
     }
 
     /// Whether the rates are computed by programs.
     pub fn is_running(&self) -> bool {
-        self.running[self.which()].is_some()
+        !self.left && self.running[self.which()].is_some()
     }
 
     fn which(&self) -> usize {
         usize::from(self.direct.held().is_some())
+    }
+
+    /// The programs that compute the rates, and the loop without programs.
+    fn parts(&mut self) -> (Option<&mut Running<S>>, &mut D) {
+        let which = self.which();
+        (self.running[which].as_mut().filter(|_| !self.left), &mut self.direct)
     }
 
     /// Write the held input and the held rate of the law's state to the frames.
@@ -70,7 +78,7 @@ impl<'a, S: Real, D: Watched<S>> RatesLoop<'a, S, D> {
     /// Use the programs of an earlier run with the same structure. If there are none, make them after `wait` evaluations.
     fn take(&mut self) {
         let worth = self.work >= self.wait;
-        if !worth && self.work > 0 {
+        if self.left || !worth && self.work > 0 {
             return;
         }
         let which = self.which();
@@ -85,7 +93,7 @@ impl<'a, S: Real, D: Watched<S>> RatesLoop<'a, S, D> {
 
     /// Continue without programs.
     fn leave(&mut self) {
-        (self.running, self.source) = ([None, None], None);
+        self.left = true;
     }
 }
 
@@ -133,8 +141,7 @@ impl<S: Real, D: Watched<S>> System<S> for RatesLoop<'_, S, D> {
     }
     fn rhs(&mut self, u: &Exogenous<S>, x: &[S], dx: &mut [S]) {
         self.take();
-        let which = self.which();
-        if let Some(running) = &mut self.running[which] {
+        if let (Some(running), _) = self.parts() {
             if running.rates(u, x, dx) {
                 return;
             }
@@ -144,9 +151,7 @@ impl<S: Real, D: Watched<S>> System<S> for RatesLoop<'_, S, D> {
         self.direct.rhs(u, x, dx);
     }
     fn attempt<C: Scheme, B: Buffer<S>>(&mut self, attempt: &mut Attempt<S, B>) -> bool {
-        let which = self.which();
-        let Some(running) = &mut self.running[which] else { return false };
-        let direct = &mut self.direct;
+        let (Some(running), direct) = self.parts() else { return false };
         match running.attempt(attempt, |t, u| direct.input(t, u)) {
             Some(true) => true,
             Some(false) => {
@@ -197,6 +202,14 @@ impl<S: Real, D: Watched<S>> Watched<S> for RatesLoop<'_, S, D> {
     fn rewind(&mut self) {
         self.direct.rewind();
     }
+    fn undo_step(&mut self, t: f64, sides: &[i8]) {
+        self.left = false;
+        self.direct.undo_step(t, sides);
+    }
+    fn replace_state(&mut self, t: f64) {
+        self.left = false;
+        self.direct.replace_state(t);
+    }
     fn hold_contacts(&mut self, contacts: &[Touch]) {
         self.direct.hold_contacts(contacts);
     }
@@ -217,11 +230,10 @@ impl<S: Real, D: Watched<S>> Watched<S> for RatesLoop<'_, S, D> {
 impl Differentiable<f64> for Solved<'_> {
     fn linearise(&mut self, t: f64, u: &Exogenous<f64>, x: &[f64], dx: &mut [f64], j: &mut [f64]) {
         self.take();
-        let which = self.which();
-        if let Some(running) = &mut self.running[which] {
+        if let (Some(running), direct) = self.parts() {
             if running.is_moving() {
                 let [u, u_dot] = running.instants();
-                self.direct.system.drift(t, u, u_dot);
+                direct.system.drift(t, u, u_dot);
             }
             if running.linearise(u, x, dx, j) {
                 return;
@@ -231,10 +243,9 @@ impl Differentiable<f64> for Solved<'_> {
         self.direct.linearise(t, u, x, dx, j);
     }
     fn time_derivative(&mut self, t: f64, u: &Exogenous<f64>, x: &[f64], dft: &mut [f64]) {
-        let which = self.which();
-        match &self.running[which] {
-            Some(running) => dft.copy_from_slice(running.time_derivative()),
-            None => self.direct.time_derivative(t, u, x, dft),
+        match self.parts() {
+            (Some(running), _) => dft.copy_from_slice(running.time_derivative()),
+            (None, direct) => direct.time_derivative(t, u, x, dft),
         }
     }
     fn autonomous(&self) -> bool {

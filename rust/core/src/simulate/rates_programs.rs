@@ -110,7 +110,7 @@ pub fn is_recordable(problem: &Problem) -> bool {
         _ if method.is_implicit() => plant.wall().is_none(),
         _ => true,
     };
-    problem.plants.iter().all(|plant| free(plant) && !plant.sticks()) && !problem.law(0).route().is_scalar()
+    problem.plants.iter().all(|plant| free(plant) && !plant.sticks()) && !problem.laws.iter().any(|law| law.route().is_scalar())
 }
 
 /// The rates of a run as programs, and the loop parameters of the run.

@@ -72,7 +72,7 @@ impl Recorded {
 /// require a plant without stick-slip friction, and no force that is a function of the caller.
 pub fn is_recordable(problem: &Problem) -> bool {
     matches!(problem.options.method.kind(), MethodKind::ExplicitSteps(_))
-        && problem.law(0).route().is_recordable()
+        && problem.laws.iter().all(|law| law.route().is_recordable())
         && !problem.plants.iter().any(|plant| plant.sticks())
         && !problem.forces.iter().any(|force| matches!(force, Force::Signal(_)))
 }

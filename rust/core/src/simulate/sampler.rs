@@ -122,6 +122,17 @@ impl<S: Real> Sampler<S> {
         }
     }
 
+    /// Forget the sample that is due at time `t`, s, so that it is taken again. With `failed`, forget it only if its output is not finite.
+    pub fn forget_at(&mut self, t: f64, failed: bool) {
+        let Some(k) = self.sampling.due(self.seeds[0], self.grid, t) else { return };
+        let slot = self.slot(k);
+        let entry = &mut self.ring[slot];
+        let sound = || entry.tau.iter().chain(&entry.dz).all(|x| (0..S::LANES).all(|lane| x.lane(lane).is_finite()));
+        if entry.index == k && !(failed && sound()) {
+            entry.index = u64::MAX;
+        }
+    }
+
     /// Forget all samples, because the run restarts.
     pub fn forget(&mut self) {
         self.ring.iter_mut().for_each(|entry| entry.index = u64::MAX);

@@ -113,7 +113,7 @@ pub struct Schedule {
     pub t_end: f64,
     pub steps: usize,
     records: Records,
-    /// Times of the jumps of the input within the run, s, increasing.
+    /// Times of the jumps of the input within the run, s, increasing. A jump at the end of the run is one of them.
     pub breaks: Vec<f64>,
     /// The limit of the absolute values of the plant's states.
     pub bound: Bound,
@@ -129,7 +129,7 @@ impl Schedule {
         }
         // If the length of the run is not a multiple of `dt`, the last step is shorter.
         let steps = (exact - ON_GRID * exact.max(1.0)).ceil().max(0.0) as usize;
-        let breaks = breaks.iter().copied().filter(|&b| b > 0.0 && b < t_end).collect();
+        let breaks = breaks.iter().copied().filter(|&b| b > 0.0 && b <= t_end).collect();
         let mut schedule = Schedule { dt, t_end, steps, records: Records::Ends, breaks, bound, within: Within::Nothing };
         schedule.records = match times {
             Times::Every(0) => return Err(Error::input("record_every", "is not positive: expected an integer >= 1, got 0")),
@@ -227,6 +227,11 @@ impl Schedule {
 
     /// Whether `t` equals, up to rounding, the end `end` of a step.
     pub fn is_end(&self, t: f64, end: f64) -> bool {
-        (t - end).abs() <= ON_GRID * self.dt
+        is_end(self.dt, t, end)
     }
+}
+
+/// Whether `t` equals, up to rounding, the end `end` of a step of size `dt`, s.
+pub fn is_end(dt: f64, t: f64, end: f64) -> bool {
+    (t - end).abs() <= ON_GRID * dt
 }

@@ -2,10 +2,12 @@
 
 use super::assembly::{Watched, close};
 use super::bound::Bound;
+use super::fixed_steps::divided_step;
 use super::force::Wrench;
 use super::problem::Problem;
 use super::rates_loop::{RatesLoop, recorded_loop};
 use super::sampling::Sampling;
+use super::schedule::{after_jump, is_end};
 use crate::error::{Error, Result};
 use crate::integrate::{FixedStep, Method, MethodKind, WithSteps};
 use crate::law::Route;
@@ -49,6 +51,8 @@ pub trait Stepping: Send {
     fn status(&self) -> Status;
     /// The number of steps since the start.
     fn steps(&self) -> u64;
+    /// Undo the last step, because a function of the caller failed in it, and continue from the state before it.
+    fn undo(&mut self);
     /// Whether [`Stepping::resume`] can reproduce the bits of the next steps. Between two samples, state and input may be insufficient.
     fn resumable(&self) -> bool;
     /// Continue after `steps` steps from the state `x`, shape `(states + p,)`, and the input `tau`, shape `(n,)`, of [`Stepping::read`].
@@ -70,12 +74,48 @@ struct Stepper<S, F, M> {
     plain: bool,
     /// Whether `plain` is true, the law has no state, and the law is not a function of the caller.
     simple: bool,
+    /// The times at which a desired motion or a force jumps, s, increasing, and the number of those passed.
+    breaks: Vec<f64>,
+    passed: usize,
     steps: u64,
-    /// The state at the start of the last step, and the input of the previous step.
-    before: (Vec<S>, Vec<S>),
+    before: Before<S>,
     bound: Bound,
     status: Status,
     pushed: bool,
+}
+
+/// What the last step may have changed: the state, the input, the switches, and the numbers of steps and of jumps passed.
+struct Before<S> {
+    x: Vec<S>,
+    tau: Vec<S>,
+    sides: Vec<i8>,
+    steps: u64,
+    passed: usize,
+    /// Whether the caller gave the input of the step.
+    driven: bool,
+}
+
+impl<S: Real, F: Watched<S>, M: FixedStep<S, F, Vec<S>>> Stepper<S, F, M> {
+    /// The number of jumps that a stepper has passed at time `t`, s.
+    fn jumps_until(&self, t: f64) -> usize {
+        self.breaks.partition_point(|&jump| jump <= t || t > 0.0 && is_end(self.dt, jump, t))
+    }
+
+    fn time(&self) -> f64 {
+        self.steps as f64 * self.dt
+    }
+
+    fn restore(&mut self) {
+        self.x.copy_from_slice(&self.before.x);
+        self.tau.copy_from_slice(&self.before.tau);
+        (self.steps, self.passed) = (self.before.steps, self.before.passed);
+        if self.before.driven {
+            self.closed.drive(Some(&self.tau), false);
+        }
+        let t = after_jump(&self.breaks[..self.passed], self.time());
+        self.closed.undo_step(t, &self.before.sides);
+        self.method.restart();
+    }
 }
 
 impl<S, F, M> Stepping for Stepper<S, F, M>
@@ -88,15 +128,18 @@ where
         if self.status != Status::Success {
             return self.status;
         }
-        self.before.0.copy_from_slice(&self.x);
-        self.before.1.copy_from_slice(&self.tau);
+        self.before.x.copy_from_slice(&self.x);
+        self.before.tau.copy_from_slice(&self.tau);
+        self.before.sides.copy_from_slice(self.closed.sides());
+        (self.before.steps, self.before.passed, self.before.driven) = (self.steps, self.passed, tau.is_some());
         if push.is_some() || self.pushed {
             // The force jumps, so that the method must not use values of the previous step.
             self.closed.push(push);
             self.method.restart();
             self.pushed = push.is_some();
         }
-        let (t, end) = (self.steps as f64 * self.dt, (self.steps + 1) as f64 * self.dt);
+        let (start, end) = (self.time(), (self.steps + 1) as f64 * self.dt);
+        let t = after_jump(&self.breaks[..self.passed], start);
         match tau {
             Some(tau) => {
                 for (to, &from) in self.tau.iter_mut().zip(tau) {
@@ -113,22 +156,12 @@ where
             }
         }
         self.tau.copy_from_slice(self.closed.input_at(t, &self.x));
-        if self.closed.enter_step(t, &self.x) {
-            self.method.restart();
-        }
-        self.method.step(&mut self.closed, t, self.dt, end, &mut self.x);
-        if self.closed.leave_step(&mut self.x) {
-            self.method.restart();
-        }
+        let jumps = (self.breaks.as_slice(), self.dt, &mut self.passed);
+        divided_step(&mut self.closed, &mut self.method, jumps, (start, self.dt, end), &mut self.x);
         if self.bound.holds(&self.x) {
             self.steps += 1;
         } else {
-            self.x.copy_from_slice(&self.before.0);
-            self.tau.copy_from_slice(&self.before.1);
-            if tau.is_some() {
-                self.closed.drive(Some(&self.tau), false);
-            }
-            self.method.restart();
+            self.restore();
             self.status = Status::Diverged;
         }
         self.status
@@ -146,8 +179,13 @@ where
     fn reset(&mut self, x: &[f64]) {
         self.put(x);
         self.tau.fill(S::zero());
-        self.steps = 0;
+        (self.steps, self.passed) = (0, self.jumps_until(0.0));
         self.closed.rewind();
+    }
+
+    fn undo(&mut self) {
+        self.restore();
+        self.status = Status::Success;
     }
 
     fn put(&mut self, x: &[f64]) {
@@ -155,6 +193,7 @@ where
             *to = S::splat(from);
         }
         self.method.restart();
+        self.closed.replace_state(after_jump(&self.breaks[..self.passed], self.time()));
         self.status = if self.bound.holds(&self.x) { Status::Success } else { Status::Diverged };
     }
 
@@ -177,6 +216,7 @@ where
         }
         self.closed.drive(Some(&self.tau), false);
         self.steps = steps;
+        self.passed = self.jumps_until(self.time());
         if diverged {
             self.status = Status::Diverged;
         }
@@ -204,29 +244,29 @@ pub fn stepper(problem: &Problem) -> Result<Box<dyn Stepping>> {
         MethodKind::ExplicitSteps(method) => {
             let (closed, x) = close::<Float>(problem, 0);
             let u = closed.instant();
-            method.apply(RatesLoop::stepped(closed.into_owned(), problem), x, u, Boxed(problem))
+            method.apply(RatesLoop::stepped(closed.into_owned(), problem), x, u, Boxed(problem, problem.breaks()?))
         }
         MethodKind::ImplicitSteps(method) => {
             let (closed, x) = recorded_loop(problem);
             let u = closed.instant();
-            Ok(method.apply(closed, x, u, Boxed(problem)))
+            Ok(method.apply(closed, x, u, Boxed(problem, problem.breaks()?)))
         }
         MethodKind::ExplicitAdaptive(_) | MethodKind::ImplicitAdaptive(_) => unreachable!("refused above"),
     }
 }
 
-/// Creates a stepper for any method of fixed steps.
-struct Boxed<'a>(&'a Problem<'a>);
+/// Creates a stepper for any method of fixed steps, from the problem and the jumps of its input.
+struct Boxed<'a>(&'a Problem<'a>, Vec<f64>);
 
 impl<S: Real, F: Watched<S> + Send + 'static> WithSteps<S, F> for Boxed<'_> {
     type Output = Box<dyn Stepping>;
 
     fn with<M: FixedStep<S, F, Vec<S>> + Send + 'static>(self, closed: F, x: Vec<S>, method: M) -> Box<dyn Stepping> {
-        boxed(self.0, closed, x, method)
+        boxed(self.0, self.1, closed, x, method)
     }
 }
 
-fn boxed<S, F, M>(problem: &Problem, closed: F, x: Vec<S>, method: M) -> Box<dyn Stepping>
+fn boxed<S, F, M>(problem: &Problem, breaks: Vec<f64>, mut closed: F, x: Vec<S>, method: M) -> Box<dyn Stepping>
 where
     S: Real,
     F: Watched<S> + Send + 'static,
@@ -239,10 +279,14 @@ where
     let tau = vec![S::zero(); problem.plant(0).n()];
     let plain = o.sampling.as_ref().is_none_or(Sampling::is_plain);
     let simple = plain && problem.law(0).initial_state().is_empty() && problem.law(0).route() != Route::Outside;
+    let sides = closed.sides().to_vec();
+    let passed = breaks.partition_point(|&jump| jump <= 0.0);
     Box::new(Stepper::<S, F, M> {
+        before: Before { x: x.clone(), tau: tau.clone(), sides, steps: 0, passed, driven: false },
         closed,
         method,
-        before: (x.clone(), tau.clone()),
+        breaks,
+        passed,
         bound,
         status,
         pushed: false,
