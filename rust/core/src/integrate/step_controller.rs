@@ -113,9 +113,9 @@ impl<T: Accuracy> StepController<T> {
         (sum / m.max(1) as f64).sqrt()
     }
 
-    /// The smallest step size, s: ten units in the last place of `t`, but at least the fraction `SHORTEST` of the segment.
+    /// The resolution of time, s: ten units in the last place of `t`.
     pub fn smallest(&self) -> f64 {
-        (10.0 * (self.t.next_up() - self.t)).max(self.shortest)
+        10.0 * (self.t.next_up() - self.t)
     }
 
     /// Begin a step, before its first attempt.
@@ -128,7 +128,7 @@ impl<T: Accuracy> StepController<T> {
         let smallest = self.smallest();
         self.stall.check(&self.work, self.t, self.t_end)?;
         let left = self.t_end - self.t;
-        if !(self.h >= smallest) && self.h < left {
+        if !(self.h >= smallest.max(self.shortest)) && self.h < left {
             return Err(if self.blown { Status::Diverged } else { Status::StepUnderflow });
         }
         // The step includes the remainder of the segment if the remainder would be tiny.

@@ -328,9 +328,9 @@ impl<S: Real> Law<S> for AnyAdaptive<S> {
         self.law.dissipation()
     }
 
-    fn dissipation_of(&self, truth: &Truth<S>, x: &[S], z: &[S]) -> S {
+    fn dissipation_of(&self, truth: &Truth<S>, friction: Option<&[S]>, x: &[S], z: &[S]) -> S {
         let Some(more) = &self.more else { return self.dissipation() };
         let n = self.law.s.len();
-        self.dissipation() - truth.added([&self.law.s, &x[n..2 * n], &self.law.a_r], &more.entries, z, &more.back)
+        self.dissipation() - truth.added([&self.law.s, &x[n..2 * n], &self.law.a_r], friction, &more.entries, z, &more.back)
     }
 }

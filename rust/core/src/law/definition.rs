@@ -208,9 +208,9 @@ pub trait Law<S: Real> {
         S::zero()
     }
 
-    /// The rate at which the Lyapunov function decreases on the true plant, without the effect of a projection, W. `x` is the plant's
-    /// state, `z` the law's state.
-    fn dissipation_of(&self, _: &Truth<S>, _x: &[S], _z: &[S]) -> S {
+    /// The rate at which the Lyapunov function decreases on the true plant, without the effect of a projection, W. `friction` are the
+    /// torques of the plant's stick-slip friction, if there is one. `x` is the plant's state, `z` the law's state.
+    fn dissipation_of(&self, _: &Truth<S>, _friction: Option<&[S]>, _x: &[S], _z: &[S]) -> S {
         self.dissipation()
     }
 

@@ -44,7 +44,7 @@ impl AdaptiveSpec {
 /// let (x, z, mut tau, mut rate) = ([0.0, 0.2], model.parameters(), [0.0], [0.0; 10]);
 /// control.evaluate(&[0.0; 3], &[(0.0, 1.0)], &x, &z, &mut tau, &mut rate);
 /// // With the true parameters as estimate, the leakage adds nothing to the dissipation s Kd s.
-/// let dissipation = truth.map(|truth| control.dissipation_of(&truth, &x, &z));
+/// let dissipation = truth.map(|truth| control.dissipation_of(&truth, None, &x, &z));
 /// assert!(dissipation.is_some_and(|power| (power - 10.0 * 0.2 * 0.2).abs() < 1e-12));
 /// # Ok::<(), armlet_core::error::Error>(())
 /// ```
@@ -84,12 +84,12 @@ impl<S: Real> Truth<S> {
     /// A part of the rate of the Lyapunov function `V1`: `s' (tau_f - Y_f a_f + (B - B_0) a_r) + (a - a_hat)' (y - w)`. It contains the
     /// effects of the plant's friction, known rotors, restraint (leakage and dead zone), and composite and concurrent adaptation.
     ///
-    /// `columns` has the entries of the joint columns, and `back` is `y - w`.
-    pub(super) fn added(&self, [s, v, a_r]: [&[S]; 3], columns: &[S], estimate: &[S], back: &[S]) -> S {
+    /// `friction` are the torques of the plant's stick-slip friction, if there is one. `columns` has the entries of the joint columns, and `back` is `y - w`.
+    pub(super) fn added(&self, [s, v, a_r]: [&[S]; 3], friction: Option<&[S]>, columns: &[S], estimate: &[S], back: &[S]) -> S {
         let (n, mut sum) = (s.len(), S::zero());
         for i in 0..n {
-            let friction = self.coulomb[i].mul_add(sign(v[i]), self.viscous[i] * v[i]);
-            sum = s[i].mul_add(self.rotors[i].mul_add(a_r[i], friction), sum);
+            let torque = friction.map_or_else(|| self.coulomb[i].mul_add(sign(v[i]), self.viscous[i] * v[i]), |torques| torques[i]);
+            sum = s[i].mul_add(self.rotors[i].mul_add(a_r[i], torque), sum);
         }
         for (k, (&column, &a)) in columns.iter().zip(&self.rubbing).enumerate() {
             sum = (column * a).neg_mul_add(s[k % n], sum);

@@ -162,7 +162,7 @@ impl<'a, S: Real> ClosedLoop<'a, S> {
         if let [dissipated] = dissipated {
             *dissipated = match &self.truth {
                 None => self.law.dissipation(),
-                Some(truth) => self.law.dissipation_of(truth, measured, z),
+                Some(truth) => self.law.dissipation_of(truth, None, measured, z),
             };
         }
         if let Some(stands) = self.law.stands() {
@@ -223,6 +223,12 @@ impl<'a, S: Real> ClosedLoop<'a, S> {
         let states = self.states;
         let power = self.plant.rates(&self.trig, &x[..states], &self.tau, &u.wrench, &mut dx[..states]);
         let p = self.p;
+        // The torque of stick-slip friction is known only now.
+        if let (Some(truth), false, Some((friction, _)), Some(dissipated)) =
+            (&self.truth, self.closing.held, self.plant.stick_slip(), self.dz.get_mut(p))
+        {
+            *dissipated = self.law.dissipation_of(truth, Some(friction.torque()), &x[..self.seen], &x[states..states + p]);
+        }
         dx[states..states + p].copy_from_slice(&self.dz[..p]);
         if self.closing.monitored {
             let stored = self.closing.storage.then(|| self.law.storage_rate(&x[..self.seen], power.outside));
