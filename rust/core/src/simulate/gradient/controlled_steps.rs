@@ -101,8 +101,8 @@ struct ControlledRun<'a> {
     probe_error: f64,
     /// The logarithm of the growth of the probe in successive steps, at least zero.
     growth: f64,
-    /// The ends of the steps of the run, s. A step that begins in a step of the run is at most as long as this step, which is limited by the
-    /// functions of time in the loop.
+    /// The ends of the steps of the run, s. A step that begins in a step of the run is at most as long as this step. So functions of time
+    /// limit the steps, as in the run.
     steps: &'a [f64],
     times: Vec<f64>,
 }
