@@ -9,8 +9,10 @@ use crate::law::LawSpec;
 use crate::plant::PlantSpec;
 
 impl Problem<'_> {
-    /// Refuse a number of plants, laws or forces that is neither one nor the number of runs. Refuse plants and laws that differ from the
-    /// first ones in their kind, in their model of friction, or in the numbers of their joints, states and tasks.
+    /// Refuse a number of plants, laws or forces that is neither one nor the number of runs.
+    ///
+    /// Plants and laws that differ from the first ones in their kind, or in their model of friction, are also refused. The same applies to the
+    /// numbers of joints, states and tasks.
     pub(super) fn require_same_structure(&self) -> Result<()> {
         let runs = self.runs();
         let counts = [("plant", self.plants.len()), ("law", self.laws.len()), ("force", self.forces.len().max(1))];
