@@ -7,7 +7,7 @@
 
 use super::prepared::Prepared;
 use super::switch::{Jump, grazed};
-use super::timeline::Operation;
+use super::timeline::{Crossing, Divided, Operation};
 use super::walk::Walker;
 use crate::error::Result;
 use crate::integrate::events::crossing;
@@ -20,28 +20,6 @@ const APART: f64 = 1e-5;
 const BRANCH: &str = "a limit, a dead zone or another branch";
 /// The number of evaluations of a margin in a step.
 const CHECKS_PER_STEP: usize = 4;
-
-/// A change of the state rates at the zero of a margin.
-#[derive(Clone, Debug)]
-pub struct Crossing {
-    /// The mode of the contacts.
-    pub mode: usize,
-    /// The index of the branch.
-    pub branch: usize,
-    /// Before the change, for each branch, a negative number if its comparison is true, otherwise a positive number.
-    pub masks: Vec<f64>,
-    /// The same numbers after the change.
-    pub then: Vec<f64>,
-}
-
-/// The operations of a run whose steps are divided at jumps of the state rates.
-#[derive(Default)]
-pub struct Divided {
-    pub operations: Vec<Operation>,
-    pub crossings: Vec<Crossing>,
-    /// The states of the run at the ends of the divided steps, one after another.
-    pub states: Vec<f64>,
-}
 
 /// Divide the steps of a run where a branch changes and the state rates jump. The result is `None` if the state rates have no branches.
 pub fn divided(prepared: &Prepared) -> Result<Option<Divided>> {

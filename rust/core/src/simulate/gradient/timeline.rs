@@ -1,6 +1,5 @@
 //! A run as a list of operations in time order: steps, samples and records.
 
-use super::branches::{Crossing, Divided};
 use crate::error::{Error, Result};
 use crate::interrupt::look;
 use crate::memory::append;
@@ -48,6 +47,28 @@ pub struct Switch {
     pub guard: usize,
     pub before: usize,
     pub after: usize,
+}
+
+/// A change of the state rates at the zero of a margin ([`super::branches`]).
+#[derive(Clone, Debug)]
+pub struct Crossing {
+    /// The mode of the contacts.
+    pub mode: usize,
+    /// The index of the branch.
+    pub branch: usize,
+    /// Before the change, for each branch, a negative number if its comparison is true, otherwise a positive number.
+    pub masks: Vec<f64>,
+    /// The same numbers after the change.
+    pub then: Vec<f64>,
+}
+
+/// The operations of a run whose steps are divided at jumps of the state rates.
+#[derive(Default)]
+pub struct Divided {
+    pub operations: Vec<Operation>,
+    pub crossings: Vec<Crossing>,
+    /// The states of the run at the ends of the divided steps, one after another.
+    pub states: Vec<f64>,
 }
 
 /// The contact modes of a run, and the changes between them.
