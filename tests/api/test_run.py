@@ -29,7 +29,7 @@ def motion(t: float) -> tuple[NDArray[np.float64], ...]:
 class Adaptive:
     """A replacement for the law of this name."""
 
-    motion = staticmethod(motion)
+    motion = _joint_motion = staticmethod(motion)
 
 
 PLANT = SimpleNamespace(arm=SimpleNamespace(parameters=np.array([2.0, 0.5, 0.5]), joint_types=("prismatic", "revolute")))
@@ -112,7 +112,7 @@ def test_rows_of_a_batch(batch: BatchRun) -> None:
 
 def test_rows_with_their_own_motion_and_parameters(tmp_path: Path) -> None:
     one = fields()
-    laws = [SimpleNamespace(motion=lambda t, k=k: (np.full(2, k * t), np.full(2, k), np.zeros(2))) for k in (1.0, 2.0)]
+    laws = [SimpleNamespace(_joint_motion=lambda t, k=k: (np.full(2, k * t), np.full(2, k), np.zeros(2))) for k in (1.0, 2.0)]
     plants = [PLANT, SimpleNamespace(arm=SimpleNamespace(parameters=np.array([3.0, 1.0, 1.0])))]
     rows = {name: np.stack([one[name]] * 2) for name in ("q", "v")}
     batch = BatchRun(rows | {"t": np.stack([T, T / 2]), "status": 0}, law=laws, plant=plants)
@@ -214,13 +214,14 @@ def test_figure(run: Run) -> None:
     from matplotlib.figure import Figure
 
     axes = run.plot(Figure())
-    assert axes.shape == (2, 3)
+    # Positions, errors and inputs have one panel per unit.
+    assert axes.shape == (3, 3)
     for ax in axes.flat:
         assert ax.get_title(loc="left")
         assert "(" in ax.get_ylabel()
         assert ax.lines
     assert all("(s)" in ax.get_xlabel() for ax in axes[-1])
-    np.testing.assert_allclose(axes[0, 1].lines[0].get_ydata(), 0.4 * np.exp(-T), atol=1e-15)
+    np.testing.assert_allclose(axes[0, 2].lines[0].get_ydata(), 0.4 * np.exp(-T), atol=1e-15)
     axes[0, 0].figure.canvas.draw()
 
 
@@ -228,5 +229,5 @@ def test_figure_without_matplotlib(run: Run, monkeypatch: pytest.MonkeyPatch) ->
     import sys
 
     monkeypatch.setitem(sys.modules, "matplotlib", None)
-    with pytest.raises(ImportError, match=r"armlet\[plot\]"):
+    with pytest.raises(ImportError, match=r"pip install '\.\[plot\]'"):
         run.plot()

@@ -242,23 +242,7 @@ pub fn equilibrium(plant: &PlantSpec, law: &LawSpec, wrench: &[f64; 6], force_fr
         return fault("law", "has a target that moves: expected a law with a fixed target".into());
     }
     let rest = Rest { plant, law: &held, wrench: *wrench, frame: force_frame };
-    let mut q = q0.to_vec();
-    let mut integral = Vec::new();
-    if held.reduction().is_some() || task.is_some_and(|task| !task.options().has_potential()) {
-        // For a law that reduces the motor inertia, the search starts at the equilibrium of its outer loop, with limits of the joint torque.
-        let outer = held.storage().map(|law| law.outer.clone().into()).or(held.outer().filter(|_| held.reduction().is_some()));
-        if let Some(outer) = &outer {
-            let mut near = q.clone();
-            if (Rest { plant, law: outer, wrench: *wrench, frame: force_frame }).settle(&mut near).is_ok() {
-                q = near;
-            }
-        }
-        rest.settle(&mut q)?;
-        integral = q.split_off(n);
-    } else {
-        rest.descend(&mut q)?;
-    }
-    q.truncate(n);
+    let (q, integral) = search(&rest, task.is_none_or(|task| task.options().has_potential()), q0)?;
     let (residual, balanced) = Rest { plant, law, wrench: *wrench, frame: force_frame }.unbalanced(&q, &integral);
     let (tau, wall_force) = rest.load(&q);
     let pressed = wall_force.iter().any(|&f| f != 0.0) || plant.stops().is_some_and(|stops| stops.energy(&q) > 0.0);
@@ -305,6 +289,29 @@ pub fn equilibrium(plant: &PlantSpec, law: &LawSpec, wrench: &[f64; 6], force_fr
     let Modes { free: free_motions, eigenvalues, stable } = loop_modes(plant, law, &state, &integral, wrench, force_frame)?;
     let [reachable, spurious, stable] = [reachable, spurious, stable].map(|flag| flag && balanced);
     Ok(Equilibrium { q, theta, tau, x, integral, residual, reachable, spurious, wall_force, stable, free_motions, eigenvalues })
+}
+
+/// Search the equilibrium from `q0`. Return its positions, and the integral of a law that has one. `potential`: whether the law's spring has
+/// a potential, so that the search can descend it.
+fn search(rest: &Rest, potential: bool, q0: &[f64]) -> Result<(Vec<f64>, Vec<f64>)> {
+    let mut q = q0.to_vec();
+    if rest.law.reduction().is_none() && potential {
+        rest.descend(&mut q)?;
+        q.truncate(q0.len());
+        return Ok((q, Vec::new()));
+    }
+    // For a law that reduces the motor inertia, the search starts at the equilibrium of its outer loop, with limits of the joint torque.
+    let law = rest.law;
+    let outer = law.storage().map(|law| law.outer.clone().into()).or(law.outer().filter(|_| law.reduction().is_some()));
+    if let Some(outer) = &outer {
+        let mut near = q.clone();
+        if (Rest { law: outer, ..*rest }).settle(&mut near).is_ok() {
+            q = near;
+        }
+    }
+    rest.settle(&mut q)?;
+    let integral = q.split_off(q0.len());
+    Ok((q, integral))
 }
 
 /// Whether the law limits the motor torque.

@@ -14,9 +14,6 @@ use crate::error::{Error, Result, finite, positive};
 use crate::linalg::gain::{AnyGain, Gain, Multiply};
 use crate::scalar::Real;
 
-/// The smallest permitted `eps`. Its square is above the relative rounding error of `J M^-1 J'`.
-const LEAST_EPS: f64 = 1e-7;
-
 /// Options of a Cartesian impedance law, validated by [`super::CartesianImpedanceSpec::with`].
 ///
 /// ```
@@ -86,11 +83,17 @@ fn require_length(argument: &str, n: usize, got: usize) -> Result<()> {
 }
 
 impl ImpedanceOptions {
+    /// The smallest permitted `eps`. Its square is above the relative rounding error of `J M^-1 J'`.
+    pub const LEAST_EPS: f64 = 1e-7;
+
     /// Refuse options that do not fit a law of `m` rows and `n` joints.
     pub(super) fn validate(&self, m: usize, n: usize) -> Result<()> {
         positive("eps", self.eps)?;
-        if !(LEAST_EPS..1.0).contains(&self.eps) {
-            return Err(Error::input("eps", format!("is out of range: expected at least {LEAST_EPS:e} and below 1, got {:e}", self.eps)));
+        if !(Self::LEAST_EPS..1.0).contains(&self.eps) {
+            return Err(Error::input(
+                "eps",
+                format!("is out of range: expected at least {:e} and below 1, got {:e}", Self::LEAST_EPS, self.eps),
+            ));
         }
         if let Some(null_space) = &self.null_space {
             require_length("nullspace", n, null_space.posture.dof())?;

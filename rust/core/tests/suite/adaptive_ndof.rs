@@ -42,6 +42,7 @@ fn trajectories() {
             method: Method::Rk4,
             rtol: 1e-11,
             atol: 1e-12,
+            max_step: None,
             sampling: None,
             times: Times::At(times.clone()),
             tau_max: None,

@@ -84,6 +84,7 @@ impl Case {
             method,
             rtol: 1e-12,
             atol: 1e-12,
+            max_step: None,
             sampling: None,
             times,
             tau_max: None,

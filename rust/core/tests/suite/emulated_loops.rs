@@ -74,6 +74,7 @@ fn options() -> Options {
         method: Method::Rk4,
         rtol: 1e-8,
         atol: 1e-10,
+        max_step: None,
         sampling: None,
         times: Times::Every(1),
         tau_max: None,

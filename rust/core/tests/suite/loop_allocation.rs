@@ -39,6 +39,7 @@ fn allocations(
         method,
         rtol: 1e-8,
         atol: 1e-10,
+        max_step: None,
         sampling: sample.map(|period| Sampling { torque_sensor: sensor.clone(), ..Sampling::every(period) }),
         times: if every { Times::Every(1) } else { Times::At(vec![t_end]) },
         tau_max: Some(vec![1e4; n]),

@@ -347,6 +347,7 @@ fn rodas4(tau_max: Option<Vec<f64>>, monitors: bool) -> Options {
         method: Method::Rodas4,
         rtol: 1e-6,
         atol: 1e-9,
+        max_step: None,
         sampling: None,
         times: Times::Every(1),
         tau_max,

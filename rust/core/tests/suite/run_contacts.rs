@@ -63,6 +63,7 @@ fn thrown(damping: f64, method: Method, observer: Option<&mut RunObserver>) -> R
         method,
         rtol: 1e-10,
         atol: 1e-12,
+        max_step: None,
         sampling: None,
         times: Times::Every(1),
         tau_max: None,

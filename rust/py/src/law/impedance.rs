@@ -54,7 +54,8 @@ impl<'py> OptionArguments<'_, 'py> {
         if let Some(value) = there(self.eps) {
             options.eps = given.number("eps", value)?;
             // The core refuses an invalid threshold.
-            let (inverts, valid) = (options.null_space.is_some() || options.compensate_coupling, 0.0 < options.eps && options.eps < 1.0);
+            let (inverts, valid) =
+                (options.null_space.is_some() || options.compensate_coupling, (ImpedanceOptions::LEAST_EPS..1.0).contains(&options.eps));
             require_partner(given.function(), "eps", Some(value), "nullspace or compensate_coupling", inverts || !valid)?;
         }
         if let Some(value) = there(self.integral_gain) {

@@ -46,7 +46,7 @@ impl MimicMode {
 /// assert_eq!(arm.gravity, [0.0, 0.0, -9.81]);
 /// # Ok::<(), armlet_core::error::Error>(())
 /// ```
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct UrdfOptions<'a> {
     /// Gravity in the axes of the fixed base, m/s^2. `None` selects 9.81 m/s^2 along -z of the file's root, with all joints between this
     /// root and the base at zero.
@@ -57,10 +57,4 @@ pub struct UrdfOptions<'a> {
     pub tip: Option<&'a str>,
     /// The treatment of mimic joints.
     pub mimic: MimicMode,
-}
-
-impl Default for UrdfOptions<'_> {
-    fn default() -> Self {
-        UrdfOptions { gravity: None, root: None, tip: None, mimic: MimicMode::default() }
-    }
 }
