@@ -84,7 +84,7 @@ def errors(arm: al.Arm, motion: al.Motion, gains: tuple[float, float, float], we
     a = arm.parameters if base is None else base.projection @ arm.parameters
     left = []
     for weight in weights:
-        law = al.Adaptive(arm, motion, *gains, base=base, composite=weight, composite_rate=2.0)
+        law = al.Adaptive(arm, motion, *gains, base=base, composite=weight, composite_rate=None if weight is None else 2.0)
         run = al.simulate(al.RigidArm(arm), law, [0.1, 0.2], t_end=20.0, dt=2e-3, record_every=1000)
         assert run.estimate is not None
         left.append(float(np.linalg.norm(run.estimate[-1, : a.size] - a) / np.linalg.norm(a)))
@@ -147,8 +147,10 @@ def test_without_the_option_nothing_changes() -> None:
     arm = robot()
     runs = [
         al.simulate(al.RigidArm(arm), al.Adaptive(arm, MOTION, 60.0, 20.0, 0.5, **more), **START, t_end=0.2, dt=1e-3)
-        for more in ({}, {"composite": None, "composite_rate": 3.0})
+        for more in ({}, {"composite": None, "composite_rate": None})
     ]
+    with pytest.raises(al.InputError, match="composite_rate takes effect only with composite"):
+        al.Adaptive(arm, MOTION, 60.0, 20.0, 0.5, composite_rate=3.0)
     np.testing.assert_array_equal(runs[0].q, runs[1].q)
     assert runs[0].estimate is not None and runs[0].estimate.shape[1] == 20
 

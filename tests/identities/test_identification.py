@@ -175,7 +175,7 @@ def test_drives_are_replaced() -> None:
     torque = own + drives["armature"] * a + drives["damping"] * v + drives["friction"] * np.sign(v)
     np.testing.assert_allclose(other.inverse_dynamics(q, v, a, friction=True), torque, rtol=1e-12)
     assert arm.with_drives() == arm and other.with_drives(**{name: arm.limits[name] for name in drives}) == arm
-    with pytest.raises(al.InputError, match=r"Arm.with_drives: damping has the wrong shape: expected \(6,\), got \(2,\)"):
+    with pytest.raises(al.InputError, match=r"Arm.with_drives: damping has the wrong shape: expected a scalar or \(6,\), got \(2,\)"):
         arm.with_drives(damping=[1.0, 2.0])
     with pytest.raises(al.InputError, match=r"Arm.with_drives: friction is not finite: .*\(first bad index 5\)"):
         arm.with_drives(friction=[0.0] * 5 + [np.nan])

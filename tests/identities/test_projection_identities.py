@@ -166,7 +166,7 @@ def test_invalid_projections_are_refused_and_valid_ones_stored() -> None:
     def law(projection: Any, **more: Any) -> al.Adaptive:
         return al.Adaptive(arm, al.Hold([0.0, 0.0]), 10.0, 5.0, 1.0, projection=projection, **more)
 
-    with pytest.raises(al.InputError, match=r"projection has the wrong shape: expected \(20,\)"):
+    with pytest.raises(al.InputError, match=r"projection has the wrong shape: expected a scalar or \(20,\)"):
         law(np.ones(10))
     with pytest.raises(al.InputError, match=r"projection is not physically possible: .*first bad body 1"):
         law(np.concatenate([arm.parameters[:10], np.zeros(10)]))

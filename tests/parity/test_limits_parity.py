@@ -73,8 +73,8 @@ def test_limits_given(name: str, n: int) -> None:
     ]
     saturated = 0
     for limits in given:
-        law = getattr(al, name)(arm, levels(al, arm, n), "sns", **limits)
-        other = getattr(ref, name)(theirs, levels(ref, arm, n), "sns", **limits)
+        law = getattr(al, name)(arm, levels(al, arm, n, name), "sns", **limits)
+        other = getattr(ref, name)(theirs, levels(ref, arm, n, name), "sns", **limits)
         for q, v in rng.uniform(-0.5, 0.5, (6, 2, n)):
             want = other.terms(0.2, q, v)
             close(law(0.2, q, v), want["tau"], tolerance=1e-9)
@@ -88,8 +88,8 @@ def test_limits_of_the_arm(n: int) -> None:
     """Bounds from the limits of the arm agree, for velocities and for accelerations."""
     arm, theirs = driven_tree(n, 2)
     for name, speed in (("PriorityVelocity", 0.0), ("PriorityAcceleration", 1.0)):
-        law = getattr(al, name)(arm, levels(al, arm, n), "sns")
-        other = getattr(ref, name)(theirs, levels(ref, arm, n), "sns")
+        law = getattr(al, name)(arm, levels(al, arm, n, name), "sns")
+        other = getattr(ref, name)(theirs, levels(ref, arm, n, name), "sns")
         for t, (q, v) in zip((0.0, 0.7), np.random.default_rng(n).uniform(-0.4, 0.4, (2, 2, n)), strict=True):
             close(law(t, q, speed * v), other(t, q, speed * v), tolerance=1e-9)
 

@@ -97,7 +97,7 @@ def test_no_limit_is_exceeded_between_grid_points(n: int) -> None:
         rng = np.random.default_rng([24, n, seed])
         q, limits = problem(theirs, rng, KINDS[seed] if seed < len(KINDS) else None)
         limits["frame"] = tip_of(arm, q)
-        p = al.time_path(arm, q, **limits, check_limits=False)
+        p = al.time_path(arm, q, **limits)
         assert p.feasible and p.margin >= -PROMISE, (n, seed, p.reason)
         grid = (p.t[:-1, None] + np.diff(p.t)[:, None] * BESIDE).ravel()
         t = np.concatenate([rng.uniform(0.0, p.duration, 250), rng.choice(grid, 750)])

@@ -59,7 +59,7 @@ pub fn _restore_planar_pr(pi: [f64; 3]) -> Arm {
 #[entered]
 #[pyfunction]
 pub fn _urdf_joints(py: Python<'_>, function: &str, xml: &str) -> PyResult<Vec<(String, String, String)>> {
-    entry(py, function, || long(py, || Ok(core::urdf_joints(xml, "source")?)))
+    entry(py, function, || long(py, || core::urdf_joints(xml, "source")))
 }
 
 fn gravity3(function: &str, gravity: Option<&Bound<'_, PyAny>>) -> Result<[f64; 3], Failure> {

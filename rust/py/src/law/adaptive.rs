@@ -235,13 +235,13 @@ fn filtered<'py>(
     rate: Option<&Bound<'py, PyAny>>,
 ) -> Result<AdaptiveSpec, Failure> {
     let n = given.model().n();
-    require_partner("Adaptive", "composite_rate", rate, "composite", weight.is_some())?;
     let weight = weight.map(|weight| given.gain("composite", weight, n)).transpose()?;
-    let rate = rate.map(|rate| given.number("composite_rate", rate)).transpose()?.unwrap_or(COMPOSITE_RATE);
-    positive("composite_rate", rate)?;
+    let value = rate.map(|rate| given.number("composite_rate", rate)).transpose()?.unwrap_or(COMPOSITE_RATE);
+    positive("composite_rate", value)?;
+    require_partner("Adaptive", "composite_rate", rate, "composite", weight.is_some())?;
     Ok(match weight {
         None => spec,
-        Some(weight) => spec.composite(rate, weight)?,
+        Some(weight) => spec.composite(value, weight)?,
     })
 }
 
@@ -253,9 +253,9 @@ fn remembering<'py>(
     weight: Option<&Bound<'py, PyAny>>,
 ) -> Result<AdaptiveSpec, Failure> {
     let (n, p) = (given.model().n(), spec.parameter_names().len());
-    require_partner("Adaptive", "concurrent_weight", weight, "concurrent", stored.is_some())?;
-    let weight =
+    let value =
         weight.map_or_else(|| Ok(Gain::scalar("concurrent_weight", n, 1.0)?), |weight| given.gain("concurrent_weight", weight, n))?;
+    require_partner("Adaptive", "concurrent_weight", weight, "concurrent", stored.is_some())?;
     let Some(stored) = stored else { return Ok(spec) };
     let field = |name: &str| {
         let problem = "is no set of samples: expected the result of al.select_samples, with W and tau, or None";
@@ -265,7 +265,7 @@ fn remembering<'py>(
     let (shape, rows) = numbers("Adaptive", "concurrent", &w, &[Form(&[Axis::Any("N"), Axis::Is(n), Axis::Is(p)])])?;
     let (_, torques) = numbers("Adaptive", "concurrent", &tau, &[Form(&[Axis::Is(shape[0]), Axis::Is(n)])])?;
     given.plain("concurrent", stored);
-    Ok(spec.concurrent(StoredRows { rows: owned(rows)?, torques: owned(torques)? }, &weight)?)
+    Ok(spec.concurrent(StoredRows { rows: owned(rows)?, torques: owned(torques)? }, &value)?)
 }
 
 #[entered]
