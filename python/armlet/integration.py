@@ -20,7 +20,6 @@ __all__ = ["DenseOutput", "Integration", "integrate"]
 #: Largest number of events, and of further arguments, of a call.
 MOST = 10_000
 #: The methods with fixed steps.
-FIXED = ("euler", "semi_implicit", "rk4", "ros2")
 
 Array: TypeAlias = NDArray[np.float64]
 
@@ -197,10 +196,9 @@ def integrate(
     except (TypeError, ValueError):
         raise InputError(f"integrate: t_span is not a pair: expected (start, end), got {shown(t_span)}") from None
     positions = integer("integrate", "positions", positions)
-    adaptive = method not in FIXED
     sizes = {"rtol": (rtol, 1e-8), "atol": (atol, 1e-10), "max_step": (max_step, None), "first_step": (first_step, None)}
     for name, (value, default) in sizes.items():
-        require_partner("integrate", name, value, "an adaptive method", adaptive, default)
+        require_partner("integrate", name, value, "an adaptive method, without dt", dt is None, default)
     instance("integrate", "throw", throw, (bool, np.bool_), "True or False")
     fields = _core.integrate(
         f,

@@ -150,7 +150,10 @@ def test_different_levels_are_refused_by_name() -> None:
     ):
         al.simulate_batch(PLANTS["plain"], [STACKS["one"], STACKS["with posture"]], [Q0, Q0], t_end=0.01, dt=1e-3)
     with pytest.raises(al.InputError, match="wrong number of tasks with a position: expected 1, got 2"):
-        al.simulate_batch(PLANTS["plain"], [STACKS["one"], STACKS["two"]], [Q0, Q0], t_end=0.01, dt=1e-3, monitors=False)
+        al.simulate_batch(PLANTS["plain"], [STACKS["one"], STACKS["two"]], [Q0, Q0], t_end=0.01, dt=1e-3, monitors=False, keep="metrics")
+    batch = al.simulate_batch(PLANTS["plain"], [STACKS["one"], STACKS["two"]], [Q0, Q0], t_end=0.01, dt=1e-3, monitors=False)
+    for i, law in enumerate((STACKS["one"], STACKS["two"])):
+        same_row(batch[i], al.simulate(PLANTS["plain"], law, Q0, t_end=0.01, dt=1e-3, monitors=False))
 
 
 def test_the_first_bad_row_counts_from_the_start_of_the_batch() -> None:

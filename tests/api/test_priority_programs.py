@@ -80,6 +80,8 @@ def step_by_step(plant: al.Plant, law: al.Law, q0: Any, **options: Any) -> np.nd
     return simulator.q
 
 
+# The targets are far, so that some commands pass the speed limits of the arm.
+@pytest.mark.filterwarnings("ignore:.*commands pass the arm's speed limits")
 @pytest.mark.parametrize("options", OPTIONS, ids=["rk4", "euler", "sampled"])
 @pytest.mark.parametrize("name", LOOPS)
 def test_a_program_is_the_loop(name: str, options: dict[str, Any]) -> None:
@@ -91,6 +93,7 @@ def test_a_program_is_the_loop(name: str, options: dict[str, Any]) -> None:
     assert np.abs(run.q[-1] - q0).max() > 1e-3
 
 
+@pytest.mark.filterwarnings("ignore:.*commands pass the arm's speed limits")
 @pytest.mark.parametrize("name", ["4R stretched, exact", "4R stretched, clamp", "4R accelerations, stretched", "seven axes, accelerations"])
 def test_rows_of_a_batch_equal_single_runs(name: str) -> None:
     """A batch has singular and regular rows. Each row equals a single run, for every order and number of threads."""

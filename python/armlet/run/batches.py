@@ -173,7 +173,7 @@ def _check(plant: Any, law: Any, start: NDArray[np.float64], keywords: dict[str,
     """Raise the errors of invalid arguments and issue the warnings about arguments, with the rows of the whole batch."""
     # A batch of zero runs checks the arguments that all runs share, such as the times of the records.
     none = keywords | CHECKED | {name: _part(keywords.get(name), 0, 0) for name in STATES}
-    none |= {"force": None} if _is_nested(keywords.get("force")) else {}
+    none |= {"force": None, "force_frame": None} if _is_nested(keywords.get("force")) else {}
     _core.simulate_batch(plant[:1] if isinstance(plant, list) else plant, law[:1] if isinstance(law, list) else law, start[:0], none)
     # The result has at least 2 n numbers per run. If they do not fit in memory, the MemoryError is raised here, before the first piece.
     np.empty((len(start), 2 * start.shape[1]))

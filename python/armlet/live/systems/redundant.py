@@ -70,15 +70,17 @@ class Redundant(System):
 
     def law(self, values: Values, targets: Targets) -> al.CartesianImpedance:
         """The impedance law for these values of the controls."""
+        posture, compensated = self.posture(values), values["coupling"] == "compensated"
         return al.CartesianImpedance(
             self.arm,
             targets["x_d"],
             number(values, "stiffness"),
             number(values, "damping"),
             frame=self.frame,
-            nullspace=self.posture(values),
-            compensate_coupling=values["coupling"] == "compensated",
-            eps=0.1,  # large, because the mouse may stretch the arm, which is then singular
+            nullspace=posture,
+            compensate_coupling=compensated,
+            # Large, because the mouse may stretch the arm, which is then singular.
+            eps=0.1 if posture is not None or compensated else None,
         )
 
     def loop(self, values: Values, targets: Targets, force: Force | None, state: State) -> al.Simulator:

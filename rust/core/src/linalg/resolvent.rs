@@ -103,7 +103,7 @@ impl Pairs {
         let zero = E::real(E::Real::zero());
         self.positions_each(|k, column| b[column] = zero.less(E::real(E::Real::splat(1.0)), b[column]).less(inverse, work[k]));
         let (states, quadratures) = b.split_at_mut(n - self.quadratures);
-        for (sum, row) in quadratures.iter_mut().zip(j[states.len() * n..].chunks_exact(n)) {
+        for (sum, row) in quadratures.iter_mut().zip(j[states.len() * n..].chunks_exact(n.max(1))) {
             let driven = states.iter().zip(row).fold(*sum, |sum, (&u, &slope)| sum.less(E::real(-slope), u));
             *sum = zero.less(inverse, driven);
         }
