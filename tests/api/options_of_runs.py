@@ -32,7 +32,7 @@ LOOPS: dict[str, tuple[al.Plant, Any, Any, dict[str, Any]]] = {
 }
 RIGID_ONLY = {"theta0": [0.31, 0.91, 0.2], "theta_dot0": [0.5, 0.3, 0.2]}
 FIXED = {"method": "euler", "sample_time": 2e-3, "record_every": 3, "t_eval": [0.01, 0.02], "monitors": False}
-ADAPTIVE = {"rtol": 1e-3, "atol": 1e-2, "events": [al.Event.joint(0, 0.3001)], "dense": True, "sensitivity": "q0"}
+ADAPTIVE = {"rtol": 1e-3, "atol": 1e-2, "events": [al.Event.joint(0, 0.3001)], "dense": True, "sensitivity": "q0", "max_step": 1e-3}
 COMMON = {"dt": 2e-3}
 
 

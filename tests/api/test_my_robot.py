@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from matplotlib import pyplot
 
 import armlet as al
 
@@ -59,6 +60,7 @@ def test_the_page_holds_for_other_robots(name: str, tmp_path: Path, monkeypatch:
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         exec(compile(code(PAGE.read_text()), "my_robot.md", "exec"), bound)
+    pyplot.close("all")
     # The adaptive law reaches the target with the unknown tool; the page prints its metrics.
     assert "error_final" in capsys.readouterr().out
     run = al.simulate(bound["loaded"], bound["adaptive"], bound["start"], t_end=3.0, method="dop853")
