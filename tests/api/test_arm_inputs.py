@@ -363,7 +363,7 @@ def test_flags_of_laws_and_plants_of_the_wrong_kind() -> None:
     for value in (1, "yes"):
         with pytest.raises(al.InputError, match=r"Adaptive: natural is not a flag: expected True or False, got"):
             al.Adaptive(ROBOT, al.Hold(ZERO), 1.0, 1.0, 1.0, natural=value)  # type: ignore[arg-type]
-        with pytest.raises(al.InputError, match=r'RigidArm: friction is unknown: expected a flag, a friction model or "stick_slip", got'):
+        with pytest.raises(al.InputError, match=r"RigidArm: friction is (not a flag|unknown): expected"):
             al.RigidArm(ROBOT, friction=value)  # type: ignore[arg-type]
 
 

@@ -138,7 +138,12 @@ def test_a_row_is_a_single_run_or_the_batch_is_refused(kind: str, monitors: bool
                 for each in (batch, stored, pickled):
                     assert isinstance(each, al.BatchRun)
                     same_row(each[i], run)
-            summed = al.simulate_batch(**(given | {place: both}), q0=[Q0, Q0], **options, keep="metrics").metrics()
+            try:
+                summed = al.simulate_batch(**(given | {place: both}), q0=[Q0, Q0], **options, keep="metrics").metrics()
+            except al.InputError as error:
+                # Metrics have one number per task with a position.
+                assert "wrong number of tasks with a position" in str(error)
+                continue
             for name, values in batch.metrics().items():
                 np.testing.assert_allclose(summed[name], values, rtol=1e-9, atol=1e-9, err_msg=name)
     assert ran

