@@ -211,8 +211,8 @@ def test_a_law_has_the_bits_of_armlet(name: str, options: dict[str, Any], compil
                 np.testing.assert_allclose(tau, law(t, *x[:2]), rtol=1e-6, atol=1e-9, err_msg=f"state {k}")
             continue
         assert status == 0
-        # At the sample of contact, a retreat uses its direction `r / max |r|`. The C has the gain of a sampled observer, and the call of the
-        # law that of a continuous one. The two residuals are proportional, so the directions differ by rounding.
+        # At the sample of contact, a retreat uses the direction `r / max |r|`. The C has the gain of a sampled observer, and the call of
+        # the law that of a continuous one. The two residuals are proportional, so the directions differ by rounding.
         slack = 1e-14 if options.get("reaction") == "retract" else 0.0
         np.testing.assert_allclose(tau, law(t, x[0], x[1], **motors, **z), rtol=slack, atol=0.0, err_msg=f"state {k}")
         regular += 1
