@@ -174,6 +174,7 @@ __all__ = [
     "_share",
     "_spline_slopes",
     "_stored_array",
+    "_urdf_joints",
     "bang_bang_time",
     "build_info",
     "damping_from_ratio",
