@@ -227,7 +227,7 @@ impl<'a> ControlledRun<'a> {
                 if self.controller.judge(error, h, to, &C::CONTROL) {
                     break;
                 }
-                self.blocks.iter_mut().for_each(Forward::back);
+                self.blocks.iter_mut().for_each(Forward::restore);
             }
             self.iterate_probe(C::STAGES);
             if !self.controller.done() {

@@ -177,7 +177,7 @@ impl<'a> Forward<'a> {
                 }
                 Operation::Restore(k) => self.walker.restore(k, &mut self.state),
                 Operation::Leave => self.leave(),
-                Operation::Back => self.back(),
+                Operation::Back => self.restore(),
             }
         }
         Ok(())
@@ -208,7 +208,7 @@ impl<'a> Forward<'a> {
     }
 
     /// Restore the state and the tangents that [`Forward::leave`] stored.
-    pub fn back(&mut self) {
+    pub fn restore(&mut self) {
         self.state.copy_from_slice(&self.left.0);
         self.tangent.copy_from_slice(&self.left.1);
     }
