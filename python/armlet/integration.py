@@ -19,7 +19,6 @@ __all__ = ["DenseOutput", "Integration", "integrate"]
 
 #: Largest number of events, and of further arguments, of a call.
 MOST = 10_000
-#: The methods with fixed steps.
 
 Array: TypeAlias = NDArray[np.float64]
 

@@ -64,7 +64,7 @@ def test_metrics_use_the_held_input() -> None:
 
 @pytest.mark.parametrize("method", ["euler", "rk4"])
 def test_the_held_rate_of_the_law_remains_too(method: Any) -> None:
-    """A record between two samples, asked for by `t_eval`, has the input of the sample before."""
+    """A record between two samples, at a time of `t_eval`, has the input of the sample before."""
     t = np.array([0.0, 0.0103, 0.02, 0.0207])
     kw: dict[str, Any] = {"dt": 1e-3, "sample_time": 1e-3, "method": method}
     control = al.Adaptive(RAIL, al.Hold([1.0, 0.5]), 40.0, 20.0, 5.0)
