@@ -160,6 +160,16 @@ def test_clocks(clock: str) -> None:
     compare(plant_of(""), LAWS["ComputedTorque"](), ["law.kp", "law.kd", "q0", "law.motion.amplitude"], options, 1e-9)
 
 
+@pytest.mark.parametrize("clock", ["late", "limited rate"])
+@pytest.mark.parametrize("name", ["Adaptive", "Guarded"])
+def test_clocks_of_laws_with_states(name: str, clock: str) -> None:
+    """The state of a law changes at the sample. The state of an observer integrates the torque that acts."""
+    law = al.Guarded(LAWS["PDGravity"](), al.MomentumObserver(ARM, 30.0)) if name == "Guarded" else LAWS[name]()
+    names = ["law.law.kp", "law.law.kd"] if name == "Guarded" else ["law.kp", "law.gamma"]
+    options: dict[str, Any] = {"t_end": 0.06, "dt": 2e-3, "v0": V0, "sample_time": CLOCKS[clock]}
+    compare(plant_of(""), law, [*names, "q0", "v0"], options, 1e-8)
+
+
 def test_quantisation_counts_as_the_identity() -> None:
     options: dict[str, Any] = {"t_end": 0.02, "dt": 2e-3, "v0": V0}
     fine, coarse = (al.Sampling(4e-3, resolution={"q": step}) for step in (0.0, 1e-7))

@@ -76,6 +76,21 @@ def test_a_sampled_loop_has_the_samples_of_the_observer(gain: Any) -> None:
     assert np.abs(run.residual).max() > 1.0
 
 
+@pytest.mark.parametrize("late", [{"delay": 1e-3}, {"delay": 2.5e-3}, {"rate_limit": 100.0}, {"delay": 1e-3, "rate_limit": 100.0}], ids=str)
+def test_the_observer_integrates_the_torque_that_acts(late: dict[str, float]) -> None:
+    """With a delay or a rate limit, the loop's observer equals `MomentumObserver.update` with the mean torque on the arm."""
+    dt, parts = 1e-3, 2
+    options: dict[str, Any] = {"t_end": 0.3, "dt": dt / parts, "sample_time": al.Sampling(dt, **late), **PUSH}
+    run = al.simulate(al.RigidArm(TWO), guarded(40.0), [0.2, 0.3], **options)
+    assert run.residual is not None and run.tau is not None
+    observer = al.MomentumObserver(TWO, 40.0)
+    observer.reset(run.q[0], run.v[0])
+    for k in range(parts, len(run.t) - parts, parts):
+        r = observer.update(run.q[k], run.v[k], run.tau[k - parts : k].mean(axis=0), dt)
+        np.testing.assert_allclose(run.residual[k + parts], r, rtol=0, atol=1e-9)
+    assert np.abs(run.residual).max() > 1.0
+
+
 def test_limits_of_the_input_are_no_contact() -> None:
     """The law's torque exceeds the limits. The observer receives the limited torque, so it reports no contact."""
     law = al.Guarded(al.PDGravity(TWO, [1.5, -1.0], 400.0, 20.0), al.MomentumObserver(TWO, 50.0, threshold=0.2), **STOP)

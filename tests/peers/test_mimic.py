@@ -6,6 +6,7 @@ its product with the parameters.
 
 from __future__ import annotations
 
+import contextlib
 from typing import Any
 
 import mujoco
@@ -167,5 +168,8 @@ class TestMuJoCo:
         ],
     )
     def test_nonlinear_and_inactive_constraints_are_dropped(self, constraints: str, n: int, dropped: int) -> None:
-        arm = al.from_mujoco(self.model(constraints))
+        # An inactive constraint changes nothing. Without an active one, the arm moves in another way.
+        warns = contextlib.nullcontext() if 'active="false"' in constraints else pytest.warns(UserWarning, match="lacks active constraints")
+        with warns:
+            arm = al.from_mujoco(self.model(constraints))
         assert arm.n == n and f"equality constraints dropped ({dropped})" in arm.report

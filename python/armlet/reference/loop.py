@@ -76,7 +76,8 @@ class ClosedLoop:
             n = plant.arm.n
             silent = {"tau": np.zeros(n), "s": np.zeros(n), "state_rate": np.zeros(law.state0.size), "loss": np.zeros(())}
             springs = getattr(plant, "stiffness", np.eye(n))
-            self.clock = Clock(sampling, n, grid, silent, springs, getattr(law, "joint_stiffness", springs))
+            observed = slice(law.law.state0.size, law.law.state0.size + n) if isinstance(law, Guarded) and plant.size == 2 * n else None
+            self.clock = Clock(sampling, n, grid, silent, springs, getattr(law, "joint_stiffness", springs), observed)
 
     def initial(self, plant_state: Array) -> Array:
         q, v, _, _ = self.plant.split(plant_state)

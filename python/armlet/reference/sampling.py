@@ -4,7 +4,7 @@
     the law uses x_m of sample k - sensor_delay;  |tau_k - tau_(k-1)| <= rate_limit (t_k - t_(k-1));  tau_k acts from t_k + delay
     torque sensor: dtau_f/dt = w_c (tau_J - tau_f), tau_J linear between samples;  q_m = theta_m - K_law^-1 reading
 
-T is the period. With fixed steps, j_k is rounded down to a multiple of the step. x_m is the measurement of a quantity x with the noise
+T is the period. Rates of the law's state act from t_k on. A momentum observer integrates the torque that acts. With fixed steps, j_k is rounded down to a multiple of the step. x_m is the measurement of a quantity x with the noise
 sigma and the resolution step, and w_k is a standard normal number. tau_J is the joint torque, tau_f its filtered value, w_c the bandwidth
 of the filter, and K_law the joint stiffness of the law. Random numbers are splitmix64 (Steele, Lea and Flood 2014) of the seed and of the
 integers k and channel, modulo 2^64. Normal numbers come from the method of Box and Muller (1958), as a complex exponential. Entry i of q,
@@ -96,14 +96,18 @@ class Clock:
 
     `grid` is the step of a method with fixed steps, s, or 0 for adaptive methods. Jitter is rounded down to a multiple of this step.
     `stiffness` is the joint stiffness of the plant, and `believed` the joint stiffness of the law, for torque sensors.
+    `observed` are the components of the law's state that integrate the torque.
     """
 
-    def __init__(self, sampling: Sampling, n: int, grid: float, silent: Terms, stiffness: Array, believed: Array) -> None:
-        self.sampling, self.n, self.grid = sampling, n, grid
+    def __init__(
+        self, sampling: Sampling, n: int, grid: float, silent: Terms, stiffness: Array, believed: Array, observed: slice | None
+    ) -> None:
+        self.sampling, self.n, self.grid, self.observed = sampling, n, grid, observed
         self.stiffness, self.believed = stiffness, believed
         self.acting, self.taken = silent, 0
+        self.last, self.tau = silent, silent["tau"]
         self.measured: list[Array] = []
-        self.pending: list[tuple[float, Terms]] = []
+        self.pending: list[tuple[float, Array]] = []
         self.tau_before: Array = np.zeros(n)
         self.torque: Array = np.zeros(n)
         self.filtered: Array = np.zeros(n)
@@ -128,7 +132,11 @@ class Clock:
         while self.instant(self.taken) <= t + slack:
             self._take(t, x, law)
         while self.pending and self.pending[0][0] <= t + slack:
-            self.acting = self.pending.pop(0)[1]
+            self.tau = self.pending.pop(0)[1]
+        rates = self.last["state_rate"].copy()
+        if self.observed is not None:
+            rates[self.observed] += self.tau - self.last["tau"]
+        self.acting = self.last | {"tau": self.tau, "state_rate": rates}
         return self.acting
 
     def _take(self, t: float, x: Array, law: Callable[[Array], Terms]) -> None:
@@ -138,7 +146,8 @@ class Clock:
         answer = law(self.measured[max(0, k - s.sensor_delay)])
         most = s.rate_limit * since
         self.tau_before = np.clip(answer["tau"], self.tau_before - most, self.tau_before + most)
-        self.pending.append((self.instant(k) + s.delay, answer | {"tau": self.tau_before}))
+        self.last = answer
+        self.pending.append((self.instant(k) + s.delay, self.tau_before))
         self.taken += 1
 
     def _measure(self, k: int, x: Array, since: float) -> Array:

@@ -176,8 +176,8 @@ class Recorded:
 
         It is None for other laws, and for a run with one record.
 
-        In a sampled loop it is the mean residual since the previous record, and row 0 is zero. If each sample is recorded and there is no
-        delay, row `k` is the residual of the sample at record `k - 1`. In a continuous loop it is the residual at the time of the record.
+        In a sampled loop it is the mean residual since the previous record, and row 0 is zero. If each sample is recorded, row `k` is the
+        residual of the sample at record `k - 1`. In a continuous loop it is the residual at the time of the record.
         """
         return residuals(self._laws, self.t, self.q, self.v, self.estimate, self._sampled)
 

@@ -83,7 +83,8 @@ class Sampling(_Effects):
 
     Args:
         period: time between samples, s.
-        delay: time from a sample until its output acts, s; a multiple of the step for a fixed-step method.
+        delay: time from a sample until its output acts, s; a multiple of the step for a fixed-step method. The law's state changes at the
+            sample.
         jitter: largest lateness of a sample, s, below the period. With a fixed-step method, each lateness is rounded down to a multiple of
             the step.
         sensor_delay: number of samples between the measurement and its use in the law.

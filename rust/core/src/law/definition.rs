@@ -87,6 +87,12 @@ pub trait Definition {
         false
     }
 
+    /// The index of the first of `n` components of the law's state whose rates have the plant's input as a term; `None` without them. In a
+    /// sampled loop, this term is the input that acts on the plant.
+    fn torque_states(&self) -> Option<usize> {
+        None
+    }
+
     /// Whether the law changes permanently at one sample, as a reaction to contact does. Such a law requires a sampled loop.
     fn switches(&self) -> bool {
         false

@@ -18,8 +18,8 @@
 //!
 //! The law's state is the state of the inner law, then `w`, then the integral `R` of `r`. A reaction adds a number `c`, the time `s` since
 //! contact, and the products `y_c c` and `r_c c`. From the sample of contact on, `s` has the rate 1. At the sample of contact, `c`, `y_c c`
-//! and `r_c c` have the rates 1, `y` and `r`. At all other samples, these rates are zero. A rate acts for one sample time, even if it acts
-//! after a delay. So `y_c c` and `r_c c`, divided by `c`, are the values `y_c` and `r_c` at contact.
+//! and `r_c c` have the rates 1, `y` and `r`. At all other samples, these rates are zero. A rate acts until the next sample. So `y_c c`
+//! and `r_c c`, divided by `c`, are the values `y_c` and `r_c` at contact.
 
 use super::LawSpec;
 use super::definition::{Build, Definition, JointReference, Law, Route};
@@ -216,6 +216,9 @@ impl Definition for GuardedSpec {
     }
     fn route(&self) -> Route {
         self.inner.route()
+    }
+    fn torque_states(&self) -> Option<usize> {
+        self.joint_stiffness.is_none().then(|| self.inner.initial_state().len())
     }
     fn switches(&self) -> bool {
         self.reacts()

@@ -182,7 +182,7 @@ pub fn sampler<S: Real>(problem: &Problem, run: impl Fn(usize) -> usize + Copy) 
     o.sampling.as_ref().filter(|sampling| !sampling.is_plain() || called_once).map(|sampling| {
         let seeds = (0..S::LANES).map(|lane| sampling.seed.wrapping_add(run(lane) as u64)).collect();
         let sensing = TorqueSensing::of(problem, sampling, run);
-        Sampler::new(sampling.clone(), seeds, o.grid(), sizes, sensing)
+        Sampler::new(sampling.clone(), seeds, o.grid(), sizes, sensing).with_torque_states(problem.law(run(0)).torque_states())
     })
 }
 

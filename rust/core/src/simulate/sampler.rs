@@ -1,4 +1,5 @@
-//! The clock of a sampled loop. It evaluates the law at sample times, and selects the output that acts on the plant.
+//! The clock of a sampled loop. It evaluates the law at sample times, and selects the output that acts on the plant. The rates of the law's
+//! state act from the sample on, because the controller updates its state at the sample. Only the output is delayed.
 
 use super::sampling::{CHANNELS, ON_TIME, Sampling};
 use super::torque_sensing::{Sensed, TorqueSensing};
@@ -28,6 +29,8 @@ pub struct Sampler<S> {
     ring: Vec<StoredSample<S>>,
     delayed: u64,
     sensing: Option<TorqueSensing<S>>,
+    /// [`Definition::torque_states`](crate::law::Definition::torque_states), if the acting output can differ from the law's last output.
+    torque_states: Option<usize>,
 }
 
 impl<S: Real> Sampler<S> {
@@ -43,7 +46,13 @@ impl<S: Real> Sampler<S> {
         let zeros = |k: usize| vec![S::zero(); k];
         let sensed = Sensed::new(if sensing.is_some() { n } else { 0 });
         let entry = StoredSample { index: u64::MAX, measured: zeros(states), sensed, tau: zeros(n), dz: zeros(p) };
-        Sampler { ring: vec![entry; kept], sampling, seeds, grid, delayed, sensing }
+        Sampler { ring: vec![entry; kept], sampling, seeds, grid, delayed, sensing, torque_states: None }
+    }
+
+    /// Add the acting output to the rates of the law's state from `torque_states` on, instead of the output that the law computed.
+    pub fn with_torque_states(mut self, torque_states: Option<usize>) -> Self {
+        self.torque_states = torque_states.filter(|_| self.sampling.changes_output());
+        self
     }
 
     fn instant(&self, k: u64) -> f64 {
@@ -55,7 +64,7 @@ impl<S: Real> Sampler<S> {
     }
 
     /// At time `t` and plant state `x`, evaluate the law if a sample is due, and select the acting output. `law(measured, tau, dz)`
-    /// evaluates the law for a sample. On return, `tau` and `dz` are the acting values.
+    /// evaluates the law for a sample. On return, `tau` is the acting output, and `dz` has the rates of the law's state.
     pub fn run(&mut self, t: f64, x: &[S], n: usize, mut law: impl FnMut(&[S], &mut [S], &mut [S]), tau: &mut [S], dz: &mut [S]) {
         // At an instant with both a record and the start of a step, the law is evaluated only once.
         if let Some(k) = self.sampling.due(self.seeds[0], self.grid, t).filter(|&k| self.ring[self.slot(k)].index != k) {
@@ -72,19 +81,33 @@ impl<S: Real> Sampler<S> {
                 let old = self.slot(seen);
                 law(&self.ring[old].measured, &mut entry.tau, &mut entry.dz);
             }
+            if let Some(first) = self.torque_states {
+                entry.dz[first..].iter_mut().zip(&entry.tau).for_each(|(rate, &tau)| *rate = *rate - tau);
+            }
             self.limit_rate(k, &mut entry.tau);
             self.ring[slot] = entry;
         }
-        if let Some(k) = self.sampling.acting(self.seeds[0], self.grid, t) {
-            let entry = &self.ring[self.slot(k)];
-            if entry.index == k {
-                tau.copy_from_slice(&entry.tau);
-                dz.copy_from_slice(&entry.dz);
-            }
-        } else {
+        match self.sampling.acting(self.seeds[0], self.grid, t) {
             // No output acts on the plant yet.
-            tau.fill(S::zero());
-            dz.fill(S::zero());
+            None => tau.fill(S::zero()),
+            Some(k) => {
+                let entry = &self.ring[self.slot(k)];
+                if entry.index == k {
+                    tau.copy_from_slice(&entry.tau);
+                }
+            }
+        }
+        match self.sampling.last_sample(self.seeds[0], self.grid, t) {
+            None => dz.fill(S::zero()),
+            Some(k) => {
+                let entry = &self.ring[self.slot(k)];
+                if entry.index == k {
+                    dz.copy_from_slice(&entry.dz);
+                    if let Some(first) = self.torque_states {
+                        dz[first..].iter_mut().zip(&*tau).for_each(|(rate, &tau)| *rate += tau);
+                    }
+                }
+            }
         }
     }
 

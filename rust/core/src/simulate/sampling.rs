@@ -121,6 +121,11 @@ impl Sampling {
         *self == Sampling { seed: self.seed, ..Sampling::every(self.period) }
     }
 
+    /// Whether the input of the plant can differ from the law's last output.
+    pub(super) fn changes_output(&self) -> bool {
+        self.delay > 0.0 || self.rate_limit.is_finite()
+    }
+
     /// Return the time of sample `k`, s. If `grid > 0`, the jitter is rounded down to a multiple of `grid`, s.
     pub fn instant(&self, seed: u64, k: u64, grid: f64) -> f64 {
         let late = if self.jitter > 0.0 { self.jitter * uniform(seed, k, JITTER) } else { 0.0 };
@@ -129,7 +134,7 @@ impl Sampling {
     }
 
     /// Return the last sample at or before time `t`. The result is `None` before the first sample.
-    fn last_sample(&self, seed: u64, grid: f64, t: f64) -> Option<u64> {
+    pub(super) fn last_sample(&self, seed: u64, grid: f64, t: f64) -> Option<u64> {
         let slack = ON_TIME * self.period;
         let k = ((t + slack) / self.period).floor().max(0.0) as u64;
         if self.instant(seed, k, grid) <= t + slack { Some(k) } else { k.checked_sub(1) }

@@ -10,11 +10,12 @@ use super::combine::add;
 use super::functions::{Call, Function};
 use super::prepared::Prepared;
 use super::switch::Jump;
-use super::timeline::Operation;
+use super::timeline::{Acting, Operation};
 use super::walk::{Walker, followers, seen, side_of};
 use crate::error::Result;
 use crate::memory;
 use crate::motion::Side;
+use std::ops::Range;
 
 /// The number of operations between two checkpoints for which all stored states take at most `memory` bytes. A checkpoint stores `size`
 /// numbers, and each operation after it stores `whole` numbers. If `memory` is too small, the result is the square root of `operations`.
@@ -124,18 +125,10 @@ impl<'a> Backward<'a> {
 
     /// Apply the adjoint of operation `k` at the state `before`. `points` are the states at the stages of a step.
     fn reverse(&mut self, k: usize, before: &mut [f64], points: &[f64], weights: &[f64]) -> Result<()> {
-        let (timeline, places) = (&self.prepared.timeline, self.walker.places);
+        let timeline = &self.prepared.timeline;
         match timeline.operations[k] {
             Operation::Sample { k, t } => return self.sample(k, t, before),
-            Operation::Act(k) => {
-                let acting = places.acting();
-                if let Some(k) = k {
-                    let (head, answers) = self.bar.split_at_mut(acting.end);
-                    let first = places.answer(k).start - acting.end;
-                    answers[first..].iter_mut().zip(&head[acting.clone()]).for_each(|(to, from)| *to += from);
-                }
-                self.bar[acting].fill(0.0);
-            }
+            Operation::Act(acting) => self.act(acting),
             Operation::Switch { k, t } => {
                 let jump = self.walker.jump(k, t, before)?;
                 self.switch(t, jump);
@@ -219,6 +212,23 @@ impl<'a> Backward<'a> {
         Ok(())
     }
 
+    fn act(&mut self, acting: Acting) {
+        let places = self.walker.places;
+        let held = places.acting();
+        for (output, rate) in places.torque_rates(held.start) {
+            self.bar[output] += self.bar[rate];
+        }
+        let (head, answers) = self.bar.split_at_mut(held.end);
+        let mut pass = |from: Range<usize>, to: Range<usize>| {
+            answers[to.start - held.end..].iter_mut().zip(&head[from]).for_each(|(to, from)| *to += from);
+        };
+        if let Some(k) = acting.output {
+            pass(places.output(held.start), places.output(places.answer(k).start));
+        }
+        pass(places.rates(held.start), places.rates(places.answer(acting.rates).start));
+        self.bar[held].fill(0.0);
+    }
+
     fn sample(&mut self, k: u64, t: f64, before: &mut [f64]) -> Result<()> {
         let (places, n) = (self.walker.places, self.prepared.functions.sizes.n);
         self.walker.sample(k, t, before)?;
@@ -230,6 +240,9 @@ impl<'a> Backward<'a> {
             if let Some(last) = k.checked_sub(1) {
                 self.bar[places.answer(last).start + i] += weight;
             }
+        }
+        for (output, rate) in places.torque_rates(0) {
+            self.answer[output] -= self.answer[rate];
         }
         let shown = std::mem::take(&mut self.walker.shown);
         self.pass(AdjointOf::Law, (t, Side::Moving), [&shown, &[]])?;

@@ -8,7 +8,7 @@ use super::prepared::Prepared;
 use super::series::Series;
 use super::switch::Jump;
 use super::tangent_call::TangentCall;
-use super::timeline::Operation;
+use super::timeline::{Acting, Operation};
 use super::walk::{Walker, act, followers, seen, side_of};
 use crate::error::Result;
 use crate::integrate::Tableau;
@@ -195,7 +195,7 @@ impl<'a> Forward<'a> {
                 self.switch(t, jump);
             }
             Operation::Sample { k, t } => self.sample(k, t)?,
-            Operation::Act(k) => self.act(k),
+            Operation::Act(acting) => self.act(acting),
             Operation::Step { .. } | Operation::Restore(_) | Operation::Record { .. } | Operation::Leave | Operation::Back => {}
         }
         Ok(())
@@ -234,16 +234,10 @@ impl<'a> Forward<'a> {
         }
     }
 
-    fn act(&mut self, k: Option<u64>) {
+    fn act(&mut self, acting: Acting) {
         let (places, lanes) = (self.walker.places, self.lanes);
-        act(&places, k, &mut self.state);
-        let to = places.acting();
-        for tangent in self.tangent.chunks_exact_mut(places.size() * lanes) {
-            match k {
-                Some(k) => tangent.copy_within(places.answer(k).start * lanes..places.answer(k).end * lanes, to.start * lanes),
-                None => tangent[to.start * lanes..to.end * lanes].fill(0.0),
-            }
-        }
+        act(&places, acting, &mut self.state, 1);
+        self.tangent.chunks_exact_mut(places.size() * lanes).for_each(|tangent| act(&places, acting, tangent, lanes));
     }
 
     fn sample(&mut self, k: u64, t: f64) -> Result<()> {
@@ -266,6 +260,9 @@ impl<'a> Forward<'a> {
         for (g, tangent) in self.tangent.chunks_exact_mut(size).enumerate() {
             let answer = places.answer(k);
             tangent[answer.start * lanes..answer.end * lanes].copy_from_slice(self.law.answers(g));
+            for (output, rate) in places.torque_rates(answer.start) {
+                (0..lanes).for_each(|lane| tangent[rate * lanes + lane] -= tangent[output * lanes + lane]);
+            }
             for i in (0..n).filter(|&i| self.walker.limited[i]) {
                 let to = (answer.start + i) * lanes;
                 match k.checked_sub(1).map(|before| (places.answer(before).start + i) * lanes) {

@@ -14,6 +14,7 @@ use crate::simulate::closed_loop::ClosedLoop;
 use crate::simulate::problem::Problem;
 use crate::simulate::recorded::{inputs, instant};
 use crate::simulate::run_observer::Guard;
+use crate::simulate::sampling::Sampling;
 use crate::trace::adjoint::adjoint;
 use crate::trace::branches::{Branches, branches};
 use crate::trace::function::Recorded;
@@ -41,6 +42,8 @@ pub struct Sizes {
     pub states: usize,
     /// The number of the law's results: the plant's input and the rate of the law's state.
     pub answer: usize,
+    /// The first state of the law whose rate has the acting input as a term, see `Sampler::with_torque_states`.
+    pub torque_states: Option<usize>,
     /// Whether the law is evaluated at sample times only.
     pub sampled: bool,
     guards: usize,
@@ -55,6 +58,7 @@ pub struct Sizes {
 impl Sizes {
     pub fn of(problem: &Problem, directions: &Directions) -> Self {
         let (n, p, plant) = (problem.plant(0).n(), problem.law(0).initial_state().len(), problem.plant(0).states());
+        let sampling = problem.options.sampling.as_ref();
         Sizes {
             desired: directions.width() - if problem.forces.is_empty() { 0 } else { 6 },
             width: directions.width(),
@@ -62,6 +66,7 @@ impl Sizes {
             plant,
             states: plant + p,
             answer: n + p,
+            torque_states: problem.law(0).torque_states().filter(|_| sampling.is_some_and(Sampling::changes_output)),
             sampled: problem.options.sampling.is_some(),
             guards: usize::from(problem.law(0).route() == Route::Guarded),
             groups: directions.count.div_ceil(form(true).lanes()).min(GROUPS_PER_BLOCK),

@@ -21,8 +21,8 @@ const ON_STEP: f64 = 1e-9;
 pub enum Operation {
     /// The law is evaluated at sample `k`.
     Sample { k: u64, t: f64 },
-    /// From now on, the held input is the law's output at sample `k`. `None` means that no output exists yet, and the held input is zero.
-    Act(Option<u64>),
+    /// The held input changes.
+    Act(Acting),
     /// A step of size `h` from `t`, with the contacts of `mode`. If the input jumps at the end, `end` is just before the jump. No stage
     /// evaluates the input after `end`.
     Step { t: f64, h: f64, end: f64, mode: usize },
@@ -38,6 +38,15 @@ pub enum Operation {
     Leave,
     /// Restore the state that the last `Leave` stored.
     Back,
+}
+
+/// The samples whose results are in the held input.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Acting {
+    /// The sample whose output acts on the plant. `None` means that no output acts yet, and the plant's input is zero.
+    pub output: Option<u64>,
+    /// The last sample, which has the rates of the law's state.
+    pub rates: u64,
 }
 
 /// A change of the contacts from mode `before` to mode `after`, at a zero of guard number `guard`. A guard is a function whose change of
@@ -106,7 +115,7 @@ struct TimelineBuilder<'a> {
     timeline: Timeline,
     breaks: &'a [f64],
     sampled: Option<u64>,
-    acting: Option<Option<u64>>,
+    acting: Option<Acting>,
     /// The present mode of the contacts.
     mode: usize,
 }
@@ -219,12 +228,13 @@ impl<'a> TimelineBuilder<'a> {
     fn sample(&mut self, t: f64) -> Result<()> {
         let Some(sampling) = &self.timeline.sampling else { return Ok(()) };
         let (seed, grid) = (sampling.seed, self.timeline.grid);
-        let (due, acting) = (sampling.due(seed, grid, t), sampling.acting(seed, grid, t));
+        let due = sampling.due(seed, grid, t);
+        let acting = sampling.last_sample(seed, grid, t).map(|rates| Acting { output: sampling.acting(seed, grid, t), rates });
         if let Some(k) = due.filter(|&k| self.sampled != Some(k)) {
             self.sampled = Some(k);
             self.push(Operation::Sample { k, t })?;
         }
-        if self.acting != Some(acting) {
+        if let Some(acting) = acting.filter(|&acting| self.acting != Some(acting)) {
             self.acting = Some(acting);
             self.push(Operation::Act(acting))?;
         }

@@ -3,7 +3,7 @@
 use super::combine::{add_slopes, advance};
 use super::functions::{Call, Function, Sizes};
 use super::prepared::Prepared;
-use super::timeline::{Operation, Timeline};
+use super::timeline::{Acting, Operation, Timeline};
 use crate::error::{Error, Result, all_finite};
 use crate::integrate::Tableau;
 use crate::interrupt::look;
@@ -19,6 +19,8 @@ use std::ops::Range;
 pub struct Places {
     states: usize,
     plant: usize,
+    n: usize,
+    torque_states: Option<usize>,
     answer: usize,
     /// The number of outputs of the law that the state stores, as a ring buffer.
     answers: usize,
@@ -28,10 +30,11 @@ pub struct Places {
 
 impl Places {
     pub fn of(sizes: &Sizes, timeline: &Timeline) -> Self {
-        let Sizes { states, plant, answer, .. } = *sizes;
-        let Some(sampling) = &timeline.sampling else { return Places { states, plant, answer: 0, answers: 0, measurements: 0 } };
+        let Sizes { states, plant, n, torque_states, answer, .. } = *sizes;
+        let continuous = Places { states, plant, n, torque_states, answer: 0, answers: 0, measurements: 0 };
+        let Some(sampling) = &timeline.sampling else { return continuous };
         let waiting = (sampling.delay / sampling.period).ceil() as usize;
-        Places { states, plant, answer, answers: waiting + 2, measurements: sampling.sensor_delay + 1 }
+        Places { answer, answers: waiting + 2, measurements: sampling.sensor_delay + 1, ..continuous }
     }
     pub fn x(&self) -> Range<usize> {
         0..self.states
@@ -47,6 +50,19 @@ impl Places {
     pub fn answer(&self, k: u64) -> Range<usize> {
         let first = self.states + self.answer * (1 + (k % self.answers as u64) as usize);
         first..first + self.answer
+    }
+    /// The plant's input in results of the law that start at `first`.
+    pub fn output(&self, first: usize) -> Range<usize> {
+        first..first + self.n
+    }
+    /// The rates of the law's state in results of the law that start at `first`.
+    pub fn rates(&self, first: usize) -> Range<usize> {
+        first + self.n..first + self.answer
+    }
+    /// The pairs `(output, rate)` of each rate in results from `first` on that has the plant's input as a term.
+    pub fn torque_rates(&self, first: usize) -> impl Iterator<Item = (usize, usize)> + use<> {
+        let (n, torque_states) = (self.n, self.torque_states);
+        torque_states.into_iter().flat_map(move |rate| (first..first + n).map(move |output| (output, output + n + rate)))
     }
     /// The measurement at sample `k`.
     pub fn measured(&self, k: u64) -> Range<usize> {
@@ -133,8 +149,8 @@ impl<'a> Walker<'a> {
         look();
         match operation {
             Operation::Sample { k, t } => self.sample(k, t, state),
-            Operation::Act(k) => {
-                act(&self.places, k, state);
+            Operation::Act(acting) => {
+                act(&self.places, acting, state, 1);
                 Ok(())
             }
             Operation::Step { t, h, end, mode } => self.step((t, h, end), mode, state),
@@ -178,6 +194,9 @@ impl<'a> Walker<'a> {
         self.law.give([&self.u, &self.shown, &[]]);
         self.law.run(t)?;
         state[places.answer(k)].copy_from_slice(self.law.answers());
+        for (output, rate) in places.torque_rates(places.answer(k).start) {
+            state[rate] -= state[output];
+        }
         self.limited.fill(false);
         if sampling.rate_limit.is_finite() {
             let instant = |k: u64| sampling.instant(sampling.seed, k, self.prepared.timeline.grid);
@@ -222,10 +241,16 @@ impl<'a> Walker<'a> {
     }
 }
 
-/// Copy the law's output at sample `k` to the held input. If `k` is `None`, set the held input to zero.
-pub fn act(places: &Places, k: Option<u64>, state: &mut [f64]) {
-    match k {
-        Some(k) => state.copy_within(places.answer(k), places.acting().start),
-        None => state[places.acting()].fill(0.0),
+/// Copy the results of the law that act to the held input. `state` has `lanes` numbers for each component.
+pub fn act(places: &Places, acting: Acting, state: &mut [f64], lanes: usize) {
+    let all = |range: Range<usize>| range.start * lanes..range.end * lanes;
+    let to = places.acting().start;
+    match acting.output {
+        Some(k) => state.copy_within(all(places.output(places.answer(k).start)), to * lanes),
+        None => state[all(places.output(to))].fill(0.0),
+    }
+    state.copy_within(all(places.rates(places.answer(acting.rates).start)), places.rates(to).start * lanes);
+    for (output, rate) in places.torque_rates(to) {
+        (0..lanes).for_each(|lane| state[rate * lanes + lane] += state[output * lanes + lane]);
     }
 }
