@@ -4,11 +4,12 @@
     the law uses x_m of sample k - sensor_delay;  |tau_k - tau_(k-1)| <= rate_limit (t_k - t_(k-1));  tau_k acts from t_k + delay
     torque sensor: dtau_f/dt = w_c (tau_J - tau_f), tau_J linear between samples;  q_m = theta_m - K_law^-1 reading
 
-T is the period. Rates of the law's state act from t_k on. A momentum observer integrates the torque that acts. With fixed steps, j_k is rounded down to a multiple of the step. x_m is the measurement of a quantity x with the noise
-sigma and the resolution step, and w_k is a standard normal number. tau_J is the joint torque, tau_f its filtered value, w_c the bandwidth
-of the filter, and K_law the joint stiffness of the law. Random numbers are splitmix64 (Steele, Lea and Flood 2014) of the seed and of the
-integers k and channel, modulo 2^64. Normal numbers come from the method of Box and Muller (1958), as a complex exponential. Entry i of q,
-v, theta, theta_dot has the channels 4 i + 0, 1, 2, 3.
+T is the period. Rates of the law's state act from t_k on. A momentum observer integrates the torque that acts. With fixed steps, j_k is
+rounded down to a multiple of the step. x_m is the measurement of a quantity x with the noise sigma and the resolution step, and w_k is a
+standard normal number. tau_J is the joint torque, tau_f its filtered value, w_c the bandwidth of the filter, and K_law the joint stiffness
+of the law. Random numbers are splitmix64 (Steele, Lea and Flood 2014) of the seed and of the integers k and channel, modulo 2^64. Normal
+numbers come from the method of Box and Muller (1958), as a complex exponential. Entry i of q, v, theta, theta_dot has the channels 4 i + 0,
+1, 2, 3.
 """
 
 from collections.abc import Callable, Mapping
