@@ -54,6 +54,10 @@ def fault_of(error: BaseException, made: Call) -> tuple[str, str] | None:
     panic = isinstance(error, al.InternalError) or type(error).__name__ == "PanicException"
     if not panic and isinstance(error, allowed) and not isinstance(error, ModuleNotFoundError):
         return None
+    called = traceback.extract_tb(error.__traceback__)[-1]
+    # A function among the arguments raised the exception. It must reach the caller.
+    if not panic and called.filename == "<string>" and called.name != "<module>":
+        return None
     frames = [f for f in traceback.extract_tb(error.__traceback__) if "armlet" in f.filename and "fuzz" not in f.filename]
     place = f" at {os.path.basename(frames[-1].filename)}:{frames[-1].name}" if frames else ""
     return "panic" if panic else "foreign exception", f"{type(error).__name__}{place}: {' '.join(str(error).split())[:160]}"
