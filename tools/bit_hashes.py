@@ -181,13 +181,14 @@ def here(ways: Iterable[str]) -> dict[str, Any]:
     """The hashes of this process, computed with its instruction set."""
     fixed = {name: digest(arrays) for name, arrays in functions().items()}
     batches = {way: {name: digest(batch.run(*WAYS[way])) for name, batch in BATCHES.items()} for way in ways}
-    return {"set": al.build_info()["instruction_set"], "libm": libm(), "functions": fixed, "batches": batches}
+    info = al.build_info()
+    return {"set": info["instruction_set"], "programs": info["programs"], "libm": libm(), "functions": fixed, "batches": batches}
 
 
-def of(name: str, all_ways: bool) -> dict[str, Any]:
-    """The hashes of a child process that uses the instruction set `name`."""
+def of(name: str, all_ways: bool, **environment: str) -> dict[str, Any]:
+    """The hashes of a child process that uses the instruction set `name`. `environment`: variables of this process."""
     command = [sys.executable, "-P", __file__, "--child", "all" if all_ways else "one"]
-    done = subprocess.run(command, capture_output=True, text=True, env=os.environ | {"ARMLET_ISA": name}, check=False)
+    done = subprocess.run(command, capture_output=True, text=True, env=os.environ | environment | {"ARMLET_ISA": name}, check=False)
     if done.returncode:
         raise SystemExit(f"bit_hashes: the process for {name} failed:\n{done.stderr}")
     found: dict[str, Any] = json.loads(done.stdout)

@@ -70,7 +70,7 @@ ALONE = """
 """
 
 
-@pytest.mark.parametrize("programs", ["machine", "portable"])
+@pytest.mark.parametrize("programs", ["machine", "interpreter"])
 @pytest.mark.parametrize("isa", ["baseline", "avx2", "avx512"])
 def test_a_row_of_a_program_has_the_bits_of_a_single_call(isa: str, programs: str) -> None:
     environment = os.environ | {"ARMLET_ISA": isa, "ARMLET_PROGRAMS": programs}
@@ -81,7 +81,7 @@ def test_a_row_of_a_program_has_the_bits_of_a_single_call(isa: str, programs: st
         assert isa in done.stderr
         return
     assert done.returncode == 0, done.stderr
-    used = programs if al.build_info()["programs"] == "machine" else "portable"
+    used = programs if al.build_info()["programs"] == "machine" else "interpreter"
     assert done.stdout.split() == [used, isa]
 
 

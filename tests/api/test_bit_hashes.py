@@ -51,6 +51,13 @@ def test_the_bits_are_those_of_the_file_however_the_work_is_divided(name: str, h
     assert not wrong, "\n".join([*wrong, bits.ADVICE])
 
 
+@pytest.mark.parametrize("name", bits.available())
+def test_the_interpreter_has_the_bits_of_machine_code(name: str, hashes: dict[str, Any]) -> None:
+    found = bits.of(name, False, ARMLET_PROGRAMS="interpreter")
+    assert found["programs"] == "interpreter"
+    assert bits.flat(found) == bits.flat(hashes[name])
+
+
 def test_the_file_is_for_all_instruction_sets() -> None:
     assert list(KEPT["sets"]) == list(bits.SETS)
     cases = [sorted(hashes) for hashes in KEPT["sets"].values()]

@@ -131,6 +131,13 @@ def test_storage_returns_the_same(run: Run, batch: BatchRun, tmp_path: Path) -> 
     assert [p.name for p in tmp_path.iterdir()] == ["x.armlet"]
 
 
+def test_a_run_of_an_earlier_version_names_its_engine(tmp_path: Path) -> None:
+    """Earlier versions used the name "portable" for the interpreter."""
+    stats = {"steps": 400, "engine": "portable"}
+    Run(fields() | {"stats": stats}, law=Adaptive(), plant=PLANT).save(tmp_path / "x.armlet")
+    assert load(tmp_path / "x.armlet").stats["engine"] == "portable"
+
+
 def test_pickle_returns_the_same(run: Run, batch: BatchRun) -> None:
     for thing in (run, batch):
         same(thing, pickle.loads(pickle.dumps(thing)))

@@ -43,7 +43,7 @@ class LoopProgram:
         parts: names of all programs of this loop, with the number of lines of each.
         stage: "recorded" has the operations of the source code. "simplified" is optimised, "lowered" is translated to the instruction set,
             and "machine" has registers.
-        engine: the engine that runs the program on this processor, "machine" or "portable".
+        engine: the engine that runs the program on this processor, "machine" or "interpreter".
         instruction_set, lanes: the instruction set, and the number of floating-point numbers that one instruction computes.
         code_bytes: length of the machine code, bytes; None on processors for which armlet has no machine code.
         spilled: number of values that are stored in memory because the processor has too few registers; None if `code_bytes` is None.

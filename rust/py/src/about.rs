@@ -10,7 +10,7 @@ use pyo3::types::{PyDict, PyList};
 /// Returns:
 ///     A dict: `version`, `profile` of the build ("debug" or "release"), `instruction_set` in use, `best_instruction_set` of the processor.
 ///     It also has `lanes` (runs that a batch computes as one group), and `threads` (default number of threads). `programs` is "machine" if
-///     armlet compiles control loops to machine code, otherwise "portable".
+///     armlet compiles control loops to machine code, otherwise "interpreter".
 ///
 /// Raises:
 ///     (nothing): an unknown instruction set raises an error at import.

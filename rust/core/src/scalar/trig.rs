@@ -52,15 +52,21 @@ pub(super) fn fma<const FUSED: bool>(a: f64, b: f64, c: f64) -> f64 {
 /// Return sine and cosine for `|x| < REDUCTION_LIMIT`, without a branch.
 #[inline(always)]
 pub(super) fn sin_cos_near<const FUSED: bool>(x: f64) -> (f64, f64) {
-    let rounded = fma::<FUSED>(x, TWO_OVER_PI, ROUND);
+    sin_cos_near_by(x, fma::<FUSED>)
+}
+
+/// Return sine and cosine for `|x| < REDUCTION_LIMIT`, without a branch. `fma(a, b, c)` computes `a b + c`.
+#[inline(always)]
+pub(crate) fn sin_cos_near_by(x: f64, fma: impl Fn(f64, f64, f64) -> f64) -> (f64, f64) {
+    let rounded = fma(x, TWO_OVER_PI, ROUND);
     let (quadrant, k) = (rounded.to_bits(), rounded - ROUND);
-    let r = fma::<FUSED>(-k, PIO2[2], fma::<FUSED>(-k, PIO2[1], fma::<FUSED>(-k, PIO2[0], x)));
+    let r = fma(-k, PIO2[2], fma(-k, PIO2[1], fma(-k, PIO2[0], x)));
     let (z, zz) = (r * r, (r * r) * (r * r));
     // The polynomial is evaluated in pairs of coefficients (Estrin), so that fewer operations wait for one another.
-    let pair = |a: [f64; 6], k: usize| fma::<FUSED>(a[k], z, a[k + 1]);
-    let polynomial = |a| fma::<FUSED>(fma::<FUSED>(pair(a, 0), zz, pair(a, 2)), zz, pair(a, 4));
-    let sin = fma::<FUSED>(r * z, polynomial(SIN), r).to_bits();
-    let cos = fma::<FUSED>(zz, polynomial(COS), fma::<FUSED>(-0.5, z, 1.0)).to_bits();
+    let pair = |a: [f64; 6], k: usize| fma(a[k], z, a[k + 1]);
+    let polynomial = |a| fma(fma(pair(a, 0), zz, pair(a, 2)), zz, pair(a, 4));
+    let sin = fma(r * z, polynomial(SIN), r).to_bits();
+    let cos = fma(zz, polynomial(COS), fma(-0.5, z, 1.0)).to_bits();
     let swap = 0u64.wrapping_sub(quadrant & 1);
     let s = ((sin & !swap) | (cos & swap)) ^ ((quadrant & 2) << 62);
     let c = ((cos & !swap) | (sin & swap)) ^ ((quadrant.wrapping_add(1) & 2) << 62);
@@ -70,6 +76,6 @@ pub(super) fn sin_cos_near<const FUSED: bool>(x: f64) -> (f64, f64) {
 /// Return sine and cosine of angles `|x| >= REDUCTION_LIMIT`, rad. The results are NaN for infinity and NaN.
 #[cold]
 #[inline(never)]
-pub(super) fn sin_cos_far(x: f64) -> (f64, f64) {
+pub(crate) fn sin_cos_far(x: f64) -> (f64, f64) {
     x.sin_cos()
 }

@@ -70,7 +70,7 @@ pub struct Run {
     pub steps: u64,
     /// The number of rejected steps.
     pub rejections: u64,
-    /// The kind of evaluation: "machine" or "portable" for programs (recorded and compiled loops), or "direct" without programs.
+    /// The kind of evaluation: "machine" or "interpreter" for programs (recorded and compiled loops), or "direct" without programs.
     pub engine: &'static str,
     /// The residuals of the balances over the records, shape `(4,)`, see [`super::BALANCES`]. `energy_missing` is in J, the other three
     /// residuals are dimensionless. NaN without monitors.

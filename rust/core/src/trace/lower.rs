@@ -74,13 +74,7 @@ impl Lowering<'_> {
 
     /// Lower the entries that the outputs require, in the order of the recording.
     fn entries(&mut self) {
-        let mut needed = vec![false; self.ops.len()];
-        self.part.outputs.iter().for_each(|&(_, value)| needed[value as usize] = true);
-        for i in (0..self.ops.len()).rev().filter(|&i| !self.part.is_before(i as u32)) {
-            if needed[i] {
-                self.reads(self.ops[i]).into_iter().flatten().for_each(|a| needed[a as usize] = true);
-            }
-        }
+        let needed = self.part.needed(self.fused);
         for i in (0..self.ops.len()).filter(|&i| needed[i]) {
             if self.known[i].is_some() {
                 continue;
@@ -91,25 +85,6 @@ impl Lowering<'_> {
                 None => self.instruction(i as u32),
             });
         }
-    }
-
-    /// Return `x` if entry `c` is `-x` and a fused instruction can subtract `x` instead of adding `c`.
-    fn negated(&self, c: u32) -> Option<u32> {
-        match self.ops[c as usize] {
-            Op::Neg(x) if self.fused && !self.part.is_before(c) => Some(x),
-            _ => None,
-        }
-    }
-
-    /// The entries that the instruction of `op` reads.
-    fn reads(&self, op: Op) -> [Option<u32>; 3] {
-        if let Op::Fma(a, b, c) | Op::Fnma(a, b, c) = op
-            && let Some(x) = self.negated(c)
-        {
-            return [Some(a), Some(b), Some(x)];
-        }
-        let mut operands = op.operands();
-        [operands.next(), operands.next(), operands.next()]
     }
 
     fn at(&self, a: u32) -> u32 {
@@ -127,11 +102,11 @@ impl Lowering<'_> {
             Op::Div(a, b) => I::Div(self.at(a), self.at(b)),
             Op::Neg(a) => I::Xor(self.at(a), self.constant(-0.0)),
             Op::Abs(a) => I::AndNot(self.constant(-0.0), self.at(a)),
-            Op::Fma(a, b, c) => match self.negated(c) {
+            Op::Fma(a, b, c) => match self.part.negated(c, self.fused) {
                 Some(x) => I::Fms(self.at(a), self.at(b), self.at(x)),
                 None => return self.fma(self.at(a), self.at(b), self.at(c)),
             },
-            Op::Fnma(a, b, c) => match self.negated(c) {
+            Op::Fnma(a, b, c) => match self.part.negated(c, self.fused) {
                 Some(x) => I::Fnms(self.at(a), self.at(b), self.at(x)),
                 None => return self.fnma(self.at(a), self.at(b), self.at(c)),
             },
@@ -204,17 +179,11 @@ impl Lowering<'_> {
         let cos = self.push(I::Xor(swapped.1, cos_sign));
         // Both entries of the pair are now lowered.
         for (entry, op) in [(pair.0, sin), (pair.1, cos)] {
-            if let Some(at) = self.twin(top, entry) {
+            if let Some(at) = self.part.twin(top, entry) {
                 self.known[at] = Some(op);
             }
         }
         self.known[top as usize].unwrap_or_default()
-    }
-
-    /// Find the entry with operation `wanted`, at `top` or next to it. Sine and cosine of an angle are recorded one after the other.
-    fn twin(&self, top: u32, wanted: Op) -> Option<usize> {
-        let top = top as usize;
-        [Some(top), top.checked_sub(1), Some(top + 1)].into_iter().flatten().find(|&i| self.ops.get(i) == Some(&wanted))
     }
 
     /// Evaluate a polynomial in pairs of coefficients (Estrin), as `sin_cos_near` does.

@@ -6,11 +6,11 @@
 //! that change from one iteration to the next are in an array outside of the frame, the *stream*.
 //!
 //! Files: `sym`, `tape` and `memo` record and fold. `segments` divides a recording. `differentiate`, `tangents` and `adjoint` compute
-//! derivatives of a recording, and `branches` finds its comparisons. `straight` and `lower` have the straight-line instructions. `lifetimes`, `emit`, `instruction`, `opcode`,
-//! `x86`, `aarch64` and `memory` make machine code. `c` prints a recording as C code. `portable` computes the same bits without machine
-//! code. `frame` is the memory of a running program, and `pages` requests large pages. `rows` copies between the caller's rows and a frame.
-//! `function` makes programs of recorded functions, and `cache` stores them. `program` is the common interface of machine code and
-//! `portable`. `label`, `listing` and `listing_code` produce text for readers.
+//! derivatives of a recording, and `branches` finds its comparisons. `interpreter` computes a recording, with the steps that `steps` makes.
+//! `straight` and `lower` have the straight-line instructions. `lifetimes`, `emit`, `instruction`, `opcode`, `x86`, `aarch64` and `memory`
+//! make machine code. `c` prints a recording as C code. `frame` is the memory of a running program, and `pages` requests large pages. `rows`
+//! copies between the caller's rows and a frame. `function` makes programs of recorded functions, and `cache` stores them. `program` is the
+//! common interface of machine code and `interpreter`. `label`, `listing` and `listing_code` produce text for readers.
 
 pub mod aarch64;
 pub mod adjoint;
@@ -30,6 +30,7 @@ pub mod function;
 #[cfg(test)]
 mod harness;
 pub mod instruction;
+mod interpreter;
 pub mod label;
 mod lifetimes;
 pub mod listing;
@@ -40,12 +41,12 @@ pub mod memory;
 #[cfg(any(test, not(target_arch = "aarch64")))]
 mod opcode;
 pub mod pages;
-mod portable;
 pub mod program;
 pub mod rows;
 pub mod segments;
 #[cfg(test)]
 mod simulator;
+mod steps;
 pub mod straight;
 pub mod sym;
 pub mod tangents;

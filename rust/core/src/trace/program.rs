@@ -1,16 +1,16 @@
 //! A program: a recorded computation that runs on frames. A frame is the memory of a running program.
 //!
-//! It is machine code on x86-64 and AArch64, if the system allows executable memory. Otherwise it is evaluated instruction by instruction,
-//! with the same bits. The environment variable `ARMLET_PROGRAMS=portable` selects this evaluation.
+//! It is machine code on x86-64 and AArch64, if the system allows executable memory. Otherwise the recorded operations are interpreted, with
+//! the same bits. The environment variable `ARMLET_PROGRAMS=interpreter` selects the interpreter.
 
 #[cfg(target_arch = "aarch64")]
 use super::aarch64::Assembler;
 use super::emit::emit;
 use super::frame::Frame;
 use super::instruction::{Form, Set};
+use super::interpreter::Interpreter;
 use super::lower::lower;
 use super::memory::Code;
-use super::portable::Portable;
 use super::straight::{Part, Straight, Stream};
 #[cfg(not(target_arch = "aarch64"))]
 use super::x86::Assembler;
@@ -25,15 +25,15 @@ const HAS_EMITTER: bool = cfg!(any(target_arch = "x86_64", target_arch = "aarch6
 pub enum Engine {
     /// Programs are machine code.
     Machine,
-    /// Programs are evaluated instruction by instruction.
-    Portable,
+    /// The recorded operations are interpreted.
+    Interpreter,
 }
 
 impl Engine {
     pub fn name(self) -> &'static str {
         match self {
             Engine::Machine => "machine",
-            Engine::Portable => "portable",
+            Engine::Interpreter => "interpreter",
         }
     }
 }
@@ -42,9 +42,10 @@ impl Engine {
 pub fn engine() -> Engine {
     static ENGINE: OnceLock<Engine> = OnceLock::new();
     *ENGINE.get_or_init(|| {
-        let portable = std::env::var("ARMLET_PROGRAMS").is_ok_and(|value| value == "portable");
-        let machine = HAS_EMITTER && !portable && Code::new(&[0; 4]).is_ok();
-        if machine { Engine::Machine } else { Engine::Portable }
+        // "portable" is the name in earlier versions.
+        let interpreted = std::env::var("ARMLET_PROGRAMS").is_ok_and(|value| matches!(value.as_str(), "interpreter" | "portable"));
+        let machine = HAS_EMITTER && !interpreted && Code::new(&[0; 4]).is_ok();
+        if machine { Engine::Machine } else { Engine::Interpreter }
     })
 }
 
@@ -70,7 +71,7 @@ pub struct Scratch {
 
 enum Backend {
     Machine { code: Code, constants: Frame },
-    Portable(Portable),
+    Interpreter(Interpreter),
 }
 
 /// A straight-line computation on the slots of a frame.
@@ -87,18 +88,16 @@ impl Program {
     /// Make a program from a part of a recording. The inputs of the stream are read from an array outside of the frame. Any other input `k`
     /// is in slot `k` of the frame.
     pub fn new(part: Part, stream: Option<Stream>, scratch: Scratch, form: Form, engine: Engine) -> Self {
-        let straight = Straight { stream, ..lower(part, scratch.reach, form.has_fused()) };
-        Program::of(&straight, scratch.free, form, engine)
-    }
-
-    /// Make a program from instructions that are lowered for the instruction set of `form`. Its internal values use slots from `free` on.
-    pub fn of(straight: &Straight, free: usize, form: Form, engine: Engine) -> Self {
-        let (operations, turns, stream) = (straight.operations(), straight.reach.is_some(), straight.stream);
-        if let Some((code, constants, slots)) = machine(straight, free, form, engine) {
-            return Program { backend: Backend::Machine { code, constants }, form, slots, operations, turns, stream };
+        if engine == Engine::Machine && HAS_EMITTER {
+            let straight = Straight { stream, ..lower(part, scratch.reach, form.has_fused()) };
+            if let Some((code, constants, slots)) = machine(&straight, scratch.free, form) {
+                let (operations, turns) = (straight.operations(), straight.reach.is_some());
+                return Program { backend: Backend::Machine { code, constants }, form, slots, operations, turns, stream };
+            }
         }
-        let portable = Portable::new(straight, free);
-        Program { slots: portable.slots(), backend: Backend::Portable(portable), form, operations, turns, stream }
+        let interpreter = Interpreter::new(part, stream, scratch, form);
+        let (slots, operations, turns) = (interpreter.slots(), interpreter.operations(), interpreter.turns());
+        Program { backend: Backend::Interpreter(interpreter), form, slots, operations, turns, stream }
     }
 
     /// The number of slots that a frame of the program requires.
@@ -111,7 +110,8 @@ impl Program {
         self.operations
     }
 
-    /// Whether the program computes sines. Its results are then valid only for angles whose magnitude is below `REDUCTION_LIMIT`.
+    /// Whether the program computes sines. The results of machine code are then valid only for angles whose magnitude is below
+    /// `REDUCTION_LIMIT`.
     pub fn turns(&self) -> bool {
         self.turns
     }
@@ -120,14 +120,14 @@ impl Program {
     pub fn engine(&self) -> Engine {
         match self.backend {
             Backend::Machine { .. } => Engine::Machine,
-            Backend::Portable(_) => Engine::Portable,
+            Backend::Interpreter(_) => Engine::Interpreter,
         }
     }
 
     /// Write the constants of the program into a new frame.
     pub fn prepare(&self, frame: &mut Frame) {
-        if let Backend::Portable(portable) = &self.backend {
-            portable.prepare(frame);
+        if let Backend::Interpreter(interpreter) = &self.backend {
+            interpreter.prepare(frame);
         }
     }
 
@@ -161,7 +161,7 @@ impl Program {
             Backend::Machine { code, constants } => unsafe {
                 code.run(frame.numbers_mut().as_mut_ptr(), constants.numbers().as_ptr(), stream.as_ptr(), turns);
             },
-            Backend::Portable(portable) => portable.run(frame, stream, turns),
+            Backend::Interpreter(interpreter) => interpreter.run(frame, stream, turns),
         }
     }
 }
@@ -172,11 +172,8 @@ pub fn size(straight: &Straight, free: usize, form: Form) -> Option<(usize, usiz
     Some((emitted.bytes.len(), emitted.spilled))
 }
 
-/// Return the machine code, its constants and its number of slots. `None` means that the system refuses it or that the engine is portable.
-fn machine(straight: &Straight, free: usize, form: Form, engine: Engine) -> Option<(Code, Frame, usize)> {
-    if engine == Engine::Portable || !HAS_EMITTER {
-        return None;
-    }
+/// Return the machine code, its constants and its number of slots. `None` means that the system refuses it.
+fn machine(straight: &Straight, free: usize, form: Form) -> Option<(Code, Frame, usize)> {
     let emitted = emit::<Assembler>(straight, form, free);
     let mut constants = Frame::new(emitted.constants.len().max(1), 1);
     constants.numbers_mut()[..emitted.constants.len()].copy_from_slice(&emitted.constants);

@@ -1,5 +1,4 @@
-//! Straight-line instructions for one instruction set, made from a recorded computation. The emitter translates them to machine code, and
-//! portable evaluation runs them.
+//! Straight-line instructions for one instruction set, made from a recorded computation. The emitter translates them to machine code.
 
 use super::memo::Memo;
 use super::tape::Op;
@@ -151,6 +150,43 @@ impl Part<'_> {
     /// Whether an earlier part computes this entry.
     pub(super) fn is_before(&self, entry: u32) -> bool {
         entry < self.start && !matches!(self.ops[entry as usize], Op::Const(_) | Op::Input(_))
+    }
+
+    /// Return `x` if entry `c` is `-x` and a fused instruction can subtract `x` instead of adding `c`. `fused`: whether the instruction set
+    /// has fused multiply-add.
+    pub(super) fn negated(&self, c: u32, fused: bool) -> Option<u32> {
+        match self.ops[c as usize] {
+            Op::Neg(x) if fused && !self.is_before(c) => Some(x),
+            _ => None,
+        }
+    }
+
+    /// The entries that the instruction of `op` reads.
+    pub(super) fn reads(&self, op: Op, fused: bool) -> impl Iterator<Item = u32> + use<> {
+        let subtracted = match op {
+            Op::Fma(_, _, c) | Op::Fnma(_, _, c) => self.negated(c, fused),
+            _ => None,
+        };
+        let added = if subtracted.is_some() { 2 } else { 3 };
+        op.operands().take(added).chain(subtracted)
+    }
+
+    /// Return, for each entry, whether the outputs depend on it. Entries that only earlier parts read are not included.
+    pub(super) fn needed(&self, fused: bool) -> Vec<bool> {
+        let mut needed = vec![false; self.ops.len()];
+        self.outputs.iter().for_each(|&(_, value)| needed[value as usize] = true);
+        for i in (0..self.ops.len()).rev() {
+            if needed[i] && !self.is_before(i as u32) {
+                self.reads(self.ops[i], fused).for_each(|a| needed[a as usize] = true);
+            }
+        }
+        needed
+    }
+
+    /// Find the entry with operation `wanted`, at `top` or next to it. Sine and cosine of an angle are recorded one after the other.
+    pub(super) fn twin(&self, top: u32, wanted: Op) -> Option<usize> {
+        let top = top as usize;
+        [Some(top), top.checked_sub(1), Some(top + 1)].into_iter().flatten().find(|&i| self.ops.get(i) == Some(&wanted))
     }
 
     /// Return the entries of earlier parts that the part reads.

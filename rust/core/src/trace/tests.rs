@@ -1,12 +1,17 @@
-//! Random programs: machine code and portable evaluation have equal bits, and both compute the recorded value.
+//! Random programs: machine code and the interpreter of the tape have equal bits, and both compute the recorded value. The tape is the list
+//! of recorded operations, so these tests check the lowering of operations to instructions, too.
 
-use super::emit::emit;
+use super::emit::{Emitted, emit};
 use super::frame::Frame;
-use super::instruction::{Form, Set};
+use super::instruction::{Assemble, Form, Set};
+use super::lower::lower;
 use super::program::{Engine, Program, Scratch};
+use super::segments::{self, Cut};
 use super::simulator::simulate;
-use super::straight::{Instruction, Part, SlotTable, Straight, Stream};
+use super::straight::{Part, SlotTable, Straight, Stream};
 use super::sym::{self, Sym};
+use super::tape::Op;
+use crate::scalar::trig::REDUCTION_LIMIT;
 use crate::scalar::{Float, Real};
 use crate::scalar::{Isa, isa};
 
@@ -36,23 +41,79 @@ fn forms() -> Vec<Form> {
     sets.iter().flat_map(|&set| [true, false].map(|packed| Form { set, packed })).collect()
 }
 
-/// In half of all cases with at least four inputs, declare some inputs from the third on as a stream. Return its memory for `turns`
-/// iterations, in cache lines.
-pub fn random_stream(random: &mut Random, program: &mut Straight, inputs: usize, lanes: usize, turns: usize) -> Frame {
-    if inputs < 4 || random.below(2) == 0 {
-        return Frame::new(0, 1);
+/// A random tape with its outputs, as pairs `(slot, entry)`, and its stream.
+pub struct RandomTape {
+    ops: Vec<Op>,
+    outputs: Vec<(u32, u32)>,
+    pub inputs: usize,
+    pub stream: Option<Stream>,
+}
+
+impl RandomTape {
+    /// The number of slots of inputs, outputs and the largest angle.
+    pub fn slots(&self) -> usize {
+        self.inputs + 9
     }
-    let first = 2 + random.below(inputs - 3);
-    let count = 1 + random.below(inputs - first);
-    let stream = Stream { first: first as u32, count: count as u32, advance: random.below(count + 2) as u32, spread: random.below(2) == 0 };
-    program.stream = Some(stream);
-    let mut numbers = Frame::new(stream.slots(turns), if stream.spread { 1 } else { lanes });
-    numbers.numbers_mut().iter_mut().for_each(|x| *x = random.number());
-    numbers
+
+    pub fn scratch(&self) -> Scratch {
+        Scratch { reach: self.inputs as u32 + 8, free: self.slots() }
+    }
+
+    fn part<'a>(&'a self, places: &'a SlotTable) -> Part<'a> {
+        Part { ops: &self.ops, start: 0, outputs: &self.outputs, places }
+    }
+
+    /// Emit machine code for `form`.
+    pub fn emitted<A: Assemble>(&self, form: Form) -> Emitted {
+        let straight = lower(self.part(&SlotTable::default()), self.scratch().reach, form.has_fused());
+        emit::<A>(&Straight { stream: self.stream, ..straight }, form, self.slots())
+    }
+
+    pub fn program(&self, form: Form, engine: Engine) -> Program {
+        let program = Program::new(self.part(&SlotTable::default()), self.stream, self.scratch(), form, engine);
+        assert_eq!(program.engine(), engine);
+        program
+    }
+
+    /// Divide the tape into two programs. The first program stores the values that the second program reads.
+    fn divided(&self, form: Form, engine: Engine) -> [Program; 2] {
+        let end = self.ops.len() as u32;
+        let mut cuts = [Cut { end: end / 2, outputs: Vec::new() }, Cut { end, outputs: self.outputs.clone() }];
+        let (places, mut free) = segments::join(&self.ops, &mut cuts, self.slots() as u32);
+        [0, 1].map(|k| {
+            let part = Part { ops: &self.ops, start: k * (end / 2), outputs: &cuts[k as usize].outputs, places: &places };
+            let program = Program::new(part, None, Scratch { free: free as usize, ..self.scratch() }, form, engine);
+            free = program.slots() as u32;
+            program
+        })
+    }
+
+    /// In half of all cases with at least four inputs, declare some inputs from the third on as a stream. Return its memory for `turns`
+    /// iterations, in cache lines.
+    pub fn random_stream(&mut self, random: &mut Random, lanes: usize, turns: usize) -> Frame {
+        if self.inputs < 4 || random.below(2) == 0 {
+            return Frame::new(0, 1);
+        }
+        let first = 2 + random.below(self.inputs - 3);
+        let count = 1 + random.below(self.inputs - first);
+        let stream =
+            Stream { first: first as u32, count: count as u32, advance: random.below(count + 2) as u32, spread: random.below(2) == 0 };
+        self.stream = Some(stream);
+        let mut numbers = Frame::new(stream.slots(turns), if stream.spread { 1 } else { lanes });
+        numbers.numbers_mut().iter_mut().for_each(|x| *x = random.number());
+        numbers
+    }
+
+    /// Clear the slots of the stream in the frame. Only the interpreter writes to them.
+    pub fn forget_stream(&self, frame: &mut Frame) {
+        if let Some(Stream { first, count, .. }) = self.stream {
+            (first..first + count).for_each(|slot| frame.fill(slot as usize, 0.0));
+        }
+    }
 }
 
 /// Run a program. A program with a stream runs `turns` iterations.
-fn run(program: &Program, frame: &mut Frame, stream: &Frame, turns: usize) {
+pub fn run(program: &Program, frame: &mut Frame, stream: &Frame, turns: usize) {
     if stream.numbers().is_empty() {
         program.run(frame);
     } else {
@@ -60,131 +121,167 @@ fn run(program: &Program, frame: &mut Frame, stream: &Frame, turns: usize) {
     }
 }
 
-/// Clear the slots of the stream in the frame. Only portable evaluation writes to them.
-pub fn forget_stream(stream: Option<Stream>, frame: &mut Frame) {
-    if let Some(Stream { first, count, .. }) = stream {
-        (first..first + count).for_each(|slot| frame.fill(slot as usize, 0.0));
-    }
-}
-
-/// Return a program of `length` instructions with `inputs` inputs. An operand is one of the last `back` values.
-pub fn random_program(random: &mut Random, inputs: usize, length: usize, back: usize, fused: bool) -> Straight {
-    use Instruction::*;
-    let mut instructions: Vec<Instruction> = (0..inputs as u32).map(Input).collect();
+/// Return a tape of about `length` operations with `inputs` inputs. An operand is one of the last `back` values.
+pub fn random_tape(random: &mut Random, inputs: usize, length: usize, back: usize) -> RandomTape {
+    let mut ops: Vec<Op> = (0..inputs as u32).map(Op::Input).collect();
     // The constants 2 and -2 limit the results. Otherwise NaN would occur, and the sign and payload of a NaN may come from either operand.
-    instructions.extend([1.5f64, -0.25, -0.0, 2.0, -2.0, 0.5].map(|x| Const(x.to_bits())));
-    let (sign, most, least, half) = (inputs as u32 + 2, inputs as u32 + 3, inputs as u32 + 4, inputs as u32 + 5);
+    ops.extend([1.5f64, -0.25, -0.0, 2.0, -2.0, 0.5, 700.0].map(|x| Op::Const(x.to_bits())));
+    let [most, least, half, many] = [3, 4, 5, 6].map(|k| inputs as u32 + k);
     // Masks and numbers are separate, because SSE2 requires masks whose bits are all set or all clear.
     let mut masks = Vec::new();
-    let mut numbers: Vec<u32> = (0..instructions.len() as u32).collect();
-    while instructions.len() < length {
-        let (i, n) = (instructions.len() as u32, numbers.len());
+    let mut numbers: Vec<u32> = (0..ops.len() as u32 - 1).collect();
+    while ops.len() < length {
+        let (i, n) = (ops.len() as u32, numbers.len());
         let mut any = || numbers[n - 1 - random.below(back.min(n))];
         let (a, b, c) = (any(), any(), any());
         let mask = masks.last().copied();
-        match random.below(18) {
-            0 => instructions.push(Add(a, b)),
-            1 => instructions.push(Sub(a, b)),
-            2 | 3 => instructions.push(Mul(a, b)),
-            4 => {
-                instructions.push(Max(a, half));
-                instructions.push(Div(b, i));
-            }
-            5 => instructions.push(Max(a, b)),
-            6 => instructions.push(Min(a, b)),
-            7 => instructions.push(AndNot(sign, b)),
-            8 => instructions.push(Xor(a, sign)),
-            9 if fused => instructions.push(Fma(a, b, c)),
-            10 if fused => instructions.push(Fms(a, b, c)),
-            11 if fused => instructions.push(Fnma(a, b, c)),
-            17 if fused => instructions.push(Fnms(a, b, c)),
+        match random.below(20) {
+            0 => ops.push(Op::Add(a, b)),
+            1 => ops.push(Op::Sub(a, b)),
+            2 => ops.push(Op::Mul(a, b)),
+            3 => ops.extend([Op::Max(a, half), Op::Div(b, i)]),
+            4 => ops.push(Op::Max(a, b)),
+            5 => ops.push(Op::Min(a, b)),
+            6 => ops.push(Op::Abs(b)),
+            7 => ops.push(Op::Neg(a)),
+            8 => ops.push(Op::Fma(a, b, c)),
+            9 => ops.extend([Op::Neg(c), Op::Fma(a, b, i)]),
+            10 => ops.push(Op::Fnma(a, b, c)),
+            11 => ops.extend([Op::Neg(c), Op::Fnma(a, b, i)]),
             12 => {
-                instructions.push(Less(a, b));
+                ops.push(Op::Less(a, b));
                 masks.push(i);
                 continue;
             }
-            13 => {
-                instructions.push(Signs(a));
-                masks.push(i);
+            13 | 14 if mask.is_some() => ops.push(Op::Select(mask.unwrap(), a, b)),
+            15 => ops.extend([Op::Abs(a), Op::Sqrt(i)]),
+            // Angles in all quadrants. Some results are not read.
+            16 => {
+                ops.extend([Op::Mul(a, many), Op::Sin(i), Op::Cos(i)]);
+                numbers.extend([i + 1, i + 2]);
                 continue;
             }
-            14 if mask.is_some() => instructions.push(Select(mask.unwrap(), a, b)),
-            15 => {
-                // Make a number that is not negative.
-                instructions.push(AndNot(sign, a));
-                instructions.push(Sqrt(i));
-                numbers.push(i);
-                numbers.push(i + 1);
+            17 => {
+                ops.extend([Op::Mul(a, many), Op::UnfusedSin(i), Op::UnfusedCos(i)]);
+                numbers.push(i + 1 + random.below(2) as u32);
                 continue;
             }
-            16 => instructions.push(And(a, b)),
-            _ => instructions.push(Add(b, c)),
+            _ => ops.push(Op::Add(b, c)),
         }
-        let last = instructions.len() as u32 - 1;
-        instructions.push(Min(last, most));
-        instructions.push(Max(last + 1, least));
+        let last = ops.len() as u32 - 1;
+        ops.extend([Op::Min(last, most), Op::Max(last + 1, least)]);
         numbers.push(last + 2);
     }
-    // The last values are outputs, in new slots and in slots of inputs.
+    // The last values are outputs, in new slots and in slots of inputs. Some values are in two slots.
     let tail: Vec<u32> = numbers.iter().rev().take(6).copied().collect();
     let mut outputs: Vec<(u32, u32)> = tail.iter().enumerate().map(|(k, &value)| (inputs as u32 + k as u32, value)).collect();
     outputs.extend([(0, tail[0]), (1, tail[2]), (inputs as u32 + 6, 2), (inputs as u32 + 7, inputs as u32)]);
-    Straight { instructions, outputs, reach: None, stream: None }
+    RandomTape { ops, outputs, inputs, stream: None }
 }
 
 #[test]
-fn machine_code_and_portable_evaluation_give_the_same_bits() {
+fn machine_code_and_interpreter_give_the_same_bits() {
     let mut random = Random(0x9e37_79b9_7f4a_7c15);
     for form in forms() {
         for trial in 0..400 {
             let (inputs, length, back) = (3 + random.below(20), 20 + random.below(400), 2 + random.below(120));
-            let mut program = random_program(&mut random, inputs, length, back, form.set > Set::Sse2);
+            let mut tape = random_tape(&mut random, inputs, length, back);
             let turns = 1 + random.below(5);
-            let stream = random_stream(&mut random, &mut program, inputs, form.lanes(), turns);
-            let [machine, portable] = [Engine::Machine, Engine::Portable].map(|engine| Program::of(&program, inputs + 8, form, engine));
-            let program_stream = program.stream;
-            assert_eq!((machine.engine(), portable.engine()), (Engine::Machine, Engine::Portable));
+            let stream = tape.random_stream(&mut random, form.lanes(), turns);
             let given: Vec<f64> = (0..inputs * form.lanes()).map(|_| random.number()).collect();
-            let mut results = [&machine, &portable].map(|program| {
+            let mut results = [Engine::Machine, Engine::Interpreter].map(|engine| {
+                let program = tape.program(form, engine);
                 let mut frame = Frame::new(program.slots(), form.lanes());
                 program.prepare(&mut frame);
                 frame.numbers_mut()[..given.len()].copy_from_slice(&given);
-                run(program, &mut frame, &stream, turns);
-                forget_stream(program_stream, &mut frame);
-                frame.numbers()[..(inputs + 8) * form.lanes()].iter().map(|x| x.to_bits()).collect::<Vec<_>>()
+                run(&program, &mut frame, &stream, turns);
+                tape.forget_stream(&mut frame);
+                frame.numbers()[..tape.slots() * form.lanes()].iter().map(|x| x.to_bits()).collect::<Vec<_>>()
             });
-            let portable = results[1].clone();
-            assert_eq!(results[0], portable, "{form:?}, trial {trial}");
+            let interpreted = results[1].clone();
+            assert_eq!(results[0], interpreted, "{form:?}, trial {trial}");
             // The comparison must detect a change of one bit.
             results[0][0] ^= 1;
-            assert_ne!(results[0], portable);
+            assert_ne!(results[0], interpreted);
+        }
+    }
+}
+
+#[test]
+fn parts_of_a_tape_give_the_bits_of_the_whole_tape() {
+    let mut random = Random(3);
+    for form in forms() {
+        for trial in 0..200 {
+            let (inputs, length, back) = (3 + random.below(20), 20 + random.below(400), 2 + random.below(120));
+            let tape = random_tape(&mut random, inputs, length, back);
+            let given: Vec<f64> = (0..inputs * form.lanes()).map(|_| random.number()).collect();
+            let whole = [tape.program(form, Engine::Interpreter)];
+            let parts = [Engine::Machine, Engine::Interpreter].map(|engine| tape.divided(form, engine));
+            let programs: [&[Program]; 3] = [&whole, &parts[0], &parts[1]];
+            let results = programs.map(|programs| {
+                let mut frame = Frame::new(programs.iter().map(Program::slots).max().unwrap(), form.lanes());
+                programs.iter().for_each(|program| program.prepare(&mut frame));
+                frame.numbers_mut()[..given.len()].copy_from_slice(&given);
+                programs.iter().for_each(|program| program.run(&mut frame));
+                frame.numbers()[..tape.scratch().reach as usize * form.lanes()].iter().map(|x| x.to_bits()).collect::<Vec<_>>()
+            });
+            assert!(results.iter().all(|result| *result == results[0]), "{form:?}, trial {trial}");
         }
     }
 }
 
 /// Code for all instruction sets of x86-64, on any machine: an interpreter runs its bytes.
 #[test]
-fn interpreted_machine_code_gives_the_bits_of_portable_evaluation() {
+fn simulated_machine_code_gives_the_bits_of_the_interpreter() {
     let mut random = Random(11);
     for form in [Set::Sse2, Set::Avx2, Set::Avx512].into_iter().flat_map(|set| [true, false].map(|packed| Form { set, packed })) {
         for trial in 0..25 {
             let (inputs, length, back) = (3 + random.below(40), 20 + random.below(500), 2 + random.below(200));
-            let mut program = random_program(&mut random, inputs, length, back, form.set > Set::Sse2);
+            let mut tape = random_tape(&mut random, inputs, length, back);
             let turns = 1 + random.below(5);
-            let stream = random_stream(&mut random, &mut program, inputs, form.lanes(), turns);
-            let emitted = emit::<super::x86::Assembler>(&program, form, inputs + 8);
-            let portable = Program::of(&program, inputs + 8, form, Engine::Portable);
-            let [mut frame, mut expected] = [emitted.slots, portable.slots()].map(|slots| Frame::new(slots, form.lanes()));
-            portable.prepare(&mut expected);
+            let stream = tape.random_stream(&mut random, form.lanes(), turns);
+            let emitted = tape.emitted::<super::x86::Assembler>(form);
+            let interpreter = tape.program(form, Engine::Interpreter);
+            let [mut frame, mut expected] = [emitted.slots, interpreter.slots()].map(|slots| Frame::new(slots, form.lanes()));
+            interpreter.prepare(&mut expected);
             for k in 0..inputs * form.lanes() {
                 let x = random.number();
                 (frame.numbers_mut()[k], expected.numbers_mut()[k]) = (x, x);
             }
             simulate(&emitted.bytes, frame.numbers_mut(), &emitted.constants, stream.numbers(), turns);
-            run(&portable, &mut expected, &stream, turns);
-            [&mut frame, &mut expected].into_iter().for_each(|frame| forget_stream(program.stream, frame));
-            for k in 0..(inputs + 8) * form.lanes() {
+            run(&interpreter, &mut expected, &stream, turns);
+            [&mut frame, &mut expected].into_iter().for_each(|frame| tape.forget_stream(frame));
+            for k in 0..tape.slots() * form.lanes() {
                 assert_eq!(frame.numbers()[k].to_bits(), expected.numbers()[k].to_bits(), "{form:?}, trial {trial}, number {k}");
+            }
+        }
+    }
+}
+
+/// The interpreter is valid beyond the range of machine code, and does not report these angles.
+#[test]
+fn interpreter_reduces_every_angle_like_direct_evaluation() {
+    let ops = [Op::Input(0), Op::Sin(0), Op::Cos(0), Op::UnfusedSin(0), Op::UnfusedCos(0)];
+    let outputs: Vec<(u32, u32)> = (1..5).map(|k| (k, k)).collect();
+    for form in forms() {
+        let part = Part { ops: &ops, start: 0, outputs: &outputs, places: &SlotTable::default() };
+        let program = Program::new(part, None, Scratch { reach: 5, free: 6 }, form, Engine::Interpreter);
+        let mut frame = Frame::new(program.slots(), form.lanes());
+        let angles = [0.3, 1.0e6, -7.1e5, 4.0e8, -1.0e300, 999_999.9, f64::INFINITY, 2.0];
+        frame.slot_mut(0).copy_from_slice(&angles[..form.lanes()]);
+        for angle in angles {
+            frame.slot_mut(0)[0] = angle;
+            frame.fill(5, 0.0);
+            program.run(&mut frame);
+            for lane in 0..form.lanes() {
+                let angle = frame.slot_mut(0)[lane];
+                let (fused, plain) = (Float(angle).sin_cos(), Real::sin_cos(angle));
+                let (sin, cos) = if form.has_fused() { (fused.0.0, fused.1.0) } else { plain };
+                for (k, expected) in [sin, cos, plain.0, plain.1].into_iter().enumerate() {
+                    let found = frame.slot_mut(1 + k)[lane];
+                    assert!(found.to_bits() == expected.to_bits() || angle.is_infinite() && found.is_nan(), "{form:?} {angle} {k}");
+                }
+                assert_eq!(frame.slot_mut(5)[lane], if angle.abs() < REDUCTION_LIMIT { angle.abs() } else { 0.0 });
             }
         }
     }
@@ -223,9 +320,11 @@ fn has_the_bits_of_what_was_recorded(unfused: bool) {
     let values: Vec<(u32, u32)> = outputs.iter().enumerate().map(|(k, y)| (6 + k as u32, y.index())).collect();
     for form in forms() {
         let part = Part { ops: &recording.ops, start: 0, outputs: &values, places: &SlotTable::default() };
-        let program = Program::new(part, None, Scratch { reach: 11, free: 12 }, form, Engine::Machine);
-        let mut frame = Frame::new(program.slots(), form.lanes());
-        for _ in 0..200 {
+        let programs =
+            [Engine::Machine, Engine::Interpreter].map(|engine| Program::new(part, None, Scratch { reach: 11, free: 12 }, form, engine));
+        for program in programs.iter().flat_map(|program| [program; 200]) {
+            let mut frame = Frame::new(program.slots(), form.lanes());
+            program.prepare(&mut frame);
             frame.fill(0, 3.0);
             frame.fill(11, 0.0);
             let x: Vec<Vec<f64>> = (0..form.lanes()).map(|_| (0..5).map(|_| 10.0 * random.number()).collect()).collect();

@@ -89,20 +89,21 @@ fn number(k: usize) -> f64 {
 }
 
 /// Add a program to the cases. Its frame (the memory of the program) starts with `inputs`. The emulator must reproduce the result of
-/// portable evaluation.
-fn add(cases: &mut Cases, (program, scratch): (&Straight, Scratch), form: Form, inputs: &[f64]) {
-    let (emitted, portable) = (emit::<Assembler>(program, form, scratch.free), Program::of(program, scratch.free, form, Engine::Portable));
-    let [mut frame, mut expected] = [emitted.slots, portable.slots()].map(|slots| Frame::new(slots.max(scratch.free), form.lanes()));
-    portable.prepare(&mut expected);
+/// the interpreter of the recorded operations.
+fn add(cases: &mut Cases, (part, program, scratch): (Part, &Straight, Scratch), form: Form, inputs: &[f64]) {
+    let interpreter = Program::new(part, program.stream, scratch, form, Engine::Interpreter);
+    let emitted = emit::<Assembler>(program, form, scratch.free);
+    let [mut frame, mut expected] = [emitted.slots, interpreter.slots()].map(|slots| Frame::new(slots.max(scratch.free), form.lanes()));
+    interpreter.prepare(&mut expected);
     [&mut frame, &mut expected].into_iter().for_each(|frame| frame.numbers_mut()[..inputs.len()].copy_from_slice(inputs));
     let turns = if program.stream.is_some() { TURNS } else { 1 };
     let width = if program.stream.is_some_and(|stream| stream.spread) { 1 } else { form.lanes() };
     let mut desired = Frame::new(program.stream.map_or(0, |stream| stream.slots(turns)), width);
     desired.numbers_mut().iter_mut().enumerate().for_each(|(k, x)| *x = number(k));
     match program.stream {
-        None => portable.run(&mut expected),
+        None => interpreter.run(&mut expected),
         Some(Stream { first, count, .. }) => {
-            portable.run_along(&mut expected, desired.numbers(), turns);
+            interpreter.run_along(&mut expected, desired.numbers(), turns);
             // The machine code does not write to these slots.
             (first..first + count)
                 .for_each(|slot| [&mut frame, &mut expected].into_iter().for_each(|frame| frame.fill(slot as usize, 0.0)));
@@ -136,7 +137,7 @@ fn loops_are_written_for_the_emulator() {
                     }
                 }
                 spilling += usize::from(emit::<Assembler>(&program, form, scratch.free).spilled > 0);
-                add(&mut cases, (&program, scratch), form, &inputs);
+                add(&mut cases, (part, &program, scratch), form, &inputs);
             };
             watch_steps(&problem, packed, &mut each).unwrap();
         }
