@@ -17,13 +17,20 @@ PAGE = Path(__file__).resolve().parents[2] / "docs" / "my_robot.md"
 Z, Y = [0.0, 0.0, 1.0], [0.0, 1.0, 0.0]
 
 
-def chain(inertias: list[float], masses: list[float], lengths: list[float], limits: tuple[float, float] = (-3.0, 3.0)) -> str:
+def chain(
+    inertias: list[float],
+    masses: list[float],
+    lengths: list[float],
+    limits: tuple[float, float] = (-3.0, 3.0),
+    damping: float = 0.0,
+    friction: float = 0.0,
+) -> str:
     """The URDF of rods along z on alternating axes. `inertias`, kg m^2, are about the centres of mass."""
     joints = []
     for i, (inertia, m, length) in enumerate(zip(inertias, masses, lengths, strict=True)):
         c, before = length / 2.0, lengths[i - 1] if i else 0.2
         phi = [m, 0.0, 0.0, m * c, inertia + m * c * c, 0.0, inertia + m * c * c, 0.0, 0.0, inertia]
-        drive = {"lower": limits[0], "upper": limits[1], "effort": 1e4, "velocity": 20.0}
+        drive = {"lower": limits[0], "upper": limits[1], "effort": 1e4, "velocity": 20.0, "damping": damping, "friction": friction}
         joints.append({"type": "R", "axis": Y if i % 2 else Z, "xyz": [0.0, 0.0, before], "phi": phi, **drive})
     return al.Arm.from_chain(joints).to_urdf()[0]
 
@@ -38,13 +45,14 @@ ROBOTS = {
         [1.0, 1.0, 0.5, 0.1, 1e-2, 1e-3, 2e-5], [40.0, 20.0, 10.0, 5.0, 1.0, 0.3, 0.05], [0.3, 0.3, 0.3, 0.3, 0.1, 0.1, 0.02]
     ),
     "heavy tip": chain([1e-4, 1e-3, 0.1], [0.01, 0.1, 10.0], [0.1, 0.1, 0.4]),
+    "damped wrist": chain([0.3, 0.1, 1e-2, 1e-4], [10.0, 5.0, 1.0, 0.1], [0.4, 0.4, 0.2, 0.05], damping=10.0, friction=1.0),
     "limits without zero": chain([0.1, 0.1, 0.1], [1.0, 1.0, 1.0], [0.3, 0.3, 0.3], (0.2, 2.0)),
 }
 
 
 def code(page: str) -> str:
-    """The code of steps 1 to 4, without the line that writes the example's file."""
-    steps = page[page.index("## 1.") : page.index("## 5.")]
+    """The code of all steps, without the line that writes the example's file."""
+    steps = page[page.index("## 1.") : page.index("## 7.")]
     lines = "\n".join(re.findall(r"^```python\n(.*?)^```", steps, re.DOTALL | re.MULTILINE)).splitlines()
     return "\n".join(line for line in lines if not line.startswith("Path("))
 

@@ -98,12 +98,13 @@ impl Nearest {
     /// Minimise the error of one level from `q`. Return whether the steps ended at a minimum. On return `fixed` also has the joints whose
     /// limits are active for this level, so that lower levels do not move them.
     fn minimise(&mut self, level: usize, goal: &Targets, q: &mut Vector, fixed: &mut [bool], iterations: &mut usize) -> Result<bool> {
-        let above: Vec<f64> = (0..level).map(|j| self.cost(j, goal, q)).collect();
+        let start = self.rows_of(goal, q);
+        let above: Vec<f64> = (0..level).map(|j| self.cost(j, &start)).collect();
         let mut flat = 0;
         for _ in 0..self.most {
             look();
             let here = self.rows_of(goal, q);
-            let (range, constraints) = (self.range(level), self.constraints(level, goal, q, fixed)?);
+            let (range, constraints) = (self.range(level), self.constraints(level, goal, (q, &here), fixed)?);
             let (e, j) = (here.e.rows_range(range.clone()), here.j.rows_range(range));
             let (g, scale) = (-(j.transpose() * e), e.norm() * j.norm());
             let mut held: Vec<bool> = (0..q.len()).map(|i| fixed[i] || q[i] <= goal.bounds[i].0 || q[i] >= goal.bounds[i].1).collect();
@@ -117,36 +118,36 @@ impl Nearest {
             let hessian = self.hessian(level, goal, q, &constraints, &lambda);
             let dq = newton_step(&hessian, &g, &constraints, q, goal.bounds, &mut held)?;
             *iterations += 1;
-            let Some((next, cost)) = self.line_search(level, goal, q, &dq, &held, &above)? else {
+            let before = 0.5 * e.norm_squared();
+            let Some((next, cost)) = self.line_search(level, goal, (q, before), &dq, &held, &above)? else {
                 return Ok(reduced <= ACTIVE.sqrt() * scale);
             };
-            let before = 0.5 * e.norm_squared();
             flat = if cost < before * (1.0 - 1e-13) { 0 } else { flat + 1 };
             q.copy_from(&next);
         }
         Ok(false)
     }
 
-    /// Shorten the step `dq` until the error of the level does not grow, and the levels above keep their errors. `None` if no step does.
+    /// Shorten the step `dq` from `q` until the error of the level does not grow from `before`, and the levels above keep their errors.
+    /// `None` if no step does.
     fn line_search(
         &mut self,
         level: usize,
         goal: &Targets,
-        q: &Vector,
+        (q, before): (&Vector, f64),
         dq: &Vector,
         held: &[bool],
         above: &[f64],
     ) -> Result<Option<(Vector, f64)>> {
-        let before = self.cost(level, goal, q);
         let mut scale = (self.step_max / dq.amax()).min(1.0);
         for _ in 0..HALVINGS {
             let mut next = q + dq * scale;
             clip(next.as_mut_slice(), goal.bounds);
             self.restore(level, goal, &mut next, held)?;
-            let cost = self.cost(level, goal, &next);
+            let there = self.rows_of(goal, &next);
+            let cost = self.cost(level, &there);
             let kept = (0..level).all(|j| {
-                let now = self.cost(j, goal, &next);
-                if goal.reached[j] { self.rows_of(goal, &next).misses[j] == 0.0 } else { now <= above[j] * (1.0 + GROWTH) }
+                if goal.reached[j] { there.misses[j] == 0.0 } else { self.cost(j, &there) <= above[j] * (1.0 + GROWTH) }
             });
             if kept && cost <= before * (1.0 + f64::EPSILON) {
                 return Ok(Some((next, cost)));
@@ -172,9 +173,8 @@ impl Nearest {
         Ok(())
     }
 
-    /// The constraints of the levels above `level` at `q`. The columns of the joints `fixed` are zero.
-    fn constraints(&mut self, level: usize, goal: &Targets, q: &Vector, fixed: &[bool]) -> Result<Constraints> {
-        let here = self.rows_of(goal, q);
+    /// The constraints of the levels above `level` at `q`, with the errors and Jacobians `here`. The columns of the joints `fixed` are zero.
+    fn constraints(&mut self, level: usize, goal: &Targets, (q, here): (&Vector, &Rows), fixed: &[bool]) -> Result<Constraints> {
         let mut found = Constraints { a: Matrix::zeros(0, q.len()), c: Vector::zeros(0), jacobians: Vec::new() };
         for j in 0..level {
             let range = self.range(j);
@@ -229,9 +229,8 @@ impl Nearest {
     }
 
     /// Half the squared error of a level.
-    fn cost(&mut self, level: usize, goal: &Targets, q: &Vector) -> f64 {
-        let range = self.range(level);
-        0.5 * self.rows_of(goal, q).e.rows_range(range).norm_squared()
+    fn cost(&self, level: usize, rows: &Rows) -> f64 {
+        0.5 * rows.e.rows_range(self.range(level)).norm_squared()
     }
 
     fn range(&self, level: usize) -> Range<usize> {
