@@ -5,9 +5,11 @@ from __future__ import annotations
 import os
 import random
 import signal
+import sys
 from pathlib import Path
 from typing import Any
 
+import cloudpickle
 import pytest
 import sweep_saboteur
 from distributed import Client, LocalCluster, Worker, WorkerPlugin
@@ -15,6 +17,9 @@ from test_sweep import DRAWS, SCENARIO, same
 from test_sweep_faults import VARY, check, tries
 
 import armlet as al
+
+# The workers cannot import this module by its name, so its classes are sent with their code.
+cloudpickle.register_pickle_by_value(sys.modules[__name__])
 
 TRIALS = int(os.environ.get("ARMLET_KILL_TRIALS", "20"))
 CELLS: dict[str, Any] = {"draws": 240, "seed": 7, "chunk": 8}
