@@ -239,15 +239,27 @@ def test_more_structures_than_are_kept() -> None:
 
 @pytest.mark.parametrize("start", [9.9e5, 1.0e6 + 3.0, 4.0e8])
 def test_angles_beyond_the_range_of_the_polynomials(start: float) -> None:
-    """A run with an angle beyond the range of the program's sine is computed again without a program. Other rows keep their bits."""
+    """A run with an angle beyond the range of the sines of machine code is repeated by the interpreter. Other rows keep their bits."""
     plant, law = al.RigidArm(TWO), al.PDGravity(TWO, [start, 0.0], 50.0, 20.0)
     options = OPTIONS | {"state_limit": 1e12}
     far = al.simulate(plant, law, [start, 0.1], **options)
     short = al.simulate(plant, law, [start, 0.1], **(options | {"t_end": 0.05}))
     np.testing.assert_array_equal(far.q[:2], short.q)
+    direct = al.simulate(plant, law, [start, 0.1], **options, force=lambda t: np.zeros(3), force_frame=TWO.frame_names[-1])
+    engines = ("interpreter" if max(np.abs(far.q[:, 0])) > 1e6 else al.build_info()["programs"], "direct")
+    assert (far.stats["engine"], direct.stats["engine"]) == engines
+    for one, other in zip(series(far), series(direct), strict=True):
+        np.testing.assert_array_equal(one, other)
     near = al.PDGravity(TWO, [0.3, 0.0], 50.0, 20.0)
     batch = al.simulate_batch(plant, [near, law, near], [[0.0, 0.1], [start, 0.1], [0.2, 0.1]], **options)
-    np.testing.assert_array_equal(batch.q[1], far.q)
+    for rows, alone in zip(series(batch), series(far), strict=True):
+        np.testing.assert_array_equal(rows[1], alone)
+    assert batch.stats["engine"] == al.build_info()["programs"]
+    every = options | {"record_every": 1}
+    summed = al.simulate_batch(plant, law, [[start, 0.1]], keep="metrics", **every)
+    assert summed.stats["engine"] == far.stats["engine"]
+    for name, values in al.simulate_batch(plant, law, [[start, 0.1]], **every).metrics().items():
+        np.testing.assert_allclose(summed.metrics()[name], values, rtol=1e-9, atol=1e-9, err_msg=name)
     np.testing.assert_array_equal(batch.q[2], al.simulate(plant, near, [0.2, 0.1], **options).q)
 
 

@@ -137,7 +137,7 @@ pub fn simulate_batch(problem: Problem, keep: Keep, threads: usize, poll: &mut d
         parallel::any(&mut groups, go)
     });
     drop(groups);
-    out.engine = structures.map_or_else(|| rates.map_or("direct", |rates| rates.engine()), |structures| structures.engine().name());
+    out.engine = structures.map_or_else(|| rates.map_or("direct", |rates| rates.engine()), |structures| structures.engine(runs).name());
     out.interrupted = interrupted;
     Ok(out)
 }

@@ -3,7 +3,7 @@
 
 use super::layout::Layout;
 use crate::trace::tape::Op;
-use crate::trace::{Cut, Engine, Frame, Part, Program, Scratch, SlotTable, Stream, engine, form, segments};
+use crate::trace::{Cut, Engine, Frame, Part, Program, Scratch, SlotTable, Stream, form, segments};
 
 /// The indices of the recorded operations that compute the results of the programs.
 pub struct Tracing {
@@ -168,9 +168,9 @@ impl Programs {
     }
 }
 
-/// Make the programs of a recording, for one run or for lanes.
-pub fn make(ops: &[Op], layout: &Layout, tracing: Tracing, lanes: bool, watch: Watch) -> Programs {
-    let (form, engine, reach) = (form(lanes), engine(), layout.reach() as u32);
+/// Make the programs of a recording for an engine, for one run or for lanes.
+pub fn make(ops: &[Op], layout: &Layout, tracing: Tracing, (lanes, engine): (bool, Engine), watch: Watch) -> Programs {
+    let (form, reach) = (form(lanes), layout.reach() as u32);
     let to = |first: usize, entries: &[u32]| entries.iter().enumerate().map(|(k, &entry)| ((first + k) as u32, entry)).collect::<Vec<_>>();
     let mut cuts = tracing.cuts;
     let (next, stands) = tracing.next.split_at(layout.states);

@@ -2,7 +2,7 @@
 //! the same operations. This file finds the structure of each run, and groups runs with the same structure.
 //!
 //! All lanes of a program compute runs of one structure. So the program of a run, and the bits of its results, do not depend on the other
-//! runs. A run whose angles exceed the range of the programs' sines is repeated without programs.
+//! runs. A run whose angles exceed the range of the sines of machine code is repeated by the interpreter, which has no such range.
 
 use super::assembly::{sampler, start, world};
 use super::fixed_steps::Faults;
@@ -20,6 +20,7 @@ use super::sink::Sink;
 use crate::law::Route;
 use crate::scalar::{Array8, Real};
 use crate::trace::Engine;
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// Single runs with fewer steps are computed without a program, to save the time of making it, unless the law is guarded.
@@ -38,6 +39,8 @@ pub struct Structures {
     table: Option<Vec<f64>>,
     common: Common,
     engine: Engine,
+    /// The number of runs that the interpreter repeated.
+    repeated: AtomicUsize,
 }
 
 impl Structures {
@@ -61,12 +64,19 @@ impl Structures {
         let world = world(problem, 1, |_| 0);
         let table = if lanes { tabulate(&first, &world, fixed.schedule.steps, fixed.schedule.dt) } else { None };
         let same = problem.plants.len() == 1 && problem.laws.len() == 1;
-        Some(Structures { seen: Mutex::new(vec![seen]), shared: same.then_some(parameters.values), table, common, engine })
+        Some(Structures {
+            seen: Mutex::new(vec![seen]),
+            shared: same.then_some(parameters.values),
+            table,
+            common,
+            engine,
+            repeated: AtomicUsize::new(0),
+        })
     }
 
-    /// The engine that runs the programs.
-    pub fn engine(&self) -> Engine {
-        self.engine
+    /// The engine that computed `runs` runs. If some of them were repeated by the interpreter, it is the engine of the others.
+    pub fn engine(&self, runs: usize) -> Engine {
+        if self.repeated.load(Ordering::Relaxed) < runs { self.engine } else { Engine::Interpreter }
     }
 
     /// Return the structure and the loop parameters of run `run`. The result is `None` if the code branches on data.
@@ -134,18 +144,7 @@ pub fn run<S: Real>(structures: &Structures, group: General, fixed: &Fixed) -> E
         // size. The results of this lane are ignored.
         let row = |lane: usize| at(if same(lane).is_some() { lane } else { lead });
         let given = |lane: usize| same(lane).map_or(own.as_slice(), |(_, values)| values.as_slice());
-        let held = problem.options.sampling.is_some();
-        let mut closed = ProgramLoop::<S>::new(
-            recorded.clone(),
-            world(problem, S::LANES, row),
-            held,
-            sampler(problem, row),
-            structures.table.as_deref(),
-            given,
-        );
-        if recorded.layout.guards > 0 {
-            closed.redo_by((0..S::LANES).map(|lane| redo::direct(problem, row(lane), recorded.layout.norms > 0)).collect());
-        }
+        let mut closed = loop_of::<S>(problem, recorded, row, structures.table.as_deref(), given);
         let method = ProgramStep::new(&closed);
         let mut chosen = SelectedLanes { sink: &mut *sink, lanes: lanes.clone() };
         let group = General { problem, division, first, stop, sink: &mut chosen, observer: None, rates: None };
@@ -170,12 +169,8 @@ pub fn run<S: Real>(structures: &Structures, group: General, fixed: &Fixed) -> E
         for lane in lanes.into_iter().flatten() {
             faults.at[lane] = found.at[lane];
             if closed.strayed(lane) && !faults.interrupted {
-                direct(
-                    General { problem, division, first, stop, sink: &mut *sink, observer: None, rates: None },
-                    at(lane),
-                    lane,
-                    &mut faults,
-                );
+                let group = General { problem, division, first, stop, sink: &mut *sink, observer: None, rates: None };
+                interpreted(structures, group, fixed, (at(lane), lane), &mut faults);
             }
         }
         left.retain(|&lane| same(lane).is_none());
@@ -193,12 +188,48 @@ fn kept<S: Real>(problem: &Problem, common: Common, run: impl Fn(usize) -> usize
     (0..lanes[0].len()).map(|k| S::from_lanes(|lane| lanes[lane][k])).collect()
 }
 
+/// Create the loop of a recording, for the runs `row(lane)` with the loop parameters `given(lane)`.
+fn loop_of<'a, 'b, S: Real>(
+    problem: &'a Problem<'a>,
+    recorded: &Arc<Recorded>,
+    row: impl Fn(usize) -> usize + Copy,
+    table: Option<&'a [f64]>,
+    given: impl Fn(usize) -> &'b [f64],
+) -> ProgramLoop<'a, S> {
+    let held = problem.options.sampling.is_some();
+    let mut closed = ProgramLoop::new(recorded.clone(), world(problem, S::LANES, row), held, sampler(problem, row), table, given);
+    if recorded.layout.guards > 0 {
+        closed.redo_by((0..S::LANES).map(|lane| redo::direct(problem, row(lane), recorded.layout.norms > 0)).collect());
+    }
+    closed
+}
+
+/// Compute run `run` in lane `lane` of a group with the interpreter of its recording.
+fn interpreted(structures: &Structures, group: General, fixed: &Fixed, (run, lane): (usize, usize), faults: &mut Faults) {
+    let General { problem, division, stop, sink, .. } = group;
+    let common = Common { lanes: false, sums: false, notes: None, engine: Engine::Interpreter, ..structures.common };
+    let parameters = recorded::loop_parameters(problem, run, common);
+    let seen = recorded::of_run(problem, run, common, &parameters);
+    let Some(recorded) = &seen.recorded else { unreachable!("the loop of this run has been recorded") };
+    let mut closed = loop_of::<f64>(problem, recorded, |_| run, None, |_| &parameters.values);
+    let mut chosen = SelectedLanes { sink, lanes: vec![Some(lane)] };
+    let alone = General { problem, division, first: run, stop, sink: &mut chosen, observer: None, rates: None };
+    let method = ProgramStep::new(&closed);
+    structures.repeated.fetch_add(1, Ordering::Relaxed);
+    replace(faults, lane, alone.fixed(fixed, &mut closed, start::<f64>(problem, |_| run), method));
+}
+
 /// Compute run `run` in lane `lane` of a group without a program.
 fn direct(group: General, run: usize, lane: usize, faults: &mut Faults) {
     let General { problem, division, stop, sink, .. } = group;
     let mut chosen = SelectedLanes { sink, lanes: vec![Some(lane)] };
     let alone = General { problem, division, first: run, stop, sink: &mut chosen, observer: None, rates: None };
-    if let Ended::Fixed(found) = alone.run_single() {
+    replace(faults, lane, alone.run_single());
+}
+
+/// Replace the fault of lane `lane` by the fault of the run that was computed instead.
+fn replace(faults: &mut Faults, lane: usize, ended: Ended) {
+    if let Ended::Fixed(found) = ended {
         faults.at[lane] = found.at[0];
         faults.interrupted |= found.interrupted;
         faults.steps = found.steps;

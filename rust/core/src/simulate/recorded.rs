@@ -200,7 +200,7 @@ pub fn record_watched(problem: &Problem, run: usize, common: Common, plain: Opti
     if recording.failed {
         return None;
     }
-    let programs = loop_programs::make(&recording.ops, &layout, tracing, common.lanes, watch);
+    let programs = loop_programs::make(&recording.ops, &layout, tracing, (common.lanes, common.engine), watch);
     Some(Recorded {
         layout,
         programs,

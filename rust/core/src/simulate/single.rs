@@ -242,7 +242,7 @@ pub fn simulate_divided(problem: &Problem, division: &Division, stop: &dyn Stop,
     let (fault, full) = (sink.fault, sink.full);
     full?;
     observer.and_then(|observer| observer.full.take()).map_or(Ok(()), Err)?;
-    run.engine = structures.map_or_else(|| rates.map_or("direct", |rates| rates.engine()), |structures| structures.engine().name());
+    run.engine = structures.map_or_else(|| rates.map_or("direct", |rates| rates.engine()), |structures| structures.engine(1).name());
     match ended {
         Ended::Fixed(faults) => {
             run.steps = faults.steps;
