@@ -7,9 +7,9 @@
 
 use super::cache::Cache;
 use super::frame::Frame;
-use super::program::{Program, Scratch, engine, form};
+use super::program::{Program, engine, form};
 use super::rows::{self, Rows};
-use super::straight::{Part, SlotTable};
+use super::straight::{Part, Scratch, SlotTable};
 use super::sym::{self, Sym};
 use super::tape::Op;
 use crate::scalar::trig::REDUCTION_LIMIT;

@@ -9,9 +9,8 @@
 
 use super::frame::Frame;
 use super::instruction::Form;
-use super::program::Scratch;
 use super::steps::{Action, Step, Steps, steps};
-use super::straight::{Part, Stream};
+use super::straight::{Part, Scratch, Stream};
 use crate::scalar::trig::{self, REDUCTION_LIMIT};
 use crate::scalar::{Isa, isa};
 

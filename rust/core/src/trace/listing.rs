@@ -5,8 +5,7 @@
 
 use super::instruction::Form;
 use super::lower::lower;
-use super::program::Scratch;
-use super::straight::{Instruction, Part, Straight, Stream};
+use super::straight::{Instruction, Part, Scratch, Straight, Stream};
 use super::tape::Op;
 
 /// One line. Numbers are decimal text with enough digits to restore their bits.

@@ -60,7 +60,7 @@ pub mod x86;
 
 pub use frame::Frame;
 pub use function::Evaluation;
-pub use program::{Engine, Program, Scratch, engine, form};
+pub use program::{Engine, Program, engine, form};
 pub use segments::Cut;
-pub use straight::{Part, SlotTable, Stream};
+pub use straight::{Part, Scratch, SlotTable, Stream};
 pub use sym::{Recording, Sym};

@@ -11,7 +11,7 @@ use super::instruction::{Form, Set};
 use super::interpreter::Interpreter;
 use super::lower::lower;
 use super::memory::Code;
-use super::straight::{Part, Straight, Stream};
+use super::straight::{Part, Scratch, Straight, Stream};
 #[cfg(not(target_arch = "aarch64"))]
 use super::x86::Assembler;
 use crate::scalar::{Isa, isa};
@@ -58,15 +58,6 @@ pub fn form(packed: bool) -> Form {
         Isa::Avx512 => Set::Avx512,
     };
     Form { set, packed }
-}
-
-/// The slots of a frame that a program may use in addition to inputs and outputs.
-#[derive(Clone, Copy)]
-pub struct Scratch {
-    /// The slot with the largest magnitude of all angles since the caller last cleared this slot.
-    pub reach: u32,
-    /// The first free slot.
-    pub free: usize,
 }
 
 enum Backend {

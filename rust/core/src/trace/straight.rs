@@ -143,6 +143,15 @@ pub struct Part<'a> {
     pub places: &'a SlotTable,
 }
 
+/// The slots of a frame that a program may use in addition to inputs and outputs.
+#[derive(Clone, Copy)]
+pub struct Scratch {
+    /// The slot with the largest magnitude of all angles since the caller last cleared this slot.
+    pub reach: u32,
+    /// The first free slot.
+    pub free: usize,
+}
+
 /// For each entry that a later part of the recording reads, the slot of the frame that stores its value.
 pub type SlotTable = Memo<u32>;
 
