@@ -23,9 +23,9 @@ pub fn loop_slope(
     force_frame: Option<usize>,
 ) -> Vec<f64> {
     let (n, states, s) = (plant.n(), x.len(), x.len() + z.len());
-    let mut plant = PlantSpec::build::<Dual>(|_| plant, force_frame);
+    let mut plant = plant.build::<Dual>(force_frame);
     let desired = law.desired(t);
-    let mut law = LawSpec::build::<Dual>(|_| law);
+    let mut law = law.build::<Dual>();
     let wrench: Vec<Dual> = wrench.iter().map(|&w| Dual::splat(w)).collect();
     let mut moving: Vec<Dual> = x.iter().chain(z).map(|&x| Dual::splat(x)).collect();
     let (mut tau, mut dx) = (vec![Dual::default(); n], vec![Dual::default(); s]);
@@ -53,7 +53,7 @@ pub fn law_slope(law: &LawSpec, t: f64, x: &[f64], z: &[f64]) -> Option<Vec<f64>
     }
     let (n, s, rows) = (law.model().n(), x.len() + z.len(), law.model().n() + z.len());
     let desired = law.desired(t);
-    let mut law = LawSpec::build::<Dual>(|_| law);
+    let mut law = law.build::<Dual>();
     let mut moving: Vec<Dual> = x.iter().chain(z).map(|&x| Dual::splat(x)).collect();
     let mut results = vec![Dual::default(); rows];
     let mut slope = vec![0.0; rows * s];

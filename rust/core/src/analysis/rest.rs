@@ -24,7 +24,7 @@ use crate::interrupt::look;
 use crate::law::{Law, LawSpec};
 use crate::linalg::gain::{AnyGain, Gain, Multiply};
 use crate::linalg::symmetric_eigen;
-use crate::plant::{LaneWall, PlantSpec, Stop, unilateral};
+use crate::plant::{LoopWall, PlantSpec, Stop, unilateral};
 use crate::scalar::{Dual, Real};
 use crate::spatial::{Vector, Vector3};
 use crate::status::Status;
@@ -248,10 +248,10 @@ impl<'a, S: Real> Forces<'a, S> {
             Motors::Absent => (None, None),
             Motors::Unknown(elasticity, share) | Motors::Carrying(elasticity, share) => (Some(elasticity), Some(share)),
         };
-        let lanes = |gain: Option<Gain>| gain.map(|gain| AnyGain::from_lanes(|_| &gain));
+        let lanes = |gain: Option<Gain>| gain.map(|gain| AnyGain::new(&gain));
         Forces {
             rest,
-            law: LawSpec::build::<S>(|_| rest.law),
+            law: rest.law.build(),
             arm: rest.plant.model().at(&zeros(n)),
             desired: rest.law.desired(0.0),
             x: zeros(4 * n),
@@ -282,7 +282,7 @@ impl<'a, S: Real> Forces<'a, S> {
         let mut push = Vector3::zero();
         if let Some(wall) = self.rest.plant.wall() {
             let (p, jacobian) = self.arm.jacobian(wall.frame);
-            push = LaneWall::new(|_| wall).force(p, Vector3::zero(), None).0;
+            push = LoopWall::new(wall).force(p, Vector3::zero(), None).0;
             for i in 0..n {
                 for k in 0..3 {
                     self.load[i] = jacobian[k * n + i].neg_mul_add(push[k], self.load[i]);

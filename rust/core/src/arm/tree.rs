@@ -2,15 +2,13 @@
 //!
 //! Each body has a compiled frame, with the origin on the joint and z along the joint axis. So the motion subspace is `e_z`. In a product
 //! with a joint rotation, only the first two columns of the other matrix change. `turn` is the rotation from the compiled frame to the body
-//! frame of the model. A tree can have one arm per lane (entry of a SIMD register). All lanes have the same geometry, but their inertial
-//! parameters may differ.
+//! frame of the model.
 
 use super::{Arm, Joining};
 use crate::interrupt::look;
 use crate::memory::cloned;
 use crate::scalar::Real;
 use crate::spatial::{Inertia, Lift, Matrix, Matrix3, PARAMETERS, Placement, QuarterTurn, RotationMatrix, Sym3, Vector3};
-use std::sync::Arc;
 
 /// The labels of the first moment of a body, for listings of recorded computations (`trace`). The label of its mass is `m`.
 const MOMENT: [&str; 3] = ["mx", "my", "mz"];
@@ -180,24 +178,16 @@ impl Tree<f64> {
         tree
     }
 
-    /// Return the tree with the same parameters in every lane.
+    /// Return the tree on another number type.
     pub fn lift<S: Real>(&self) -> Tree<S> {
-        Tree::lanes(std::slice::from_ref(self))
-    }
-
-    /// Return tree `of[i]` in lane `i`, or the only tree in every lane. The trees differ only in their inertial parameters.
-    fn lanes<S: Real>(of: &[Self]) -> Tree<S> {
-        let first = &of[0];
-        let number = |name, i: usize, f: &dyn Fn(&Self) -> f64| {
-            S::labelled(name, i as u32 + 1, || S::parameter(|lane| f(&of[lane.min(of.len() - 1)])))
-        };
-        let lane = |i: usize, body: &Body<f64>| Body {
+        let number = |name, i: usize, x: f64| S::labelled(name, i as u32 + 1, || S::parameter(x));
+        let lifted = |i: usize, body: &Body<f64>| Body {
             inertia: Inertia {
-                mass: number("m", i, &|tree| tree.bodies[i].inertia.mass),
-                moment: Vector3::from(std::array::from_fn(|k| number(MOMENT[k], i, &|tree| tree.bodies[i].inertia.moment[k]))),
-                inertia: Sym3(std::array::from_fn(|k| number(INERTIA[k], i, &|tree| tree.bodies[i].inertia.inertia.0[k]))),
+                mass: number("m", i, body.inertia.mass),
+                moment: Vector3::from(std::array::from_fn(|k| number(MOMENT[k], i, body.inertia.moment[k]))),
+                inertia: Sym3(std::array::from_fn(|k| number(INERTIA[k], i, body.inertia.inertia.0[k]))),
             },
-            second_moment: Sym3(std::array::from_fn(|k| number(SECOND_MOMENT[k], i, &|tree| tree.bodies[i].second_moment.0[k]))),
+            second_moment: Sym3(std::array::from_fn(|k| number(SECOND_MOMENT[k], i, body.second_moment.0[k]))),
             parent: body.parent,
             end: body.end,
             forks: body.forks,
@@ -212,39 +202,30 @@ impl Tree<f64> {
             friction: S::fixed(body.friction),
         };
         Tree {
-            bodies: first
+            bodies: self
                 .bodies
                 .iter()
                 .enumerate()
                 .map(|(i, body)| {
                     look();
-                    lane(i, body)
+                    lifted(i, body)
                 })
                 .collect(),
-            frames: cloned(&first.frames),
-            gravity: first.gravity,
-            joining: first.joining.clone(),
-            is_shallow: first.is_shallow,
+            frames: cloned(&self.frames),
+            gravity: self.gravity,
+            joining: self.joining.clone(),
+            is_shallow: self.is_shallow,
         }
     }
 }
 
 impl<S: Real> Tree<S> {
-    /// Compile an arm, with the same parameters in every lane. The compilation uses `f64`, so that the numbers of the tree are the same for
-    /// every number type.
+    /// Compile an arm. The compilation uses `f64`, so that the numbers of the tree are the same for every number type.
     pub fn new(arm: &Arm) -> Self {
         Tree::compile(arm).lift()
     }
 
-    /// Compile the arms `of(lane)`, one per lane. All arms have the same geometry.
-    pub fn from_lanes<'a>(of: impl Fn(usize) -> &'a Arc<Arm>) -> Self {
-        let shared = (1..S::LANES).all(|lane| Arc::ptr_eq(of(lane), of(0)));
-        let compiled: Vec<Tree<f64>> = (0..if shared { 1 } else { S::LANES }).map(|lane| Tree::compile(of(lane))).collect();
-        Tree::lanes(&compiled)
-    }
-
-    /// Set the inertial parameters, shape `(10 bodies,)`, in the body frames of the model, in the order of [`crate::spatial`]. They may
-    /// differ between lanes.
+    /// Set the inertial parameters, shape `(10 bodies,)`, in the body frames of the model, in the order of [`crate::spatial`].
     pub fn set_parameters(&mut self, pi: &[S]) {
         for (body, p) in self.bodies.iter_mut().zip(pi.chunks_exact(PARAMETERS)) {
             look();

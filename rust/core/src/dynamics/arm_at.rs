@@ -34,17 +34,17 @@ pub struct ArmAt<S: Real = f64> {
 impl Model {
     /// The arm at the configuration `q`, `(n,)`.
     pub fn at<S: Real>(&self, q: &[S]) -> ArmAt<S> {
-        let mut at = ArmAt::of_lanes(|_| self);
+        let mut at = ArmAt::new(self);
         at.move_to(q);
         at
     }
 }
 
 impl<S: Real> ArmAt<S> {
-    /// Create the arm `of(lane)` in each lane. All arms have the same geometry. [`ArmAt::move_to`] sets the configuration.
-    pub fn of_lanes<'a>(of: impl Fn(usize) -> &'a Model) -> Self {
-        let n = of(0).n();
-        let arm = AnyArm::from_lanes(of);
+    /// Create the arm of a model. [`ArmAt::move_to`] sets the configuration.
+    pub fn new(model: &Model) -> Self {
+        let n = model.n();
+        let arm = AnyArm::new(model);
         ArmAt {
             workspace: arm.workspace(),
             arm,

@@ -106,8 +106,7 @@ impl Model {
         }
     }
 
-    /// Whether both arms have the same joints, frames and gravity, so that they can run in lanes of one register. Inertial parameters may
-    /// differ.
+    /// Whether both arms have the same joints, frames and gravity. Inertial parameters may differ.
     pub fn same_geometry(&self, other: &Model) -> bool {
         match (self, other) {
             (Model::PlanarPr(_), Model::PlanarPr(_)) => true,
@@ -128,19 +127,19 @@ impl Model {
     }
 }
 
-/// A model on the number type `S`; its inertial parameters may differ from lane to lane.
+/// A model on the number type `S`.
 ///
 /// ```
 /// use armlet_core::dynamics::{AnyArm, Dynamics, Model, PlanarPr};
-/// use armlet_core::scalar::{Array8, Real};
+/// use armlet_core::scalar::{Dual, Real};
 ///
-/// // Eight arms in eight lanes: A = 3, 4, .., 10 kg.
-/// let arm = |lane: usize| PlanarPr::new(3.0 + lane as f64, 0.5, 0.2).map(Model::PlanarPr);
-/// let models: Vec<_> = (0..8).map(arm).collect::<Result<_, _>>()?;
-/// let arms = AnyArm::<Array8>::from_lanes(|lane| &models[lane]);
-/// let (zero, mut m) = ([Array8::zero(); 2], [Array8::zero(); 4]);
-/// arms.mass_matrix(&mut arms.workspace(), &zero.map(Real::sin_cos), &zero, &mut m);
-/// assert_eq!((m[0].lane(0), m[0].lane(7), m[1].lane(7)), (3.0, 10.0, 0.5));
+/// // The mass matrix at q2 = 0, and its derivative along q2: M12 = B cos q2.
+/// let model = PlanarPr::new(3.0, 0.5, 0.2).map(Model::PlanarPr)?;
+/// let arm = AnyArm::<Dual>::new(&model);
+/// let (q, mut m) = ([Dual::zero(), Dual::new(0.0, 1.0)], [Dual::zero(); 4]);
+/// arm.mass_matrix(&mut arm.workspace(), &q.map(Real::sin_cos), &q, &mut m);
+/// assert_eq!(m.map(|entry| entry.value), [3.0, 0.5, 0.5, 0.2]);
+/// assert_eq!(m[1].rate, 0.0);
 /// # Ok::<(), armlet_core::error::Error>(())
 /// ```
 #[derive(Clone, Debug)]
@@ -152,17 +151,11 @@ pub enum AnyArm<S: Real> {
 }
 
 impl<S: Real> AnyArm<S> {
-    /// Create an arm with the model `of(i)` in lane `i`. All models have the same geometry.
-    pub fn from_lanes<'a>(of: impl Fn(usize) -> &'a Model) -> Self {
-        match of(0) {
-            Model::PlanarPr(first) => AnyArm::PlanarPr(PlanarPr::from_lanes(|i| match of(i) {
-                Model::PlanarPr(arm) => *arm,
-                Model::Tree(_) => *first,
-            })),
-            Model::Tree(first) => AnyArm::Tree(Tree::from_lanes(|i| match of(i) {
-                Model::Tree(arm) => arm,
-                Model::PlanarPr(_) => first,
-            })),
+    /// Create the arm of a model.
+    pub fn new(model: &Model) -> Self {
+        match model {
+            Model::PlanarPr(arm) => AnyArm::PlanarPr(arm.lift()),
+            Model::Tree(arm) => AnyArm::Tree(Tree::new(arm)),
         }
     }
 

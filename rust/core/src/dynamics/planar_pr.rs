@@ -8,7 +8,7 @@ use super::Dynamics;
 use crate::error::{Error, Result, finite, positive};
 use crate::scalar::Real;
 
-/// The planar PR arm, with one parameter set per lane.
+/// The planar PR arm.
 ///
 /// ```
 /// use armlet_core::dynamics::{Dynamics, PlanarPr};
@@ -59,6 +59,12 @@ impl PlanarPr<f64> {
         [self.a, self.b, self.c]
     }
 
+    /// Return the arm on another number type.
+    pub fn lift<S: Real>(&self) -> PlanarPr<S> {
+        let number = |name, x: f64| S::labelled(name, 0, || S::parameter(x));
+        PlanarPr { a: number("A", self.a), b: number("B", self.b), c: number("C", self.c), ac: number("AC", self.ac) }
+    }
+
     /// Compute the Christoffel symbols, `(2, 2, 2)`. Only one is not zero: `c[0, 1, 1] = -B sin q2`.
     pub fn christoffel(&self, (sin, _): (f64, f64), c: &mut [f64]) {
         c.fill(0.0);
@@ -84,14 +90,6 @@ impl PlanarPr<f64> {
             rows.copy_from_slice(&[of(0, 0), of(0, 1), of(1, 0), of(1, 1)]);
         }
         out[8..].copy_from_slice(&inverse);
-    }
-}
-
-impl<S: Real> PlanarPr<S> {
-    /// Create an arm with the parameters of `of(i)` in lane `i`.
-    pub fn from_lanes(of: impl Fn(usize) -> PlanarPr<f64>) -> Self {
-        let lift = |name, get: fn(&PlanarPr<f64>) -> f64| S::labelled(name, 0, || S::parameter(|i| get(&of(i))));
-        PlanarPr { a: lift("A", |p| p.a), b: lift("B", |p| p.b), c: lift("C", |p| p.c), ac: lift("AC", |p| p.ac) }
     }
 }
 

@@ -235,7 +235,7 @@ fn planar_pr(arm: &PlanarPr<f64>, query: &Query) -> Result<Recorded> {
         }
         out
     };
-    let made = recorded(2 * query.inputs().len(), || PlanarPr::from_lanes(|_| *arm), |arm, x| sym::unfused(|| answer(arm, x)));
+    let made = recorded(2 * query.inputs().len(), || arm.lift(), |arm, x| sym::unfused(|| answer(arm, x)));
     match made {
         Some(recorded) if known => Ok(recorded),
         _ => Err(Error::input("functions", "has one that planar_pr does not have: expected its dynamics, such as mass_matrix")),

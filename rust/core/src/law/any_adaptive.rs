@@ -3,12 +3,12 @@
 use super::adaptation::Adaptation;
 use super::adaptive::AdaptiveSpec;
 use super::adaptive_tracking::Adaptive;
-use super::composite::LaneComposite;
-use super::concurrent::LaneConcurrent;
-use super::definition::{Build, Definition, JointReference, Law, facts};
-use super::joint_columns::{JointColumn, LaneColumns};
+use super::composite::LoopComposite;
+use super::concurrent::LoopConcurrent;
+use super::definition::{Definition, JointReference, Law, Shape, facts};
+use super::joint_columns::{JointColumn, LoopColumns};
 use super::projection::Projector;
-use super::restraint::LaneRestraint;
+use super::restraint::LoopRestraint;
 use super::terms::{Instant, Term};
 use super::truth::Truth;
 use crate::dynamics::AnyArm;
@@ -21,7 +21,7 @@ impl AdaptiveSpec {
     /// The entries of the joint columns of the regressor `Y`.
     fn joint_entries(&self, v_r: &[f64], a_r: &[f64]) -> Vec<f64> {
         let mut entries = vec![0.0; self.columns.count()];
-        LaneColumns::from_lanes(|_| &self.columns).fill(v_r, a_r, &mut entries);
+        LoopColumns::new(&self.columns).fill(v_r, a_r, &mut entries);
         entries
     }
 }
@@ -65,7 +65,7 @@ impl Definition for AdaptiveSpec {
         let known = if self.columns.has(JointColumn::Armature) { vec![0.0; n] } else { self.model.armature() };
         let (kd_s, armature) = (self.kd.times(&s), known);
         let tau: Vec<f64> = (0..n).map(|i| (0..p).map(|j| y[i * p + j] * z[j]).sum::<f64>() + kd_s[i] + armature[i] * a_r[i]).collect();
-        let mut law = Self::build::<f64>(|_| self);
+        let mut law = self.build::<f64>();
         let mut rate = vec![0.0; z.len()];
         law.evaluate(desired, at.trig, at.x, z, &mut vec![0.0; n], &mut rate);
         rate.truncate(p);
@@ -96,15 +96,8 @@ impl Definition for AdaptiveSpec {
     }
 }
 
-impl Build for AdaptiveSpec {
-    type Lanes<S: Real> = AnyAdaptive<S>;
-
-    fn build<'a, S: Real>(of: impl Fn(usize) -> &'a Self) -> AnyAdaptive<S> {
-        AnyAdaptive::build(of)
-    }
-
-    /// Whether both laws estimate the same parameters in the same metric with the same options, so that they can run in lanes of one
-    /// register.
+impl Shape for AdaptiveSpec {
+    /// Whether both laws estimate the same parameters in the same metric with the same options.
     fn same_shape(&self, other: &Self) -> bool {
         let columns = |law: &AdaptiveSpec| law.base.as_ref().map(|base| base.columns.clone());
         std::mem::discriminant(&self.adaptation) == std::mem::discriminant(&other.adaptation)
@@ -117,12 +110,9 @@ impl Build for AdaptiveSpec {
     }
 }
 
-/// The adaptive law on vectors of any size.
-type OnHeap<S> = Adaptive<S, AnyArm<S>, AnyGain<S>, AnyGain<S>, Vec<S>, Vec<S>>;
-
 /// The adaptive law in a control loop, for any arm.
 pub struct AnyAdaptive<S: Real> {
-    law: OnHeap<S>,
+    law: Adaptive<S>,
     /// Known rotor inertias, `(n,)`; empty if there are none.
     armature: Vec<S>,
     columns: Vec<usize>,
@@ -139,10 +129,10 @@ pub struct AnyAdaptive<S: Real> {
 
 /// The optional parts of an adaptive law: joint columns, restraint (leakage and dead zone), and composite or concurrent adaptation.
 struct More<S> {
-    joints: LaneColumns<S>,
-    restraint: LaneRestraint<S>,
-    composite: Option<LaneComposite<S>>,
-    concurrent: Option<LaneConcurrent<S>>,
+    joints: LoopColumns<S>,
+    restraint: LoopRestraint<S>,
+    composite: Option<LoopComposite<S>>,
+    concurrent: Option<LoopConcurrent<S>>,
     /// The entries of the joint columns of the regressor `Y`.
     entries: Vec<S>,
     /// The product `y = Y' s` of the transposed regressor and the sliding variable, `(p,)`.
@@ -155,19 +145,19 @@ struct More<S> {
 }
 
 impl<S: Real> More<S> {
-    fn from_lanes<'a>(of: impl Fn(usize) -> &'a AdaptiveSpec) -> Self {
-        let (first, zeros) = (of(0), |k: usize| vec![S::zero(); k]);
-        let p = first.estimate.len();
-        let restraint = LaneRestraint::from_lanes(|i| &of(i).restraint);
-        let composite = first.composite.is_some().then(|| LaneComposite::from_lanes(&of));
-        let concurrent = LaneConcurrent::from_lanes(|i| of(i).concurrent.as_ref());
+    fn new(spec: &AdaptiveSpec) -> Self {
+        let zeros = |k: usize| vec![S::zero(); k];
+        let p = spec.estimate.len();
+        let restraint = LoopRestraint::new(&spec.restraint);
+        let composite = spec.composite.is_some().then(|| LoopComposite::new(spec));
+        let concurrent = spec.concurrent.as_ref().map(LoopConcurrent::new);
         let held = if restraint.is_none() && composite.is_none() && concurrent.is_none() { 0 } else { p };
         More {
-            joints: LaneColumns::from_lanes(|i| &of(i).columns),
+            joints: LoopColumns::new(&spec.columns),
             restraint,
             composite,
             concurrent,
-            entries: zeros(first.columns.count()),
+            entries: zeros(spec.columns.count()),
             y: zeros(p),
             w: zeros(held),
             back: zeros(held),
@@ -175,50 +165,35 @@ impl<S: Real> More<S> {
     }
 }
 
-impl<S: Real> AnyAdaptive<S> {
-    pub(super) fn build<'a>(of: impl Fn(usize) -> &'a AdaptiveSpec) -> Self {
-        let first = of(0);
-        let (n, p) = (first.model.n(), first.model.parameter_count());
+impl AdaptiveSpec {
+    pub(super) fn build<S: Real>(&self) -> AnyAdaptive<S> {
         let zeros = |k: usize| vec![S::zero(); k];
-        let unit = Gain::unchecked(1, vec![1.0]);
-        let euclidean = |i: usize| match &of(i).adaptation {
-            Adaptation::Euclidean(gamma) => gamma,
-            Adaptation::Natural(_) => &unit,
+        let (gamma, natural) = match &self.adaptation {
+            Adaptation::Euclidean(gamma) => (gamma, Vec::new()),
+            Adaptation::Natural(gammas) => (&Gain::unchecked(1, vec![1.0]), gammas.iter().map(|&gamma| S::varying(gamma)).collect()),
         };
-        let natural = match &first.adaptation {
-            Adaptation::Euclidean(_) => Vec::new(),
-            Adaptation::Natural(gammas) => (0..gammas.len())
-                .map(|k| {
-                    S::from_lanes(|i| match &of(i).adaptation {
-                        Adaptation::Natural(gamma) => gamma[k],
-                        Adaptation::Euclidean(_) => f64::NAN,
-                    })
-                })
-                .collect(),
-        };
-        let armature = first.model.armature();
-        let known = !first.columns.has(JointColumn::Armature) && armature.iter().any(|&a| a != 0.0);
-        let columns = first.base.as_ref().map_or(Vec::new(), |base| base.columns.clone());
-        let size = first.estimate.len();
+        let armature = self.model.armature();
+        let known = !self.columns.has(JointColumn::Armature) && armature.iter().any(|&a| a != 0.0);
+        let columns = self.base.as_ref().map_or(Vec::new(), |base| base.columns.clone());
         AnyAdaptive {
             law: Adaptive::new(
-                AnyArm::from_lanes(|i| &of(i).model),
-                AnyGain::labelled("lambda", |i| &of(i).lambda),
-                AnyGain::labelled("kd", |i| &of(i).kd),
-                AnyGain::labelled("gamma", euclidean),
-                zeros(n),
-                zeros(p),
+                AnyArm::new(&self.model),
+                AnyGain::labelled("lambda", &self.lambda),
+                AnyGain::labelled("kd", &self.kd),
+                AnyGain::labelled("gamma", gamma),
             ),
             armature: if known { armature.into_iter().map(S::fixed).collect() } else { Vec::new() },
-            full: zeros(if columns.is_empty() { 0 } else { p }),
+            full: zeros(if columns.is_empty() { 0 } else { self.model.parameter_count() }),
             kept: zeros(columns.len()),
-            projector: first.projection.as_ref().map(|own| Projector::from_lanes(|i| of(i).projection.as_ref().unwrap_or(own), size)),
+            projector: self.projection.as_ref().map(|projection| Projector::new(projection, self.estimate.len())),
             columns,
             natural,
-            more: (!first.is_plain()).then(|| More::from_lanes(of)),
+            more: (!self.is_plain()).then(|| More::new(self)),
         }
     }
+}
 
+impl<S: Real> AnyAdaptive<S> {
     /// Compute the torque for the estimate `z` of the bodies, plus the torque of known rotors. The law stores `Y' s`, the product of the
     /// transposed regressor and the sliding variable.
     fn torque(&mut self, desired: &[S], trig: &[(S, S)], x: &[S], z: &[S], tau: &mut [S]) {

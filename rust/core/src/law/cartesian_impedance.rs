@@ -8,7 +8,7 @@
 //! The orientation of a moving target is a rotation vector. Its components in rows that are not controlled are zero. In the rows of
 //! orientation, `x_d_dot` and `x_d_ddot` are the angular velocity and the angular acceleration of the target.
 
-use super::definition::{Build, Definition, Law};
+use super::definition::{Definition, Law, Shape};
 use super::impedance_options::{Extras, ImpedanceOptions};
 use super::null_space::{NullSpace, Place};
 use super::sizes::require_size;
@@ -129,7 +129,7 @@ impl Definition for CartesianImpedanceSpec {
 
     fn terms(&self, at: &Instant) -> Vec<Term> {
         let (n, m) = (self.model.n(), self.coordinates.m());
-        let mut law = Self::build::<f64>(|_| self);
+        let mut law = self.build::<f64>();
         let mut u = vec![0.0; n];
         let mut integral_rate = vec![0.0; at.z.len()];
         law.evaluate(at.desired, at.trig, at.x, at.z, &mut u, &mut integral_rate);
@@ -165,20 +165,23 @@ impl Definition for CartesianImpedanceSpec {
     }
 }
 
-impl Build for CartesianImpedanceSpec {
-    type Lanes<S: Real> = CartesianImpedance<S>;
+impl Shape for CartesianImpedanceSpec {
+    fn same_shape(&self, other: &Self) -> bool {
+        self.options.same_shape(&other.options) && self.turns_target() == other.turns_target()
+    }
+}
 
-    fn build<'a, S: Real>(of: impl Fn(usize) -> &'a Self) -> CartesianImpedance<S> {
-        let first = of(0);
-        let (n, m) = (first.model.n(), first.coordinates.m());
-        let arm = AnyArm::from_lanes(|i| &of(i).model);
+impl CartesianImpedanceSpec {
+    pub(super) fn build<S: Real>(&self) -> CartesianImpedance<S> {
+        let (n, m, options) = (self.model.n(), self.coordinates.m(), &self.options);
+        let arm = AnyArm::new(&self.model);
         let zeros = |k: usize| vec![S::zero(); k];
         CartesianImpedance {
             workspace: arm.workspace(),
             arm,
-            coordinates: first.coordinates.clone(),
-            stiffness: AnyGain::labelled("stiffness", |i| &of(i).stiffness),
-            damping: AnyGain::labelled("damping", |i| &of(i).damping),
+            coordinates: self.coordinates.clone(),
+            stiffness: AnyGain::labelled("stiffness", &self.stiffness),
+            damping: AnyGain::labelled("damping", &self.damping),
             full: zeros(6 * n),
             jacobian: zeros(m * n),
             e: zeros(m),
@@ -186,14 +189,10 @@ impl Build for CartesianImpedanceSpec {
             spring: zeros(m),
             force: zeros(m),
             acceleration: zeros(m),
-            turns_target: first.turns_target(),
-            null_space: NullSpace::new(|i| of(i).options.null_space(), [m, n]),
-            extras: Extras::new(|i| &of(i).options),
+            turns_target: self.turns_target(),
+            null_space: NullSpace::new(options.null_space.as_ref(), options.compensate_coupling, options.eps, [m, n]),
+            extras: Extras::new(options),
         }
-    }
-
-    fn same_shape(&self, other: &Self) -> bool {
-        self.options.same_shape(&other.options) && self.turns_target() == other.turns_target()
     }
 }
 

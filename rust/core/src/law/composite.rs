@@ -27,9 +27,9 @@
 
 use super::adaptation::Composite;
 use super::adaptive::AdaptiveSpec;
-use super::joint_columns::{JointColumn, LaneColumns};
+use super::joint_columns::{JointColumn, LoopColumns};
 use super::sizes::require_size;
-use crate::dynamics::{AnyArm, Dynamics};
+use crate::dynamics::{AnyArm, Dynamics, Workspace};
 use crate::error::{Result, positive};
 use crate::linalg::gain::{AnyGain, Gain, Multiply};
 use crate::scalar::Real;
@@ -50,15 +50,15 @@ impl AdaptiveSpec {
     fn present(&self) -> Vec<bool> {
         const STATES: u32 = 3;
         const GOLDEN: f64 = 0.618_033_988_749_894_9;
-        let (n, mut lanes) = (self.model.n(), LaneComposite::<f64>::from_lanes(|_| self));
-        let (arm, joints) = (AnyArm::from_lanes(|_| &self.model), LaneColumns::from_lanes(|_| &self.columns));
+        let (n, mut composite) = (self.model.n(), LoopComposite::<f64>::new(self));
+        let (arm, joints) = (AnyArm::new(&self.model), LoopColumns::new(&self.columns));
         let mut workspace = arm.workspace();
-        let mut found = vec![false; n * lanes.bodies];
+        let mut found = vec![false; n * composite.bodies];
         for state in 0..STATES {
             let x: Vec<f64> = (1..=2 * n as u32).map(|k| 0.3 + (f64::from(k + 2 * n as u32 * state) * GOLDEN).fract()).collect();
             let trig: Vec<(f64, f64)> = x[..n].iter().map(|q| q.sin_cos()).collect();
-            lanes.look(&arm, &mut workspace, &joints, &trig, &x);
-            for (found, (y_m, y_d)) in found.iter_mut().zip(lanes.momentum_and_drift()) {
+            composite.look(&arm, &mut workspace, &joints, &trig, &x);
+            for (found, (y_m, y_d)) in found.iter_mut().zip(composite.momentum_and_drift()) {
                 *found |= y_m != 0.0 || y_d != 0.0;
             }
         }
@@ -70,21 +70,21 @@ impl AdaptiveSpec {
     pub(super) fn filtered(&self, trig: &[(f64, f64)], x: &[f64], z: &[f64]) -> Option<[Vec<f64>; 3]> {
         self.composite.as_ref()?;
         let (n, p) = (self.model.n(), self.estimate.len());
-        let mut lanes = LaneComposite::<f64>::from_lanes(|_| self);
-        let arm = AnyArm::from_lanes(|_| &self.model);
-        lanes.look(&arm, &mut arm.workspace(), &LaneColumns::from_lanes(|_| &self.columns), trig, x);
-        lanes.compare(&x[n..2 * n], &z[..p], &z[p..]);
-        let (bodies, beside) = (lanes.bodies, &lanes.beside);
+        let mut composite = LoopComposite::<f64>::new(self);
+        let arm = AnyArm::new(&self.model);
+        composite.look(&arm, &mut arm.workspace(), &LoopColumns::new(&self.columns), trig, x);
+        composite.compare(&x[n..2 * n], &z[..p], &z[p..]);
+        let (bodies, beside) = (composite.bodies, &composite.beside);
         let w = (0..n).flat_map(|i| {
-            let row = lanes.w[i * bodies..(i + 1) * bodies].iter().copied();
+            let row = composite.w[i * bodies..(i + 1) * bodies].iter().copied();
             row.chain((0..beside.len()).map(move |k| if k % n == i { beside[k] } else { 0.0 }))
         });
-        Some([w.collect(), lanes.tau.clone(), lanes.error.clone()])
+        Some([w.collect(), composite.tau.clone(), composite.error.clone()])
     }
 }
 
 /// Composite adaptation in a control loop.
-pub(super) struct LaneComposite<S> {
+pub(super) struct LoopComposite<S> {
     rate: S,
     weight: AnyGain<S>,
     /// Indices of the estimated columns of the regressor `Y`.
@@ -125,23 +125,22 @@ pub(super) struct LaneComposite<S> {
     unused: Vec<S>,
 }
 
-impl<S: Real> LaneComposite<S> {
-    pub fn from_lanes<'a>(of: impl Fn(usize) -> &'a AdaptiveSpec) -> Self {
-        let first = of(0);
-        let (n, all, beside) = (first.model.n(), first.model.parameter_count(), first.columns.count());
-        let bodies = first.estimate.len() - beside;
+impl<S: Real> LoopComposite<S> {
+    pub fn new(spec: &AdaptiveSpec) -> Self {
+        let (n, all, beside) = (spec.model.n(), spec.model.parameter_count(), spec.columns.count());
+        let bodies = spec.estimate.len() - beside;
         let zeros = |k: usize| vec![S::zero(); k];
         let idle = Composite { rate: f64::NAN, weight: Gain::unchecked(1, vec![1.0]), present: vec![true; n * bodies] };
-        let own = |lane: usize| of(lane).composite.as_ref();
-        let estimated = first.columns.has(JointColumn::Armature);
-        LaneComposite {
-            rate: S::labelled("composite_rate", 0, || S::from_lanes(|lane| own(lane).map_or(f64::NAN, |own| own.rate))),
-            weight: AnyGain::labelled("composite", |lane| own(lane).map_or(&idle.weight, |own| &own.weight)),
-            columns: first.base.as_ref().map_or((0..all).collect(), |base| base.columns.clone()),
+        let own = spec.composite.as_ref().unwrap_or(&idle);
+        let estimated = spec.columns.has(JointColumn::Armature);
+        LoopComposite {
+            rate: S::labelled("composite_rate", 0, || S::varying(own.rate)),
+            weight: AnyGain::labelled("composite", &own.weight),
+            columns: spec.base.as_ref().map_or((0..all).collect(), |base| base.columns.clone()),
             bodies,
             rotors: if estimated { n } else { 0 },
-            present: own(0).unwrap_or(&idle).present.clone(),
-            armature: if estimated { zeros(n) } else { first.model.armature().into_iter().map(S::fixed).collect() },
+            present: own.present.clone(),
+            armature: if estimated { zeros(n) } else { spec.model.armature().into_iter().map(S::fixed).collect() },
             momentum: zeros(n * all),
             gravity: zeros(n * all),
             row: zeros(all),
@@ -161,7 +160,7 @@ impl<S: Real> LaneComposite<S> {
     }
 
     /// Compute the regressors `Y_M` of the momentum and `Y_D` of the drift, and the entries of the joint columns, at the plant's state `x`.
-    pub fn look<D: Dynamics<S>>(&mut self, arm: &D, ws: &mut D::Workspace, joints: &LaneColumns<S>, trig: &[(S, S)], x: &[S]) {
+    pub fn look(&mut self, arm: &AnyArm<S>, ws: &mut Workspace<S>, joints: &LoopColumns<S>, trig: &[(S, S)], x: &[S]) {
         let (n, all) = (self.zeros.len(), self.nothing.len());
         let (q, v, zero) = (&x[..n], &x[n..2 * n], &self.zeros);
         arm.regressor(ws, trig, q, [zero, zero, v], &mut self.momentum);

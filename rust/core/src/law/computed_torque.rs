@@ -3,10 +3,10 @@
 //! `tau = M(q) (a_d + Kd e_dot + Kp e) + C(q, v) v + g(q)`, so that `e_ddot + Kd e_dot + Kp e = 0` for the error `e = q_d - q` of a plant
 //! that equals the law's model. `Kp` is in 1/s^2 and `Kd` in 1/s.
 
-use super::definition::{Build, Definition, JointReference, Law, facts};
+use super::definition::{Definition, JointReference, Law, Shape, facts};
 use super::sizes::{require_same_dof, require_size};
 use super::terms::{Instant, Term};
-use crate::dynamics::{AnyArm, Dynamics, Model};
+use crate::dynamics::{AnyArm, Dynamics, Model, Workspace};
 use crate::error::Result;
 use crate::linalg::gain::{AnyGain, Gain, Multiply};
 use crate::motion::Motion;
@@ -80,53 +80,41 @@ impl Definition for ComputedTorqueSpec {
     }
 }
 
-impl Build for ComputedTorqueSpec {
-    type Lanes<S: Real> = ComputedTorque<S, AnyArm<S>, AnyGain<S>, Vec<S>>;
+impl Shape for ComputedTorqueSpec {}
 
-    fn build<'a, S: Real>(of: impl Fn(usize) -> &'a Self) -> Self::Lanes<S> {
-        ComputedTorque::new(
-            AnyArm::from_lanes(|i| &of(i).model),
-            AnyGain::labelled("kp", |i| &of(i).kp),
-            AnyGain::labelled("kd", |i| &of(i).kd),
-            vec![S::zero(); of(0).model.n()],
-        )
+impl ComputedTorqueSpec {
+    pub(super) fn build<S: Real>(&self) -> ComputedTorque<S> {
+        let (arm, zeros) = (AnyArm::new(&self.model), vec![S::zero(); self.model.n()]);
+        ComputedTorque {
+            workspace: arm.workspace(),
+            arm,
+            kp: AnyGain::labelled("kp", &self.kp),
+            kd: AnyGain::labelled("kd", &self.kd),
+            e: zeros.clone(),
+            e_dot: zeros.clone(),
+            kp_e: zeros.clone(),
+            command: zeros,
+        }
     }
 }
 
 /// The computed-torque law in a control loop.
-pub struct ComputedTorque<S: Real, D: Dynamics<S>, J, B> {
-    arm: D,
-    workspace: D::Workspace,
-    kp: J,
-    kd: J,
-    e: B,
-    e_dot: B,
-    kp_e: B,
-    command: B,
-    scalar: std::marker::PhantomData<S>,
+pub struct ComputedTorque<S: Real> {
+    arm: AnyArm<S>,
+    workspace: Workspace<S>,
+    kp: AnyGain<S>,
+    kd: AnyGain<S>,
+    e: Vec<S>,
+    e_dot: Vec<S>,
+    kp_e: Vec<S>,
+    command: Vec<S>,
 }
 
-impl<S: Real, D: Dynamics<S>, J, B: Clone> ComputedTorque<S, D, J, B> {
-    /// Create the law with its buffers.
-    pub fn new(arm: D, kp: J, kd: J, joints: B) -> Self {
-        let workspace = arm.workspace();
-        let zero = || joints.clone();
-        ComputedTorque { arm, workspace, kp, kd, e: zero(), e_dot: zero(), kp_e: zero(), command: zero(), scalar: Default::default() }
-    }
-}
-
-impl<S, D, J, B> Law<S> for ComputedTorque<S, D, J, B>
-where
-    S: Real,
-    D: Dynamics<S>,
-    J: Multiply<S>,
-    B: AsRef<[S]> + AsMut<[S]>,
-{
+impl<S: Real> Law<S> for ComputedTorque<S> {
     fn evaluate(&mut self, desired: &[S], trig: &[(S, S)], x: &[S], _: &[S], tau: &mut [S], _: &mut [S]) {
         let n = tau.len();
         let (q, v) = (&x[..n], &x[n..2 * n]);
-        let (e, e_dot) = (self.e.as_mut(), self.e_dot.as_mut());
-        let (kp_e, command) = (self.kp_e.as_mut(), self.command.as_mut());
+        let ComputedTorque { e, e_dot, kp_e, command, .. } = self;
         for i in 0..n {
             e[i] = desired[i] - q[i];
             e_dot[i] = desired[n + i] - v[i];

@@ -13,8 +13,8 @@
 
 use super::adaptation::Concurrent;
 use super::adaptive::AdaptiveSpec;
-use super::composite::LaneComposite;
-use super::joint_columns::{JointColumn, LaneColumns};
+use super::composite::LoopComposite;
+use super::joint_columns::{JointColumn, LoopColumns};
 use super::sizes::require_size;
 use crate::dynamics::{AnyArm, Dynamics};
 use crate::error::{Error, Result, finite, positive};
@@ -188,7 +188,7 @@ impl AdaptiveSpec {
         let (count, bodies) = (record.q.len() / n, p - self.columns.count());
         let mut rows = memory::zeros(count * n * p)?;
         let (mut full, mut entries) = (vec![0.0; n * all], vec![0.0; p - bodies]);
-        let joints = LaneColumns::<f64>::from_lanes(|_| &self.columns);
+        let joints = LoopColumns::<f64>::new(&self.columns);
         for (k, w) in rows.chunks_exact_mut(n * p).enumerate() {
             look();
             let at = k * n..(k + 1) * n;
@@ -222,8 +222,8 @@ impl AdaptiveSpec {
         let count = (records - 1 - half) / half;
         let mut stored = StoredRows { rows: memory::zeros(count * n * p)?, torques: memory::zeros(count * n)? };
         let (bodies, armature) = (p - self.columns.count(), self.known_rotors());
-        let mut lanes = LaneComposite::<f64>::from_lanes(|_| self);
-        let (arm, joints) = (AnyArm::from_lanes(|_| &self.model), LaneColumns::from_lanes(|_| &self.columns));
+        let mut composite = LoopComposite::<f64>::new(self);
+        let (arm, joints) = (AnyArm::new(&self.model), LoopColumns::new(&self.columns));
         let rotors = if self.columns.has(JointColumn::Armature) { n } else { 0 };
         let (mut workspace, mut entries, mut inertial) = (arm.workspace(), vec![0.0; p - bodies], vec![0.0; n * bodies]);
         let parts = stored.rows.chunks_exact_mut(n * p).zip(stored.torques.chunks_exact_mut(n));
@@ -235,16 +235,16 @@ impl AdaptiveSpec {
             for k in first..=last {
                 let (x, v, tau) = (rows_of(record, k, n), &record.v[k * n..(k + 1) * n], &record.tau[k * n..(k + 1) * n]);
                 let trig: Vec<(f64, f64)> = x[..n].iter().map(|q| q.sin_cos()).collect();
-                lanes.look(&arm, &mut workspace, &joints, &trig, &x);
+                composite.look(&arm, &mut workspace, &joints, &trig, &x);
                 let end = if k == first { -1.0 } else { f64::from(u8::from(k == last)) };
                 // Simpson's rule integrates `Y_D` and a measured torque. The left rectangle rule integrates a torque that is constant
                 // between instants.
                 let part = if k == first || k == last { 1.0 } else { 2.0 + 2.0 * ((k - first) % 2) as f64 };
                 let (weight, held) = (part * windows.step / 3.0, if k == last { 0.0 } else { windows.step });
-                for (sum, (y_m, y_d)) in inertial.iter_mut().zip(lanes.momentum_and_drift()) {
+                for (sum, (y_m, y_d)) in inertial.iter_mut().zip(composite.momentum_and_drift()) {
                     *sum += end * y_m + weight * y_d;
                 }
-                for (i, (sum, entry)) in entries.iter_mut().zip(lanes.entries()).enumerate() {
+                for (i, (sum, entry)) in entries.iter_mut().zip(composite.entries()).enumerate() {
                     *sum += if i < rotors { end * entry } else { weight * entry };
                 }
                 for i in 0..n {
@@ -277,18 +277,15 @@ fn place(w: &mut [f64], p: usize, of_bodies: impl Fn(usize, usize) -> f64, bodie
 }
 
 /// The sums over the stored samples in a control loop.
-pub(super) struct LaneConcurrent<S> {
+pub(super) struct LoopConcurrent<S> {
     gram: Vec<S>,
     moment: Vec<S>,
 }
 
-impl<S: Real> LaneConcurrent<S> {
-    pub fn from_lanes<'a>(of: impl Fn(usize) -> Option<&'a Concurrent>) -> Option<Self> {
-        let first = of(0)?;
-        let each = |get: &dyn Fn(&'a Concurrent) -> &'a [f64]| -> Vec<S> {
-            (0..get(first).len()).map(|k| S::from_lanes(|lane| get(of(lane).unwrap_or(first))[k])).collect()
-        };
-        Some(LaneConcurrent { gram: each(&|own| &own.gram), moment: each(&|own| &own.moment) })
+impl<S: Real> LoopConcurrent<S> {
+    pub fn new(concurrent: &Concurrent) -> Self {
+        let numbers = |values: &[f64]| values.iter().map(|&x| S::varying(x)).collect();
+        LoopConcurrent { gram: numbers(&concurrent.gram), moment: numbers(&concurrent.moment) }
     }
 
     /// Add the adaptation from stored samples, `sum W_j' R e_j`, to `w`, and subtract it from `back`, `(p,)` each. Here `W_j` is the

@@ -179,7 +179,7 @@ pub(super) use facts;
 ///
 /// let law = PdGravitySpec::new(model, vec![0.5], Gain::scalar("kp", 1, 20.0)?, Gain::scalar("kd", 1, 4.0)?)?;
 /// let law = LawSpec::from(law);
-/// let mut control = LawSpec::build::<f64>(|_| &law);
+/// let mut control = law.build::<f64>();
 /// let (q, v, mut tau): (f64, f64, _) = (0.3, 0.1, [0.0]);
 /// control.evaluate(&law.desired::<f64>(0.0), &[q.sin_cos()], &[q, v], &[], &mut tau, &mut []);
 /// assert!((tau[0] - (20.0 * 0.2 - 4.0 * v + 5.0 * q.sin())).abs() < 1e-12);
@@ -226,17 +226,10 @@ pub trait Law<S: Real> {
     }
 }
 
-/// A law that can be built for loops on any number type.
-pub trait Build: Definition {
-    /// The type of the law in a control loop on the number type `S`.
-    type Lanes<S: Real>: Law<S> + Send + 'static;
-
-    /// Build one law for all lanes. The laws of the lanes must have the same shape.
-    fn build<'a, S: Real>(of: impl Fn(usize) -> &'a Self) -> Self::Lanes<S>
-    where
-        Self: 'a;
-
-    /// Whether both laws can run in lanes of one register. The caller has already compared their arms, coordinates and states.
+/// Whether two laws of one kind have the same shape.
+pub trait Shape {
+    /// Whether the loops of both laws have the same operations, and differ only in their numbers. The caller has already compared their
+    /// arms, coordinates and states.
     fn same_shape(&self, _: &Self) -> bool {
         true
     }
@@ -271,7 +264,7 @@ pub enum Route {
 }
 
 impl Route {
-    /// Whether direct evaluation of the law requires `f64`, not SIMD registers or dual numbers.
+    /// Whether direct evaluation of the law requires `f64`, not dual numbers.
     pub fn is_scalar(self) -> bool {
         self != Route::Straight
     }

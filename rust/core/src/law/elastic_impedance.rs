@@ -14,7 +14,7 @@
 //! definite sign.
 
 use super::cartesian_impedance::{CartesianImpedance, CartesianImpedanceSpec};
-use super::definition::{Build, Definition, Law};
+use super::definition::{Definition, Law, Shape};
 use super::impedance_options::held;
 use super::inertia_reduction::{Reduction, ReductionSpec, described, reduced_facts};
 use super::terms::{Instant, Term};
@@ -72,7 +72,7 @@ impl Definition for ElasticImpedanceSpec {
 
     fn terms(&self, at: &Instant) -> Vec<Term> {
         let n = self.outer.model.n();
-        let mut law = Self::build::<f64>(|_| self);
+        let mut law = self.build::<f64>();
         let (mut tau, mut rate) = (vec![0.0; n], vec![0.0; at.z.len()]);
         law.evaluate(at.desired, at.trig, at.x, at.z, &mut tau, &mut rate);
         let own = ["u", "tau", "integral_rate"];
@@ -91,27 +91,19 @@ impl Definition for ElasticImpedanceSpec {
     }
 }
 
-impl Build for ElasticImpedanceSpec {
-    type Lanes<S: Real> = ElasticImpedance<S>;
-
-    fn build<'a, S: Real>(of: impl Fn(usize) -> &'a Self) -> ElasticImpedance<S> {
-        let mut outer: CartesianImpedance<S> = CartesianImpedanceSpec::build(|i| &of(i).outer);
-        let zeros = vec![S::zero(); of(0).outer.model.n()];
-        ElasticImpedance {
-            limits: outer.extras.take_torque_limits(),
-            outer,
-            inner: ReductionSpec::build(|i| &of(i).inner),
-            column: zeros.clone(),
-            push: zeros,
-        }
-    }
-
+impl Shape for ElasticImpedanceSpec {
     fn same_shape(&self, other: &Self) -> bool {
         self.outer.same_shape(&other.outer)
     }
 }
 
 impl ElasticImpedanceSpec {
+    pub(super) fn build<S: Real>(&self) -> ElasticImpedance<S> {
+        let mut outer: CartesianImpedance<S> = self.outer.build();
+        let zeros = vec![S::zero(); self.outer.model.n()];
+        ElasticImpedance { limits: outer.extras.take_torque_limits(), outer, inner: self.inner.build(), column: zeros.clone(), push: zeros }
+    }
+
     /// Terms for diagnosis: mass matrix `M`, Coriolis matrix `S`, gravity torque `g`, `Jdot`, and in the task space `M_x = (J M^-1 J')^-1`
     /// and `S_x = M_x (J M^-1 S - Jdot) M^-1 J' M_x`.
     ///

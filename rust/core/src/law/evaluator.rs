@@ -24,7 +24,7 @@ impl<S: Real> BufferedLaw<S> {
     fn new(spec: &LawSpec) -> Self {
         let (n, zeros) = (spec.model().n(), |k: usize| vec![S::zero(); k]);
         let trig = vec![(S::zero(), S::zero()); n];
-        BufferedLaw { law: LawSpec::build(|_| spec), trig, tau: zeros(n), dz: zeros(spec.initial_state().len()) }
+        BufferedLaw { law: spec.build(), trig, tau: zeros(n), dz: zeros(spec.initial_state().len()) }
     }
 
     fn turn(&mut self, x: &[S]) {

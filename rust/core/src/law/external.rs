@@ -1,6 +1,6 @@
 //! An external law: a function that the caller supplies. It is a function of time and measured state, and is evaluated at samples.
 
-use super::definition::{Build, Definition, Law, Route};
+use super::definition::{Definition, Law, Route, Shape};
 use super::terms::{Instant, Term};
 use crate::dynamics::Model;
 use crate::motion::Motion;
@@ -93,18 +93,16 @@ impl Definition for ExternalSpec {
     }
 }
 
-impl Build for ExternalSpec {
-    type Lanes<S: Real> = External;
+impl Shape for ExternalSpec {}
 
-    /// Build the law for one run. Such a law cannot run in lanes.
-    fn build<'a, S: Real>(of: impl Fn(usize) -> &'a Self) -> External {
-        let spec = of(0);
-        let n = spec.model.n();
-        External { call: spec.call.clone(), t: 0.0, x: vec![0.0; spec.plant.states(n)], tau: vec![0.0; n] }
+impl ExternalSpec {
+    pub(super) fn build<S: Real>(&self) -> impl Law<S> + Send + use<S> {
+        let n = self.model.n();
+        External { call: self.call.clone(), t: 0.0, x: vec![0.0; self.plant.states(n)], tau: vec![0.0; n] }
     }
 }
 
-/// The law in a control loop of one run.
+/// The law in a control loop.
 pub struct External {
     call: Call,
     t: f64,

@@ -22,7 +22,7 @@
 //! and `r_c c`, divided by `c`, are the values `y_c` and `r_c` at contact.
 
 use super::LawSpec;
-use super::definition::{Build, Definition, JointReference, Law, Route};
+use super::definition::{Definition, JointReference, Law, Route};
 use super::inertia_reduction::ReductionSpec;
 use super::level::Level;
 use super::sizes::{require_rows, require_size};
@@ -234,7 +234,7 @@ impl Definition for GuardedSpec {
         let own = self.inner.initial_state().len();
         let mut terms = self.inner.terms(&Instant { t: at.t, desired: at.desired, trig: at.trig, x: at.x, z: &at.z[..own] });
         terms.retain(|(name, ..)| *name != "tau");
-        let mut law = Self::build::<f64>(|_| self);
+        let mut law = self.build::<f64>();
         let mut tau = vec![0.0; n];
         law.evaluate(at.desired, at.trig, at.x, at.z, &mut tau, &mut vec![0.0; at.z.len()]);
         terms.extend([

@@ -1,58 +1,32 @@
 //! A guarded law in a control loop, with the equations of [`super::guarded`].
 
-use super::LawSpec;
-use super::definition::{Build, Law};
+use super::definition::{Law, Shape};
 use super::guarded::{GuardedSpec, Reaction};
 use crate::dynamics::{AnyArm, Dynamics, Workspace};
 use crate::linalg::gain::{AnyGain, Gain, Multiply};
-use crate::scalar::{Real, sign};
+use crate::scalar::{Real, labelled_numbers, sign};
 
-impl Build for GuardedSpec {
-    type Lanes<S: Real> = Guarded<S>;
-
-    fn build<'a, S: Real>(of: impl Fn(usize) -> &'a Self) -> Guarded<S> {
-        let first = of(0);
-        let n = first.model.n();
-        let arm = AnyArm::from_lanes(|i| &of(i).model);
-        let rows = |name, get: &dyn Fn(&Self) -> &[f64]| {
-            S::labelled(name, 1, || (0..get(first).len()).map(|k| S::from_lanes(|i| get(of(i))[k])).collect::<Vec<S>>())
-        };
-        let one = Gain::unchecked(n, vec![1.0; n]);
-        let gains_of = |i: usize| of(i).reaction.as_ref().map_or((None, None), Reaction::gains);
-        let stiffness = |i: usize| gains_of(i).0.unwrap_or(&one).clone();
-        let damping = |i: usize| gains_of(i).1.unwrap_or(&one).clone();
-        let retreat = |get: fn(f64, f64) -> f64| {
-            S::from_lanes(|i| match &of(i).reaction {
-                Some(Reaction::Retract(_, _, speed, duration)) => get(*speed, *duration),
-                _ => f64::NAN,
-            })
-        };
-        let lanes = |get: &dyn Fn(usize) -> Gain| -> Vec<Gain> { (0..S::LANES).map(get).collect() };
-        let gain = |name, gains: &[Gain]| AnyGain::labelled(name, |i| &gains[i]);
-        let acts = first.reacts();
-        // `inner` is passed as a trait object. The inner law is built by the same generic function. With the type of a closure, the
-        // compiler would instantiate this function again for each inner law, without end.
-        let inner = |i: usize| &*of(i).inner;
+impl GuardedSpec {
+    pub(super) fn build<S: Real>(&self) -> Guarded<S> {
+        let n = self.model.n();
+        let arm = AnyArm::new(&self.model);
+        let (stiffness, damping) = self.reaction.as_ref().map_or((None, None), Reaction::gains);
+        let [viscous, coulomb] = &self.friction;
+        let retreat = if let Some(Reaction::Retract(_, _, speed, duration)) = &self.reaction { Some([*speed, *duration]) } else { None };
         Guarded {
-            inner: LawSpec::build(&inner as &dyn Fn(usize) -> &'a LawSpec),
-            own: first.inner.initial_state().len(),
+            inner: self.inner.build(),
+            own: self.inner.initial_state().len(),
             workspace: arm.workspace(),
             arm,
-            gain: AnyGain::labelled("observer_gain", |i| &of(i).gain),
-            gains: lanes(&|i| of(i).gain.clone()),
-            viscous: rows("observer_damping", &|law| &law.friction[0]),
-            coulomb: rows("observer_friction", &|law| &law.friction[1]),
-            springs: first.joint_stiffness.is_some().then(|| {
-                let of_joints = lanes(&|i| of(i).joint_stiffness.clone().unwrap_or_else(|| one.clone()));
-                gain("law_joint_stiffness", &of_joints)
-            }),
-            thresholds: if acts { rows("threshold", &|law| &law.thresholds) } else { Vec::new() },
-            stiffness: gains_of(0).0.is_some().then(|| gain("reaction_stiffness", &lanes(&stiffness))),
-            damping: gains_of(0).1.is_some().then(|| gain("reaction_damping", &lanes(&damping))),
-            retreat: matches!(first.reaction, Some(Reaction::Retract(..))).then(|| {
-                [("reaction_speed", retreat(|speed, _| speed)), ("reaction_duration", retreat(|_, duration| duration))]
-                    .map(|(name, x)| S::labelled(name, 0, || x))
-            }),
+            gain: AnyGain::labelled("observer_gain", &self.gain),
+            continuous_gain: self.gain.clone(),
+            viscous: labelled_numbers("observer_damping", viscous),
+            coulomb: labelled_numbers("observer_friction", coulomb),
+            springs: self.joint_stiffness.as_ref().map(|stiffness| AnyGain::labelled("law_joint_stiffness", stiffness)),
+            thresholds: if self.reacts() { labelled_numbers("threshold", &self.thresholds) } else { Vec::new() },
+            stiffness: stiffness.map(|gain| AnyGain::labelled("reaction_stiffness", gain)),
+            damping: damping.map(|gain| AnyGain::labelled("reaction_damping", gain)),
+            retreat: retreat.map(|numbers| numbers.map(S::varying)),
             limits: Vec::new(),
             mass: vec![S::zero(); n * n],
             coriolis: vec![S::zero(); n * n],
@@ -66,7 +40,9 @@ impl Build for GuardedSpec {
             reacting: S::zero(),
         }
     }
+}
 
+impl Shape for GuardedSpec {
     fn same_shape(&self, other: &Self) -> bool {
         let alike = match (&self.reaction, &other.reaction) {
             (Some(Reaction::Float(one)), Some(Reaction::Float(two))) => one.is_some() == two.is_some(),
@@ -86,8 +62,8 @@ pub struct Guarded<S: Real> {
     workspace: Workspace<S>,
     /// Observer gain, 1/s: `K` in a continuous loop, `K_T = K (I + K T)^-1` in a sampled loop with the sample time `T`.
     gain: AnyGain<S>,
-    /// Observer gain `K` of each lane, from which `gain` is computed.
-    gains: Vec<Gain>,
+    /// Observer gain `K`, from which `gain` is computed.
+    continuous_gain: Gain,
     viscous: Vec<S>,
     coulomb: Vec<S>,
     /// Joint stiffness `K_J` of an elastic arm, N m/rad or N/m; `None` for a rigid arm.
@@ -190,8 +166,7 @@ impl<S: Real> Law<S> for Guarded<S> {
         self.inner.configure(period, limits);
         self.limits = limits.to_vec();
         if let Some(period) = period {
-            let sampled: Vec<Gain> = self.gains.iter().map(|gain| implicit(gain, period)).collect();
-            self.gain = AnyGain::labelled("observer_gain", |i| &sampled[i]);
+            self.gain = AnyGain::labelled("observer_gain", &implicit(&self.continuous_gain, period));
         }
     }
 

@@ -12,7 +12,7 @@ use super::null_space::{NULL_SPACE_EPS, NullSpaceSpec};
 use super::sizes::require_size;
 use crate::error::{Error, Result, finite, positive};
 use crate::linalg::gain::{AnyGain, Gain, Multiply};
-use crate::scalar::Real;
+use crate::scalar::{Real, labelled_numbers};
 
 /// Options of a Cartesian impedance law, validated by [`super::CartesianImpedanceSpec::with`].
 ///
@@ -111,11 +111,6 @@ impl ImpedanceOptions {
         require_limits("tau_max", n, self.tau_max.as_ref())
     }
 
-    /// The options of the null space and the coupling.
-    pub(super) fn null_space(&self) -> (Option<&NullSpaceSpec>, bool, f64) {
-        (self.null_space.as_ref(), self.compensate_coupling, self.eps)
-    }
-
     /// Whether the wrench or the torque has limits. Beyond a limit, the wrench is not the wrench of a spring and a damper.
     pub fn have_limits(&self) -> bool {
         self.wrench_max.is_some() || self.tau_max.is_some()
@@ -126,7 +121,7 @@ impl ImpedanceOptions {
         self.null_space.is_none() && self.integral_gain.is_none() && self.wrench_max.is_none() && self.tau_max.is_none()
     }
 
-    /// Whether both options have the same terms, so that their loops can run in lanes of one register.
+    /// Whether both options have the same terms.
     pub(super) fn same_shape(&self, other: &Self) -> bool {
         let shape = |o: &Self| {
             let projection = o.null_space.as_ref().map(|null_space| null_space.projection);
@@ -146,20 +141,13 @@ pub(super) struct Extras<S> {
 }
 
 impl<S: Real> Extras<S> {
-    /// Create the terms for the options `of(lane)`, which have the same shape in all lanes.
-    pub fn new<'a>(of: impl Fn(usize) -> &'a ImpedanceOptions) -> Self {
-        let numbers = |name: &'static str, get: fn(&ImpedanceOptions) -> &Option<Vec<f64>>| {
-            let count = get(of(0)).as_ref()?.len();
-            let at = |k: usize| S::from_lanes(|lane| get(of(lane)).as_ref().map_or(f64::NAN, |numbers| numbers[k]));
-            Some(S::labelled(name, 1, || (0..count).map(at).collect()))
-        };
-        let first = of(0);
-        let gain = |own: &'a Gain| AnyGain::labelled("integral_gain", |lane| of(lane).integral_gain.as_ref().unwrap_or(own));
+    pub fn new(options: &ImpedanceOptions) -> Self {
+        let numbers = |name, numbers: &Option<Vec<f64>>| numbers.as_ref().map(|numbers| labelled_numbers(name, numbers));
         Extras {
-            feedforward: numbers("feedforward", |options| &options.feedforward),
-            integral_gain: first.integral_gain.as_ref().map(gain),
-            wrench_max: numbers("law_wrench_max", |options| &options.wrench_max),
-            tau_max: numbers("law_tau_max", |options| &options.tau_max),
+            feedforward: numbers("feedforward", &options.feedforward),
+            integral_gain: options.integral_gain.as_ref().map(|gain| AnyGain::labelled("integral_gain", gain)),
+            wrench_max: numbers("law_wrench_max", &options.wrench_max),
+            tau_max: numbers("law_tau_max", &options.tau_max),
         }
     }
 

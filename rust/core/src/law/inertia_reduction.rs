@@ -120,13 +120,13 @@ impl ReductionSpec {
             && plant.joint_damping.iter().chain(&plant.motor_friction).all(|&d| d == 0.0)
     }
 
-    pub(super) fn build<'a, S: Real>(of: impl Fn(usize) -> &'a Self) -> Reduction<S> {
-        let zeros = vec![S::zero(); of(0).ratio.n()];
+    pub(super) fn build<S: Real>(&self) -> Reduction<S> {
+        let zeros = vec![S::zero(); self.ratio.n()];
         Reduction {
-            joint_stiffness: AnyGain::labelled("law_joint_stiffness", |i| &of(i).joint_stiffness),
-            motor_damping: AnyGain::labelled("motor_damping", |i| &of(i).motor_damping),
-            ratio: AnyGain::labelled("inertia_ratio", |i| &of(i).ratio),
-            relative: S::from_lanes(|i| f64::from(of(i).relative)),
+            joint_stiffness: AnyGain::labelled("law_joint_stiffness", &self.joint_stiffness),
+            motor_damping: AnyGain::labelled("motor_damping", &self.motor_damping),
+            ratio: AnyGain::labelled("inertia_ratio", &self.ratio),
+            relative: S::varying(f64::from(self.relative)),
             u: zeros.clone(),
             spring: zeros.clone(),
             damped: zeros.clone(),

@@ -13,8 +13,8 @@
 
 use crate::dynamics::Model;
 use crate::error::{Error, Result, positive};
-use crate::scalar::Real;
 use crate::scalar::hyperbolic::{decay, tanh};
+use crate::scalar::{Real, labelled_numbers};
 
 /// A kind of joint column. Each kind has one parameter per joint.
 ///
@@ -134,17 +134,15 @@ impl JointColumns {
 }
 
 /// The joint columns in a control loop.
-pub(super) struct LaneColumns<S> {
+pub(super) struct LoopColumns<S> {
     kinds: Vec<JointColumn>,
     speeds: Vec<S>,
 }
 
-impl<S: Real> LaneColumns<S> {
-    pub fn from_lanes<'a>(of: impl Fn(usize) -> &'a JointColumns) -> Self {
-        let first = of(0);
-        let n = if first.is_empty() { 0 } else { first.speeds.len() };
-        let speeds = S::labelled("friction_speed", 1, || (0..n).map(|k| S::from_lanes(|lane| of(lane).speeds[k])).collect());
-        LaneColumns { kinds: first.kinds.clone(), speeds }
+impl<S: Real> LoopColumns<S> {
+    pub fn new(columns: &JointColumns) -> Self {
+        let speeds: &[f64] = if columns.is_empty() { &[] } else { &columns.speeds };
+        LoopColumns { kinds: columns.kinds.clone(), speeds: labelled_numbers("friction_speed", speeds) }
     }
 
     /// Compute the entries of the columns, `(kinds n,)`, one kind after another.

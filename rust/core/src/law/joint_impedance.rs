@@ -1,7 +1,7 @@
 //! Joint impedance through elastic joints (Albu-Schaeffer, Ott and Hirzinger 2007): `u = K (q_d - q) - D v + g(q)` as the outer loop, and
 //! motor-inertia reduction as the inner loop.
 
-use super::definition::{Build, Definition, JointReference, Law};
+use super::definition::{Definition, JointReference, Law, Shape};
 use super::inertia_reduction::{Reduction, ReductionSpec, reduced_facts};
 use super::pd_gravity::{PdGravity, PdGravitySpec};
 use super::terms::{Instant, Term};
@@ -39,7 +39,7 @@ impl Definition for JointImpedanceSpec {
 
     fn terms(&self, at: &Instant) -> Vec<Term> {
         let n = self.model().n();
-        let mut law = Self::build::<f64>(|_| self);
+        let mut law = self.build::<f64>();
         let mut tau = vec![0.0; n];
         law.evaluate(at.desired, at.trig, at.x, &[], &mut tau, &mut []);
         let mut terms: Vec<Term> = self.outer.terms(at).into_iter().filter(|(name, _, _)| *name != "tau").collect();
@@ -53,11 +53,11 @@ impl Definition for JointImpedanceSpec {
     }
 }
 
-impl Build for JointImpedanceSpec {
-    type Lanes<S: Real> = JointImpedance<S>;
+impl Shape for JointImpedanceSpec {}
 
-    fn build<'a, S: Real>(of: impl Fn(usize) -> &'a Self) -> JointImpedance<S> {
-        JointImpedance { outer: PdGravitySpec::build(|i| &of(i).outer), inner: ReductionSpec::build(|i| &of(i).inner) }
+impl JointImpedanceSpec {
+    pub(super) fn build<S: Real>(&self) -> JointImpedance<S> {
+        JointImpedance { outer: self.outer.build(), inner: self.inner.build() }
     }
 }
 

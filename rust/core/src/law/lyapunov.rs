@@ -4,9 +4,9 @@
 //! `(a_k - a_hat_k)^2 / (2 gamma_k)` of each parameter `a_k` of a joint column. `s` is the sliding variable, `M` the mass matrix, `a_hat`
 //! the estimate, `P` the pseudo-inertia of a body and `d` a divergence.
 
-use super::{Adaptation, AdaptiveSpec, LawSpec};
+use super::{Adaptation, LawSpec};
 use crate::dynamics::ArmAt;
-use crate::linalg::gain::{AnyGain, Gain, Multiply};
+use crate::linalg::gain::{AnyGain, Multiply};
 use crate::plant::PlantSpec;
 use crate::scalar::Real;
 use crate::spatial::PARAMETERS;
@@ -22,7 +22,7 @@ enum EstimateMetric<S> {
     Natural(Vec<S>),
 }
 
-/// The Lyapunov functions of the laws in the lanes.
+/// The Lyapunov function of a law in a control loop.
 pub struct Lyapunov<S: Real> {
     lambda: AnyGain<S>,
     metric: EstimateMetric<S>,
@@ -35,35 +35,21 @@ pub struct Lyapunov<S: Real> {
 }
 
 impl<S: Real> Lyapunov<S> {
-    /// The Lyapunov functions of the laws `of(lane)`, which have the same shape, on the plants `plant(lane)`. `None` for laws without
-    /// adaptation.
-    pub fn new<'a>(of: impl Fn(usize) -> &'a LawSpec, plant: impl Fn(usize) -> &'a PlantSpec) -> Option<Self> {
-        let own = of(0).adaptive()?;
-        let law = |lane: usize| of(lane).adaptive().unwrap_or(own);
-        let each = |get: &dyn Fn(usize) -> Vec<f64>| -> Vec<S> {
-            let lanes: Vec<Vec<f64>> = (0..S::LANES).map(get).collect();
-            (0..lanes[0].len()).map(|k| S::from_lanes(|lane| lanes[lane][k])).collect()
-        };
-        let metric = match &own.adaptation {
-            Adaptation::Euclidean(_) => {
-                let gammas: Vec<&Gain> = (0..S::LANES).filter_map(|lane| euclidean(law(lane))).collect();
-                if gammas.iter().all(|gamma| gamma.is_diagonal()) {
-                    EstimateMetric::Diagonal(each(&|lane| (0..gammas[lane].n()).map(|i| gammas[lane].at(i, i)).collect()))
-                } else {
-                    let inverses: Vec<Gain> = gammas.iter().map(|gamma| gamma.inverse()).collect();
-                    EstimateMetric::Full(AnyGain::from_lanes(|lane| &inverses[lane]))
-                }
+    /// The Lyapunov function of `law` on `plant`. `None` for a law without adaptation.
+    pub fn new(law: &LawSpec, plant: &PlantSpec) -> Option<Self> {
+        let law = law.adaptive()?;
+        let metric = match &law.adaptation {
+            Adaptation::Euclidean(gamma) if gamma.is_diagonal() => {
+                EstimateMetric::Diagonal((0..gamma.n()).map(|i| S::varying(gamma.at(i, i))).collect())
             }
-            Adaptation::Natural(_) => EstimateMetric::Natural(each(&|lane| match &law(lane).adaptation {
-                Adaptation::Natural(gamma) => gamma.clone(),
-                Adaptation::Euclidean(_) => Vec::new(),
-            })),
+            Adaptation::Euclidean(gamma) => EstimateMetric::Full(AnyGain::new(&gamma.inverse())),
+            Adaptation::Natural(gammas) => EstimateMetric::Natural(gammas.iter().map(|&gamma| S::varying(gamma)).collect()),
         };
-        let truth = each(&|lane| law(lane).truth(plant(lane)));
-        let n = own.model.n();
+        let truth: Vec<S> = law.truth(plant).into_iter().map(S::varying).collect();
+        let n = law.model.n();
         let zeros = |k: usize| vec![S::zero(); k];
         Some(Lyapunov {
-            lambda: AnyGain::from_lanes(|lane| &law(lane).lambda),
+            lambda: AnyGain::new(&law.lambda),
             metric,
             e: zeros(n),
             s: zeros(n),
@@ -109,11 +95,6 @@ impl<S: Real> Lyapunov<S> {
         };
         half.mul_add(kinetic, rest)
     }
-}
-
-/// The gain `Gamma` of the law; `None` in the natural metric.
-fn euclidean(law: &AdaptiveSpec) -> Option<&Gain> {
-    if let Adaptation::Euclidean(gamma) = &law.adaptation { Some(gamma) } else { None }
 }
 
 /// The sum over the bodies of `d(P || P_hat) / gamma`, plus the sum over the other parameters of `(a_k - a_hat_k)^2 / (2 gamma_k)`.

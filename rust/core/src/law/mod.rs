@@ -5,8 +5,8 @@
 //! Terms of this folder:
 //! - `n` is the number of joints without mimic joints, and `m` the number of rows of a task.
 //! - `p` is the length of the law's state `z`, or the number of estimated parameters.
-//! - A *lane* is one entry of a SIMD register. A law on registers computes one run per lane. The laws of the lanes have the *same shape*:
-//!   they are of one kind, with equal sizes, arms of equal geometry, and the same options. Their numbers may differ.
+//! - Two laws have the *same shape* if they are of one kind, with equal sizes, arms of equal geometry, and the same options. Their numbers
+//!   may differ.
 //! - A *program* is a recorded and compiled computation (`trace`), here of a law. Its results have the same bits as a direct evaluation.
 //! - *Joint columns* are the columns of the regressor for armature (rotor inertia) and friction, after the columns of the bodies.
 
@@ -65,7 +65,7 @@ pub(crate) use cartesian_impedance::turn_rates;
 pub use computed_torque::ComputedTorqueSpec;
 pub use concurrent::{Record, StoredRows, Windows};
 pub(crate) use decided::{RecordedSolver, Solve};
-use definition::Build;
+use definition::Shape;
 pub use definition::{Definition, JointReference, Law, Route};
 pub use elastic_impedance::ElasticImpedanceSpec;
 pub use evaluator::LawEvaluator;
@@ -99,7 +99,7 @@ use crate::motion::sample_all;
 use crate::scalar::Real;
 use std::ops::{Deref, DerefMut};
 
-/// Declare the kinds of laws: the enum, its conversions, and the construction for lanes. Each law has one entry in this list.
+/// Declare the kinds of laws: the enum, its conversions, and the construction for a loop. Each law has one entry in this list.
 macro_rules! laws {
     ($($(#[$doc:meta])* $law:ident($definition:ty),)*) => {
         /// A law of any kind, with the interface [`Definition`].
@@ -147,22 +147,14 @@ macro_rules! laws {
         }
 
         impl LawSpec {
-            /// Build one law for all lanes. The laws of the lanes must have the same shape.
-            pub fn build<'a, S: Real>(of: impl Fn(usize) -> &'a LawSpec) -> Box<dyn Law<S> + Send> {
-                Self::of_lanes(&of)
-            }
-
-            /// The argument `of` is a reference to a closure. So this function is compiled once per number type, not once per caller.
-            fn of_lanes<'a, S: Real>(of: &dyn Fn(usize) -> &'a LawSpec) -> Box<dyn Law<S> + Send> {
-                match of(0) {
-                    $(LawSpec::$law(_) => Box::new(<$definition>::build::<S>(|lane| match of(lane) {
-                        LawSpec::$law(law) => law,
-                        other => unreachable!("{} in the lanes of {}", other.name(), of(0).name()),
-                    })),)*
+            /// Build the law for a control loop on the number type `S`.
+            pub fn build<S: Real>(&self) -> Box<dyn Law<S> + Send> {
+                match self {
+                    $(LawSpec::$law(law) => Box::new(law.build::<S>()),)*
                 }
             }
 
-            /// Whether both laws can run in lanes of one register.
+            /// Whether the loops of both laws have the same operations, and differ only in their numbers.
             pub fn same_shape(&self, other: &LawSpec) -> bool {
                 self.model().same_geometry(other.model())
                     && self.coordinates() == other.coordinates()
@@ -224,7 +216,7 @@ impl LawSpec {
     pub fn restart(&self, x: &[f64], z: &mut [f64]) {
         if self.restarts() {
             let trig: Vec<(f64, f64)> = x[..self.model().n()].iter().map(|q| Real::sin_cos(*q)).collect();
-            LawSpec::build::<f64>(|_| self).restart(&trig, x, z);
+            self.build::<f64>().restart(&trig, x, z);
         }
     }
 
@@ -244,7 +236,7 @@ impl LawSpec {
         let mut terms = self.terms(&Instant { t, desired: &desired, trig: &trig, x, z });
         if !z.is_empty() {
             let mut rate = vec![0.0; z.len()];
-            LawSpec::build::<f64>(|_| self).evaluate(&desired, &trig, x, z, &mut vec![0.0; n], &mut rate);
+            self.build::<f64>().evaluate(&desired, &trig, x, z, &mut vec![0.0; n], &mut rate);
             terms.extend([("state", vec![z.len()], z.to_vec()), ("state_rate", vec![z.len()], rate)]);
         }
         terms

@@ -5,7 +5,7 @@
 //! (Albu-Schaeffer and Hirzinger 2001). `theta` are the motor positions. Units are those of revolute joints; for a prismatic joint, replace
 //! rad by m and N m by N.
 
-use super::definition::{Build, Definition, JointReference, Law, facts};
+use super::definition::{Definition, JointReference, Law, Shape, facts};
 use super::sizes::{require_rows, require_size};
 use super::terms::{Instant, Term};
 use crate::dynamics::{AnyArm, Dynamics, Model, Workspace};
@@ -102,7 +102,7 @@ impl<const TORQUE: bool> Definition for MotorRegulationSpec<TORQUE> {
 
     fn terms(&self, at: &Instant) -> Vec<Term> {
         let n = self.model.n();
-        let mut law = Self::build::<f64>(|_| self);
+        let mut law = self.build::<f64>();
         let mut tau = vec![0.0; n];
         law.evaluate(at.desired, at.trig, at.x, &[], &mut tau, &mut []);
         let theta_d = at.desired[..n].to_vec();
@@ -137,28 +137,30 @@ impl<const TORQUE: bool> Definition for MotorRegulationSpec<TORQUE> {
     }
 }
 
-impl<const TORQUE: bool> Build for MotorRegulationSpec<TORQUE> {
-    type Lanes<S: Real> = MotorRegulation<S, TORQUE>;
+impl<const TORQUE: bool> Shape for MotorRegulationSpec<TORQUE> {
+    fn same_shape(&self, other: &Self) -> bool {
+        self.online == other.online
+    }
+}
 
-    fn build<'a, S: Real>(of: impl Fn(usize) -> &'a Self) -> MotorRegulation<S, TORQUE> {
-        let n = of(0).model.n();
-        let arm = AnyArm::from_lanes(|i| &of(i).model);
+impl<const TORQUE: bool> MotorRegulationSpec<TORQUE> {
+    pub(super) fn build<S: Real>(&self) -> MotorRegulation<S, TORQUE> {
+        let arm = AnyArm::new(&self.model);
+        let n = self.model.n();
         let zeros = vec![S::zero(); n];
         MotorRegulation {
             workspace: arm.workspace(),
             arm,
             gains: [
-                AnyGain::labelled("kp", |i| &of(i).kp),
-                AnyGain::labelled("kd", |i| &of(i).kd),
-                AnyGain::labelled("kt", |i| &of(i).kt),
-                AnyGain::labelled("ks", |i| &of(i).ks),
+                AnyGain::labelled("kp", &self.kp),
+                AnyGain::labelled("kd", &self.kd),
+                AnyGain::labelled("kt", &self.kt),
+                AnyGain::labelled("ks", &self.ks),
             ],
-            joint_stiffness: AnyGain::labelled("law_joint_stiffness", |i| &of(i).joint_stiffness),
-            online: (0..S::LANES).any(|i| of(i).online),
-            load: (0..n).map(|k| S::from_lanes(|i| of(i).load[k])).collect(),
-            sag: (0..n).map(|k| S::from_lanes(|i| of(i).sag[k])).collect(),
-            // A lane without `online` uses gravity at the target.
-            follow: S::from_lanes(|i| f64::from(of(i).online)),
+            joint_stiffness: AnyGain::labelled("law_joint_stiffness", &self.joint_stiffness),
+            online: self.online,
+            load: self.load.iter().map(|&x| S::varying(x)).collect(),
+            sag: self.sag.iter().map(|&x| S::varying(x)).collect(),
             trig: vec![(S::zero(), S::zero()); n],
             spring: zeros.clone(),
             part: zeros.clone(),
@@ -174,7 +176,6 @@ pub struct MotorRegulation<S: Real, const TORQUE: bool> {
     gains: [AnyGain<S>; 4],
     joint_stiffness: AnyGain<S>,
     online: bool,
-    follow: S,
     load: Vec<S>,
     sag: Vec<S>,
     trig: Vec<(S, S)>,
@@ -196,7 +197,8 @@ impl<S: Real, const TORQUE: bool> MotorRegulation<S, TORQUE> {
         }
         self.arm.gravity(&mut self.workspace, &self.trig, &self.work, &mut self.part);
         for i in 0..theta.len() {
-            self.part[i] = self.follow.mul_add(self.part[i] - self.load[i], self.load[i]);
+            // The difference to the load at the target comes first, because this order rounds the torque.
+            self.part[i] = self.part[i] - self.load[i] + self.load[i];
         }
     }
 }

@@ -224,24 +224,22 @@ pub(super) struct Place<'a, S> {
 }
 
 impl<S: Real> NullSpace<S> {
-    /// Create the terms for the laws in the lanes, with `m` rows and `n` joints. `None` if there is neither a null space nor a compensated
-    /// coupling.
-    pub fn new<'a>(of: impl Fn(usize) -> (Option<&'a NullSpaceSpec>, bool, f64), [m, n]: [usize; 2]) -> Option<Self> {
-        let (first, coupling, _) = of(0);
-        if first.is_none() && !coupling {
+    /// Create the terms of a law with `m` rows and `n` joints, with the threshold `eps` of the clamp. `None` if there is neither a null space
+    /// nor a compensated coupling.
+    pub fn new(null_space: Option<&NullSpaceSpec>, coupling: bool, eps: f64, [m, n]: [usize; 2]) -> Option<Self> {
+        if null_space.is_none() && !coupling {
             return None;
         }
         let zeros = |k: usize| vec![S::zero(); k];
-        let posture = first.map(|first| {
-            let spec = |lane: usize| of(lane).0.unwrap_or(first);
-            let stiffness = AnyGain::labelled("null_stiffness", |lane| &spec(lane).stiffness);
-            let damping = AnyGain::labelled("null_damping", |lane| &spec(lane).damping);
-            (stiffness, damping, first.projection)
+        let posture = null_space.map(|spec| {
+            let stiffness = AnyGain::labelled("null_stiffness", &spec.stiffness);
+            let damping = AnyGain::labelled("null_damping", &spec.damping);
+            (stiffness, damping, spec.projection)
         });
         Some(NullSpace {
             posture,
             coupling,
-            floor: S::labelled("null_eps_squared", 0, || S::from_lanes(|lane| of(lane).2 * of(lane).2)),
+            floor: S::labelled("null_eps_squared", 0, || S::varying(eps * eps)),
             mass: zeros(n * n),
             factor: zeros(n * n),
             consistent: NullSpaceProjector::new(m, n),

@@ -1,6 +1,6 @@
 //! PD control with gravity compensation (Takegaki and Arimoto 1981): `tau = Kp (q_d - q) - Kd v + g(q)`.
 
-use super::definition::{Build, Definition, JointReference, Law, facts};
+use super::definition::{Definition, JointReference, Law, Shape, facts};
 use super::sizes::{require_rows, require_size};
 use super::terms::{Instant, Term};
 use crate::dynamics::{AnyArm, Dynamics, Model, Workspace};
@@ -75,17 +75,17 @@ impl Definition for PdGravitySpec {
     }
 }
 
-impl Build for PdGravitySpec {
-    type Lanes<S: Real> = PdGravity<S>;
+impl Shape for PdGravitySpec {}
 
-    fn build<'a, S: Real>(of: impl Fn(usize) -> &'a Self) -> PdGravity<S> {
-        let arm = AnyArm::from_lanes(|i| &of(i).model);
+impl PdGravitySpec {
+    pub(super) fn build<S: Real>(&self) -> PdGravity<S> {
+        let arm = AnyArm::new(&self.model);
         PdGravity {
             workspace: arm.workspace(),
-            work: vec![S::zero(); of(0).model.n()],
+            work: vec![S::zero(); self.model.n()],
             arm,
-            kp: AnyGain::labelled("kp", |i| &of(i).kp),
-            kd: AnyGain::labelled("kd", |i| &of(i).kd),
+            kp: AnyGain::labelled("kp", &self.kp),
+            kd: AnyGain::labelled("kd", &self.kd),
         }
     }
 }

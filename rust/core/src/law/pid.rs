@@ -16,15 +16,15 @@
 //!
 //! The law's state is `w` with an integral gain `Ki`, then `y` with a filter, then `s` with an observer, `(n,)` each.
 
-use super::definition::{Build, Definition, JointReference, Law, facts};
+use super::definition::{Definition, JointReference, Law, Shape, facts};
 use super::sizes::{require_rows, require_same_dof, require_size};
 use super::terms::{Instant, Term};
 use crate::dynamics::{AnyArm, Dynamics, Model, Workspace};
 use crate::error::{Error, Result};
 use crate::linalg::gain::{AnyGain, Gain, Multiply};
 use crate::motion::Motion;
-use crate::scalar::Real;
 use crate::scalar::hyperbolic::tanh;
+use crate::scalar::{Real, labelled_numbers};
 
 /// PID control with gravity compensation, with validated parameters.
 ///
@@ -168,7 +168,7 @@ impl Definition for PidSpec {
     /// follow. The last two terms are the torque before and after its limits.
     fn terms(&self, at: &Instant) -> Vec<Term> {
         let n = self.model.n();
-        let mut law = Self::build::<f64>(|_| self);
+        let mut law = self.build::<f64>();
         let (mut tau, mut rate) = (vec![0.0; n], vec![0.0; at.z.len()]);
         law.evaluate(at.desired, at.trig, at.x, at.z, &mut tau, &mut rate);
         let mut g = vec![0.0; n];
@@ -195,33 +195,25 @@ impl Definition for PidSpec {
     }
 }
 
-impl Build for PidSpec {
-    type Lanes<S: Real> = Pid<S>;
-
-    fn build<'a, S: Real>(of: impl Fn(usize) -> &'a Self) -> Pid<S> {
-        let first = of(0);
-        let n = first.model.n();
-        let arm = AnyArm::from_lanes(|i| &of(i).model);
-        let rows = |name, of: &dyn Fn(usize, usize) -> f64| S::labelled(name, 1, || (0..n).map(|k| S::from_lanes(|i| of(i, k))).collect());
-        let option = |name, get: &dyn Fn(&PidOptions) -> Option<&Vec<f64>>| {
-            get(&first.options).map(|own| rows(name, &|i, k| get(&of(i).options).unwrap_or(own)[k]))
-        };
-        let drives = || -> Vec<[Vec<f64>; 2]> { (0..S::LANES).map(|i| of(i).model.friction(true)).collect() };
+impl PidSpec {
+    pub(super) fn build<S: Real>(&self) -> Pid<S> {
+        let (n, options) = (self.model.n(), &self.options);
+        let arm = AnyArm::new(&self.model);
+        let option = |name, numbers: &Option<Vec<f64>>| numbers.as_ref().map(|numbers| labelled_numbers(name, numbers));
         Pid {
             workspace: arm.workspace(),
             arm,
-            kp: AnyGain::labelled("kp", |i| &of(i).kp),
-            ki: first.ki.as_ref().map(|own| AnyGain::labelled("ki", |i| of(i).ki.as_ref().unwrap_or(own))),
-            kd: AnyGain::labelled("kd", |i| &of(i).kd),
-            moves: first.moves(),
-            limits: option("law_tau_max", &|own| own.tau_max.as_ref()),
-            filter: option("derivative_filter", &|own| own.derivative_filter.as_ref()),
-            friction: option("friction_speed", &|own| own.friction_speed.as_ref()).map(|speed| {
-                let drives = drives();
-                [rows("damping", &|i, k| drives[i][0][k]), rows("friction", &|i, k| drives[i][1][k]), speed]
+            kp: AnyGain::labelled("kp", &self.kp),
+            ki: self.ki.as_ref().map(|ki| AnyGain::labelled("ki", ki)),
+            kd: AnyGain::labelled("kd", &self.kd),
+            moves: self.moves(),
+            limits: option("law_tau_max", &options.tau_max),
+            filter: option("derivative_filter", &options.derivative_filter),
+            friction: option("friction_speed", &options.friction_speed).map(|speed| {
+                let [damping, friction] = self.model.friction(true);
+                [labelled_numbers("damping", &damping), labelled_numbers("friction", &friction), speed]
             }),
-            observer: option("observer_bandwidth", &|own| own.observer_bandwidth.as_ref())
-                .zip(option("nominal_inertia", &|own| own.nominal_inertia.as_ref())),
+            observer: option("observer_bandwidth", &options.observer_bandwidth).zip(option("nominal_inertia", &options.nominal_inertia)),
             e: vec![S::zero(); n],
             speed: vec![S::zero(); n],
             drag: vec![S::zero(); n],
@@ -231,7 +223,9 @@ impl Build for PidSpec {
             free: vec![S::zero(); n],
         }
     }
+}
 
+impl Shape for PidSpec {
     fn same_shape(&self, other: &Self) -> bool {
         let shape = |law: &Self| {
             let PidOptions { tau_max, derivative_filter, friction_speed, observer_bandwidth, nominal_inertia: _ } = &law.options;

@@ -6,7 +6,7 @@
 //! at every evaluation.
 
 use super::decided::{Decided, RecordedSolver, Solve};
-use super::definition::{Build, Definition, Law, Route};
+use super::definition::{Definition, Law, Route, Shape};
 use super::joint_limits::{LimitOverrides, MotionLimits};
 use super::level::{self, Level, desired_size, require_levels, same_tasks, stack};
 use super::terms::{Instant, Term};
@@ -107,16 +107,16 @@ impl PriorityAccelerationSpec {
     fn with<P: Solve>(&self, solver: P) -> PriorityAcceleration<P> {
         let Ok(arm) = self.model.tree("arm") else { unreachable!("refused when the law was made") };
         let (n, total) = (self.model.n(), self.rows().iter().sum::<usize>());
-        let model = AnyArm::from_lanes(|_| &self.model);
+        let model = AnyArm::new(&self.model);
         let zeros = |k: usize| vec![P::Number::zero(); k];
         PriorityAcceleration {
             stack: stack(arm, &self.levels),
             solver,
             workspace: model.workspace(),
             arm: model,
-            gains: self.levels.iter().map(|level| AnyGain::labelled("gain", |_| &level.gain)).collect(),
-            dampings: self.levels.iter().map(Level::rate_gain).map(|gain| AnyGain::labelled("rate_gain", |_| &gain)).collect(),
-            joint_damping: P::Number::labelled("joint_damping", 0, || P::Number::from_lanes(|_| self.joint_damping)),
+            gains: self.levels.iter().map(|level| AnyGain::labelled("gain", &level.gain)).collect(),
+            dampings: self.levels.iter().map(Level::rate_gain).map(|gain| AnyGain::labelled("rate_gain", &gain)).collect(),
+            joint_damping: P::Number::labelled("joint_damping", 0, || P::Number::varying(self.joint_damping)),
             limits: self.limits.clone(),
             bounds: (vec![0.0; n], vec![0.0; n]),
             e: zeros(total),
@@ -175,14 +175,14 @@ impl Definition for PriorityAccelerationSpec {
     }
 }
 
-impl Build for PriorityAccelerationSpec {
-    type Lanes<S: Real> = Decided<PriorityAcceleration, PriorityAcceleration<RecordedSolver>>;
-
-    fn build<'a, S: Real>(of: impl Fn(usize) -> &'a Self) -> Self::Lanes<S> {
-        let (law, n) = (of(0), of(0).model.n());
-        Decided::new::<S>([desired_size(&law.levels), n, 2 * n], || law.plain(), || law.engine())
+impl PriorityAccelerationSpec {
+    pub(super) fn build<S: Real>(&self) -> Decided<PriorityAcceleration, PriorityAcceleration<RecordedSolver>> {
+        let n = self.model.n();
+        Decided::new::<S>([desired_size(&self.levels), n, 2 * n], || self.plain(), || self.engine())
     }
+}
 
+impl Shape for PriorityAccelerationSpec {
     fn same_shape(&self, other: &Self) -> bool {
         same_tasks((&self.levels, &self.options), (&other.levels, &other.options))
     }

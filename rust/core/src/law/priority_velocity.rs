@@ -10,7 +10,7 @@
 //! branches, and reports whether its result is valid. A law with the method `sns` cannot be recorded.
 
 use super::decided::{Decided, RecordedSolver, Solve};
-use super::definition::{Build, Definition, Law, Route};
+use super::definition::{Definition, Law, Route, Shape};
 use super::joint_limits::{LimitOverrides, MotionLimits};
 use super::level::{self, Level, desired_size, require_levels, same_tasks, stack};
 use super::terms::{Instant, Term};
@@ -113,7 +113,7 @@ impl PriorityVelocitySpec {
         PriorityVelocity {
             stack: stack(arm, &self.levels),
             solver,
-            gains: self.levels.iter().map(|level| AnyGain::labelled("gain", |_| &level.gain)).collect(),
+            gains: self.levels.iter().map(|level| AnyGain::labelled("gain", &level.gain)).collect(),
             limits: self.limits.clone(),
             bounds: (vec![0.0; n], vec![0.0; n]),
             e: vec![P::Number::zero(); total],
@@ -178,14 +178,14 @@ impl Definition for PriorityVelocitySpec {
     }
 }
 
-impl Build for PriorityVelocitySpec {
-    type Lanes<S: Real> = Decided<PriorityVelocity, PriorityVelocity<RecordedSolver>>;
-
-    fn build<'a, S: Real>(of: impl Fn(usize) -> &'a Self) -> Self::Lanes<S> {
-        let (law, n) = (of(0), of(0).model.n());
-        Decided::new::<S>([desired_size(&law.levels), n, n], || law.plain(), || law.engine())
+impl PriorityVelocitySpec {
+    pub(super) fn build<S: Real>(&self) -> Decided<PriorityVelocity, PriorityVelocity<RecordedSolver>> {
+        let n = self.model.n();
+        Decided::new::<S>([desired_size(&self.levels), n, n], || self.plain(), || self.engine())
     }
+}
 
+impl Shape for PriorityVelocitySpec {
     fn same_shape(&self, other: &Self) -> bool {
         same_tasks((&self.levels, &self.options), (&other.levels, &other.options))
     }

@@ -15,7 +15,7 @@
 //! planar PR arm are one body with `P = [[A, B], [B, C]]`.
 
 use crate::error::{Error, Result, finite};
-use crate::linalg::gain::Multiply;
+use crate::linalg::gain::{AnyGain, Multiply};
 use crate::linalg::jacobi_rotation::{JacobiRotation, least_to_turn};
 use crate::scalar::Real;
 use crate::spatial::PARAMETERS;
@@ -222,20 +222,17 @@ pub struct Projector<S> {
 }
 
 impl<S: Real> Projector<S> {
-    /// Create the projection `of(i)` in lane `i`. All lanes have the same number of bodies. An estimate of `p` numbers begins with the
-    /// bodies.
-    pub fn from_lanes<'a>(of: impl Fn(usize) -> &'a Projection, p: usize) -> Self {
-        let Projection { width, factors } = of(0);
-        let entry = |k: usize, i: usize, j: usize| S::from_lanes(|lane| inverse(&of(lane).factors[k])[i][j]);
-        let inverses = (0..factors.len()).map(|k| std::array::from_fn(|i| std::array::from_fn(|j| entry(k, i, j)))).collect();
+    /// Create the projection for a control loop. An estimate of `p` numbers begins with the bodies.
+    pub fn new(projection: &Projection, p: usize) -> Self {
+        let inverses = projection.factors.iter().map(|factor| inverse(factor).map(|row| row.map(S::varying))).collect();
         let zeros = vec![S::zero(); p];
-        Projector { width: *width, inverses, gradient: zeros.clone(), weighted: zeros }
+        Projector { width: projection.width, inverses, gradient: zeros.clone(), weighted: zeros }
     }
 
     /// Correct the rate `dz = Gamma y` of the estimate. This function is not inlined, so that a law without projection does not contain its
     /// code.
     #[inline(never)]
-    pub fn correct<G: Multiply<S>>(&mut self, gamma: &G, estimate: &[S], y: &[S], dz: &mut [S]) {
+    pub fn correct(&mut self, gamma: &AnyGain<S>, estimate: &[S], y: &[S], dz: &mut [S]) {
         let zero = S::zero();
         let (mut square, mut touched) = (zero, false);
         let bodies = estimate.chunks_exact(self.width).zip(self.gradient.chunks_exact_mut(self.width));
@@ -247,7 +244,7 @@ impl<S: Real> Projector<S> {
                 continue;
             }
             touched = true;
-            // Lanes in which the body satisfies its bound have no correction.
+            // A recording cannot branch: a body that satisfies its bound has no correction.
             let n = negative_part(&z).map(|row| row.map(|x| S::select(inside, zero, x)));
             square = n.as_flattened().iter().fold(square, |sum, &x| x.mul_add(x, sum));
             gradient_of(&product(&product(&transposed(inverse), &n), inverse), g);

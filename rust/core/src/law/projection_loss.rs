@@ -52,8 +52,8 @@ impl<S: Real> ProjectionLoss<S> {
         let zeros = |k: usize| vec![S::zero(); k];
         Some(ProjectionLoss {
             coordinates: law.coordinates.clone(),
-            arm: ArmAt::of_lanes(|_| &law.model),
-            floor: S::labelled("null_eps_squared", 0, || S::from_lanes(|_| options.eps * options.eps)),
+            arm: ArmAt::new(&law.model),
+            floor: S::labelled("null_eps_squared", 0, || S::varying(options.eps * options.eps)),
             consistent: consistent.then(|| NullSpaceProjector::new(m, n)),
             fixed: (projection == Some(NullProjection::Static)).then(|| NullSpaceProjector::new(m, n)),
             mass: zeros(n * n),

@@ -11,7 +11,7 @@
 //! transpose. Leakage keeps the estimate bounded under bounded disturbances. A dead zone does so if `s_0` exceeds the `|s|` that the
 //! disturbances cause. Both leave an error of the estimate, of the order of `sigma` or `s_0`.
 
-use crate::scalar::Real;
+use crate::scalar::{Real, labelled_numbers};
 
 /// The factor of `sigma` in the leakage.
 ///
@@ -91,21 +91,18 @@ impl Restraint {
 }
 
 /// Leakage and dead zone in a control loop.
-pub(super) struct LaneRestraint<S> {
+pub(super) struct LoopRestraint<S> {
     leakage: Option<(S, LeakageForm, Vec<S>)>,
     dead_zone: Option<S>,
 }
 
-impl<S: Real> LaneRestraint<S> {
-    pub fn from_lanes<'a>(of: impl Fn(usize) -> &'a Restraint) -> Self {
-        let first = of(0);
-        let leakage = (first.leakage > 0.0).then(|| {
-            let sigma = S::labelled("leakage", 0, || S::from_lanes(|lane| of(lane).leakage));
-            let entry = |k: usize| S::from_lanes(|lane| of(lane).centre[k]);
-            (sigma, first.form, S::labelled("leakage_centre", 1, || (0..first.centre.len()).map(entry).collect()))
-        });
-        let dead_zone = (first.dead_zone > 0.0).then(|| S::labelled("dead_zone", 0, || S::from_lanes(|lane| of(lane).dead_zone)));
-        LaneRestraint { leakage, dead_zone }
+impl<S: Real> LoopRestraint<S> {
+    pub fn new(restraint: &Restraint) -> Self {
+        let number = |name, x: f64| S::labelled(name, 0, || S::varying(x));
+        let leakage = (restraint.leakage > 0.0)
+            .then(|| (number("leakage", restraint.leakage), restraint.form, labelled_numbers("leakage_centre", &restraint.centre)));
+        let dead_zone = (restraint.dead_zone > 0.0).then(|| number("dead_zone", restraint.dead_zone));
+        LoopRestraint { leakage, dead_zone }
     }
 
     pub fn is_none(&self) -> bool {

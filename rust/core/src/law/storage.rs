@@ -11,7 +11,7 @@ use crate::linalg::gain::{AnyGain, Multiply};
 use crate::plant::Stored;
 use crate::scalar::Real;
 
-/// The storage functions of the laws in the lanes.
+/// The storage function of a law in a control loop.
 pub struct Storage<S: Real> {
     coordinates: Coordinates,
     stiffness: AnyGain<S>,
@@ -23,16 +23,15 @@ pub struct Storage<S: Real> {
 }
 
 impl<S: Real> Storage<S> {
-    /// The storage functions of the laws `of(lane)`, which have the same shape; `None` for laws without a storage function.
-    pub fn new<'a>(of: impl Fn(usize) -> &'a LawSpec) -> Option<Self> {
-        let own = of(0).storage()?;
-        let law = |lane: usize| of(lane).storage().unwrap_or(own);
-        let (n, m) = (own.outer.model.n(), own.outer.coordinates.m());
+    /// The storage function of `law`; `None` for a law without one.
+    pub fn new(law: &LawSpec) -> Option<Self> {
+        let law = law.storage()?;
+        let (n, m) = (law.outer.model.n(), law.outer.coordinates.m());
         Some(Storage {
-            coordinates: own.outer.coordinates.clone(),
-            stiffness: AnyGain::from_lanes(|lane| &law(lane).outer.stiffness),
-            joint_stiffness: AnyGain::from_lanes(|lane| &law(lane).inner.joint_stiffness),
-            reduced_inertia: AnyGain::from_lanes(|lane| &law(lane).inner.reduced_inertia),
+            coordinates: law.outer.coordinates.clone(),
+            stiffness: AnyGain::new(&law.outer.stiffness),
+            joint_stiffness: AnyGain::new(&law.inner.joint_stiffness),
+            reduced_inertia: AnyGain::new(&law.inner.reduced_inertia),
             stretch: vec![S::zero(); n],
             error: vec![S::zero(); m],
             jacobian: vec![S::zero(); m * n],

@@ -13,7 +13,7 @@
 use super::adaptive::AdaptiveSpec;
 use super::joint_columns::JointColumn;
 use crate::plant::PlantSpec;
-use crate::scalar::{Real, sign};
+use crate::scalar::{Real, labelled_numbers, sign};
 
 impl AdaptiveSpec {
     /// The plant's values of the estimated parameters, `(p,)`.
@@ -25,7 +25,7 @@ impl AdaptiveSpec {
     }
 }
 
-/// The true parameters of the plants in the lanes, for the derivative of the Lyapunov function.
+/// The true parameters of a plant, for the derivative of the Lyapunov function.
 ///
 /// ```
 /// # use armlet_core::arm::Arm;
@@ -39,8 +39,8 @@ impl AdaptiveSpec {
 /// # let plant = PlantSpec::from(RigidSpec::new(model.clone()));
 /// # let law = AdaptiveSpec::new(model.clone(), motion, gain(1, 50.0)?, gain(1, 10.0)?, adaptation, None, None)?;
 ///
-/// let law = LawSpec::from(law.leaking(0.1, LeakageForm::Sigma, None)?);
-/// let (mut control, truth) = (LawSpec::build::<f64>(|_| &law), Truth::new(|_| law.adaptive(), |_| &plant));
+/// let law = law.leaking(0.1, LeakageForm::Sigma, None)?;
+/// let (truth, mut control) = (Truth::new(&law, &plant), LawSpec::from(law).build::<f64>());
 /// let (x, z, mut tau, mut rate) = ([0.0, 0.2], model.parameters(), [0.0], [0.0; 10]);
 /// control.evaluate(&[0.0; 3], &[(0.0, 1.0)], &x, &z, &mut tau, &mut rate);
 /// // With the true parameters as estimate, the leakage adds nothing to the dissipation s Kd s.
@@ -62,21 +62,21 @@ pub struct Truth<S> {
 }
 
 impl<S: Real> Truth<S> {
-    /// Create the true parameters for laws with joint columns, restraint, composite or concurrent adaptation; `None` for other laws.
-    pub fn new<'a>(of: impl Fn(usize) -> Option<&'a AdaptiveSpec>, plant: impl Fn(usize) -> &'a PlantSpec) -> Option<Self> {
-        let own = of(0).filter(|law| !law.is_plain())?;
-        let truths: Vec<Vec<f64>> = (0..S::LANES).map(|lane| of(lane).unwrap_or(own).truth(plant(lane))).collect();
-        let parameters = S::labelled("plant", 1, || (0..truths[0].len()).map(|k| S::from_lanes(|lane| truths[lane][k])).collect());
-        // Friction and rotor inertias are equal in all lanes, because all lanes share the geometry of the arm.
-        let (model, n) = (plant(0).model(), plant(0).n());
+    /// Create the true parameters for a law with joint columns, restraint, composite or concurrent adaptation; `None` for another law.
+    pub fn new(law: &AdaptiveSpec, plant: &PlantSpec) -> Option<Self> {
+        if law.is_plain() {
+            return None;
+        }
+        let parameters = labelled_numbers("plant", &law.truth(plant));
+        let (model, n) = (plant.model(), plant.n());
         let fixed = |values: Vec<f64>| values.into_iter().map(S::splat).collect::<Vec<S>>();
-        let [viscous, coulomb] = model.friction(plant(0).has_friction()).map(fixed);
-        let mut rubbing = own.columns.truth(model, plant(0).has_friction());
-        let rotors = if own.columns.has(JointColumn::Armature) {
+        let [viscous, coulomb] = model.friction(plant.has_friction()).map(fixed);
+        let mut rubbing = law.columns.truth(model, plant.has_friction());
+        let rotors = if law.columns.has(JointColumn::Armature) {
             rubbing[..n].fill(0.0);
             vec![0.0; n]
         } else {
-            model.armature().iter().zip(own.model.armature()).map(|(there, known)| there - known).collect()
+            model.armature().iter().zip(law.model.armature()).map(|(there, known)| there - known).collect()
         };
         Some(Truth { parameters, rubbing: fixed(rubbing), viscous, coulomb, rotors: fixed(rotors) })
     }

@@ -252,7 +252,7 @@ impl<S: Real, B: AsRef<[S]>> Multiply<S> for Full<B> {
     }
 }
 
-/// One gain per lane. If all gains are diagonal, they are stored as diagonals, otherwise as full matrices.
+/// A gain in a control loop: a diagonal gain as its diagonal, another gain as a full matrix.
 #[derive(Clone, Debug)]
 pub enum AnyGain<S> {
     Diagonal(Diagonal<Vec<S>>),
@@ -260,18 +260,18 @@ pub enum AnyGain<S> {
 }
 
 impl<S: Real> AnyGain<S> {
-    /// Return the gains `of(i)` of all lanes `i`. Listings of recordings (`trace`) show them with the label `name`.
-    pub fn labelled<'a>(name: &'static str, of: impl Fn(usize) -> &'a Gain) -> Self {
-        S::labelled(name, 1, || Self::from_lanes(of))
+    /// Return the gain as numbers of the loop. Listings of recordings (`trace`) show them with the label `name`.
+    pub fn labelled(name: &'static str, gain: &Gain) -> Self {
+        S::labelled(name, 1, || Self::new(gain))
     }
 
-    /// Return the gains `of(i)` of all lanes `i`.
-    pub fn from_lanes<'a>(of: impl Fn(usize) -> &'a Gain) -> Self {
-        let n = of(0).n();
-        if (0..S::LANES).all(|i| of(i).is_diagonal()) {
-            AnyGain::Diagonal(Diagonal((0..n).map(|k| S::from_lanes(|i| of(i).at(k, k))).collect()))
+    /// Return the gain as numbers of the loop.
+    pub fn new(gain: &Gain) -> Self {
+        let n = gain.n();
+        if gain.is_diagonal() {
+            AnyGain::Diagonal(Diagonal((0..n).map(|k| S::varying(gain.at(k, k))).collect()))
         } else {
-            AnyGain::Full(Full((0..n * n).map(|k| S::from_lanes(|i| of(i).at(k / n, k % n))).collect()))
+            AnyGain::Full(Full((0..n * n).map(|k| S::varying(gain.at(k / n, k % n))).collect()))
         }
     }
 }

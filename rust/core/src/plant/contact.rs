@@ -54,8 +54,8 @@ impl Wall {
     }
 }
 
-/// One wall per lane. All walls act on the same frame.
-pub struct LaneWall<S: Real> {
+/// The wall of a plant in a control loop.
+pub struct LoopWall<S: Real> {
     /// Index of the frame.
     pub frame: usize,
     point: Vector3<S>,
@@ -64,15 +64,15 @@ pub struct LaneWall<S: Real> {
     damping: S,
 }
 
-impl<S: Real> LaneWall<S> {
-    /// Create the walls of the lanes.
-    pub fn new<'a>(of: impl Fn(usize) -> &'a Wall) -> Self {
-        LaneWall {
-            frame: of(0).frame,
-            point: Vector3::from(std::array::from_fn(|k| S::from_lanes(|lane| of(lane).point[k]))),
-            normal: Vector3::from(std::array::from_fn(|k| S::from_lanes(|lane| of(lane).normal[k]))),
-            stiffness: S::labelled("wall_stiffness", 0, || S::from_lanes(|lane| of(lane).stiffness)),
-            damping: S::labelled("wall_damping", 0, || S::from_lanes(|lane| of(lane).damping)),
+impl<S: Real> LoopWall<S> {
+    /// Create the wall of a loop.
+    pub fn new(wall: &Wall) -> Self {
+        LoopWall {
+            frame: wall.frame,
+            point: Vector3::from(wall.point.map(S::varying)),
+            normal: Vector3::from(wall.normal.map(S::varying)),
+            stiffness: S::labelled("wall_stiffness", 0, || S::varying(wall.stiffness)),
+            damping: S::labelled("wall_damping", 0, || S::varying(wall.damping)),
         }
     }
 

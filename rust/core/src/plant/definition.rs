@@ -2,7 +2,7 @@
 
 use super::contact::Wall;
 use super::friction::JointFriction;
-use super::stick_slip::LaneStickSlip;
+use super::stick_slip::LoopStickSlip;
 use super::stops::Stops;
 use super::unilateral::Touch;
 use crate::dynamics::Model;
@@ -64,7 +64,7 @@ pub trait Definition {
 /// let arm = Arm::pendulum(1.0, 5.0)?.with_drives(None, Some(&[0.5]), None)?;
 /// let plant = PlantSpec::from(RigidSpec { friction: true, ..RigidSpec::new(arm.into()) });
 /// let (x, mut dx) = ([0.3f64, 2.0], [0.0; 2]);
-/// let power = PlantSpec::build::<f64>(|_| &plant, None).rates(&[x[0].sin_cos()], &x, &[4.0], &[0.0; 6], &mut dx);
+/// let power = plant.build::<f64>(None).rates(&[x[0].sin_cos()], &x, &[4.0], &[0.0; 6], &mut dx);
 /// // The torque of 4 N m at 2 rad/s, and the loss `d v^2` of viscous friction.
 /// assert_eq!((power.input, power.outside), (8.0, -2.0));
 /// # Ok::<(), armlet_core::error::Error>(())
@@ -85,7 +85,7 @@ pub struct Power<S> {
 ///
 /// // A pendulum: `a = tau - 5 sin q`.
 /// let spec = PlantSpec::from(RigidSpec::new(Arm::pendulum(1.0, 5.0)?.into()));
-/// let mut plant = PlantSpec::build::<f64>(|_| &spec, None);
+/// let mut plant = spec.build::<f64>(None);
 /// let (x, mut dx) = ([0.3f64, 2.0], [0.0; 2]);
 /// plant.rates(&[x[0].sin_cos()], &x, &[4.0], &[0.0; 6], &mut dx);
 /// assert!(dx[0] == 2.0 && (dx[1] - (4.0 - 5.0 * 0.3f64.sin())).abs() < 1e-14);
@@ -109,24 +109,13 @@ pub trait Plant<S: Real> {
     }
 
     /// The stick-slip friction of joints or motors, and the index of their first speed in the state; `None` without this friction.
-    fn stick_slip(&mut self) -> Option<(&mut LaneStickSlip<S>, usize)> {
+    fn stick_slip(&mut self) -> Option<(&mut LoopStickSlip<S>, usize)> {
         None
     }
 
     /// Write the torques and the loads to the stick-slip friction [`Plant::stick_slip`]. The torques are the sums of all other torques on
     /// the joints or motors. The arguments are as in [`Plant::rates`].
     fn load_friction(&mut self, _trig: &[(S, S)], _x: &[S], _tau: &[S], _wrench: &[S]) {}
-}
-
-/// A plant that can be built for loops on any number type.
-pub trait Build: Definition {
-    /// The type of the plant in a control loop on the number type `S`.
-    type Lanes<S: Real>: Plant<S> + Send + 'static;
-
-    /// Build one plant for all lanes, with the wrench acting at `force_frame`. The plants of the lanes must have the same shape.
-    fn build<'a, S: Real>(of: impl Fn(usize) -> &'a Self, force_frame: Option<usize>) -> Self::Lanes<S>
-    where
-        Self: 'a;
 }
 
 /// Implement the functions of a plant with the fields `model`, `wall`, `stops` and `dry`.

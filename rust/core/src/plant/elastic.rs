@@ -11,15 +11,15 @@
 //! dry friction is the joint torque `tau_J`.
 
 use super::definition::fields;
-use super::lugre::LaneLuGre;
-use super::rigid::{Links, bristles, lane_bristles, lane_stick_slip};
-use super::stick_slip::{LaneStickSlip, Load};
+use super::lugre::LoopLuGre;
+use super::rigid::{Links, bristles, loop_bristles, loop_stick_slip};
+use super::stick_slip::{Load, LoopStickSlip};
 use super::stops::Stops;
-use super::{Build, Definition, JointFriction, Plant, Power, Touch, Wall};
+use super::{Definition, JointFriction, Plant, Power, Touch, Wall};
 use crate::dynamics::Model;
 use crate::error::{Error, Result, finite};
 use crate::linalg::gain::{AnyGain, Gain, Multiply};
-use crate::scalar::Real;
+use crate::scalar::{Real, labelled_numbers};
 
 /// An arm with elastic joints, with validated parameters.
 ///
@@ -130,41 +130,39 @@ pub struct Elastic<S: Real> {
     inverse_inertia: AnyGain<S>,
     joint_damping: Vec<S>,
     motor_friction: Vec<S>,
-    bristles: Option<LaneLuGre<S>>,
-    sticking: Option<LaneStickSlip<S>>,
+    bristles: Option<LoopLuGre<S>>,
+    sticking: Option<LoopStickSlip<S>>,
     /// The deflection `theta - q`, later the torque that accelerates the motors.
     work: Vec<S>,
 }
 
-impl Build for ElasticSpec {
-    type Lanes<S: Real> = Elastic<S>;
-
-    fn build<'a, S: Real>(of: impl Fn(usize) -> &'a Self, force_frame: Option<usize>) -> Elastic<S> {
-        let n = of(0).model.n();
+impl ElasticSpec {
+    pub(super) fn build<S: Real>(&self, force_frame: Option<usize>) -> Elastic<S> {
+        let dry = self.dry.as_ref();
         Elastic {
-            links: Links::new(|i| &of(i).model, |i| of(i).wall.as_ref(), |i| of(i).stops.as_ref(), force_frame),
-            stiffness: AnyGain::labelled("joint_stiffness", |i| &of(i).stiffness),
-            inverse_inertia: AnyGain::labelled("inverse_motor_inertia", |i| &of(i).inverse_inertia),
-            joint_damping: S::labelled("joint_damping", 1, || (0..n).map(|k| S::from_lanes(|i| of(i).joint_damping[k])).collect()),
-            motor_friction: S::labelled("motor_friction", 1, || (0..n).map(|k| S::from_lanes(|i| of(i).motor_friction[k])).collect()),
-            bristles: lane_bristles(|i| of(i).dry.as_ref()),
-            sticking: lane_stick_slip(|i| of(i).dry.as_ref()).map(|sticking| with_inertia(sticking, |i| &of(i).motor_inertia)),
-            work: vec![S::zero(); n],
+            links: Links::new(&self.model, self.wall.as_ref(), self.stops.as_ref(), force_frame),
+            stiffness: AnyGain::labelled("joint_stiffness", &self.stiffness),
+            inverse_inertia: AnyGain::labelled("inverse_motor_inertia", &self.inverse_inertia),
+            joint_damping: labelled_numbers("joint_damping", &self.joint_damping),
+            motor_friction: labelled_numbers("motor_friction", &self.motor_friction),
+            bristles: loop_bristles(dry),
+            sticking: loop_stick_slip(dry).map(|sticking| with_inertia(sticking, &self.motor_inertia)),
+            work: vec![S::zero(); self.model.n()],
         }
     }
 }
 
 /// Copy the motor inertia `B`, which is constant, to the mass matrix of the stick-slip friction.
-fn with_inertia<'a, S: Real>(mut sticking: LaneStickSlip<S>, of: impl Fn(usize) -> &'a Gain) -> LaneStickSlip<S> {
-    let n = of(0).n();
+fn with_inertia<S: Real>(mut sticking: LoopStickSlip<S>, inertia: &Gain) -> LoopStickSlip<S> {
+    let n = inertia.n();
     for (k, entry) in sticking.matrix.iter_mut().enumerate() {
-        *entry = S::from_lanes(|i| of(i).at(k / n, k % n));
+        *entry = S::varying(inertia.at(k / n, k % n));
     }
     sticking
 }
 
 /// Write the torques on the motors and their loads `tau_J` to the stick-slip friction.
-fn load<S: Real>(sticking: &mut LaneStickSlip<S>, drive: &[S], joint: &[S]) {
+fn load<S: Real>(sticking: &mut LoopStickSlip<S>, drive: &[S], joint: &[S]) {
     sticking.drive.copy_from_slice(drive);
     for (load, &joint) in sticking.loads.iter_mut().zip(joint) {
         *load = Load::Known(joint);
@@ -223,7 +221,7 @@ impl<S: Real> Plant<S> for Elastic<S> {
         self.links.contact(i, trig, &x[..n], &x[n..2 * n])
     }
 
-    fn stick_slip(&mut self) -> Option<(&mut LaneStickSlip<S>, usize)> {
+    fn stick_slip(&mut self) -> Option<(&mut LoopStickSlip<S>, usize)> {
         Some((self.sticking.as_mut()?, 3 * self.links.n))
     }
 

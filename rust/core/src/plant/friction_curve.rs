@@ -6,8 +6,8 @@
 //! and `mu` is the ratio of friction to this torque. Viscous friction is not part of `h`.
 
 use crate::error::{Error, Result, finite};
-use crate::scalar::Real;
 use crate::scalar::hyperbolic::decay;
+use crate::scalar::{Real, labelled_numbers};
 
 /// The friction curves of all joints; each parameter is `(n,)`.
 ///
@@ -92,8 +92,8 @@ impl FrictionCurve {
     }
 }
 
-/// The friction curves in the lanes.
-pub(super) struct LaneCurve<S> {
+/// A friction curve in a control loop.
+pub(super) struct LoopCurve<S> {
     coulomb: Vec<S>,
     /// The difference `F_s - F_c` of static and Coulomb friction, N m or N; zero where `v_s` is zero.
     excess: Vec<S>,
@@ -103,19 +103,16 @@ pub(super) struct LaneCurve<S> {
     pub load_ratio: Vec<S>,
 }
 
-impl<S: Real> LaneCurve<S> {
-    pub fn new<'a>(of: impl Fn(usize) -> &'a FrictionCurve) -> Self {
-        let n = of(0).n();
-        let numbers = |name, f: &dyn Fn(&FrictionCurve, usize) -> f64| {
-            S::labelled(name, 1, || (0..n).map(|i| S::from_lanes(|lane| f(of(lane), i))).collect::<Vec<S>>())
-        };
-        let smooth = |curve: &FrictionCurve, i: usize| curve.stribeck_speed[i] > 0.0;
-        LaneCurve {
-            coulomb: numbers("coulomb_friction", &|curve, i| curve.coulomb[i]),
-            excess: numbers("stribeck_friction", &|curve, i| if smooth(curve, i) { curve.breakaway[i] - curve.coulomb[i] } else { 0.0 }),
-            per_speed: numbers("inverse_stribeck_speed", &|curve, i| if smooth(curve, i) { curve.stribeck_speed[i].recip() } else { 0.0 }),
-            viscous: numbers("viscous_friction", &|curve, i| curve.viscous[i]),
-            load_ratio: numbers("load_ratio", &|curve, i| curve.load_ratio[i]),
+impl<S: Real> LoopCurve<S> {
+    pub fn new(curve: &FrictionCurve) -> Self {
+        let numbers = |name, x: &dyn Fn(usize) -> f64| S::labelled(name, 1, || (0..curve.n()).map(|i| S::varying(x(i))).collect());
+        let smooth = |i: usize| curve.stribeck_speed[i] > 0.0;
+        LoopCurve {
+            coulomb: labelled_numbers("coulomb_friction", &curve.coulomb),
+            excess: numbers("stribeck_friction", &|i| if smooth(i) { curve.breakaway[i] - curve.coulomb[i] } else { 0.0 }),
+            per_speed: numbers("inverse_stribeck_speed", &|i| if smooth(i) { curve.stribeck_speed[i].recip() } else { 0.0 }),
+            viscous: labelled_numbers("viscous_friction", &curve.viscous),
+            load_ratio: labelled_numbers("load_ratio", &curve.load_ratio),
         }
     }
 

@@ -1,7 +1,7 @@
 //! The torque of dry friction at recorded states.
 
-use super::lugre::LaneLuGre;
-use super::rigid::lane_bristles;
+use super::lugre::LoopLuGre;
+use super::rigid::loop_bristles;
 use super::{Plant, PlantSpec};
 use crate::linalg::gain::{AnyGain, Multiply};
 use crate::scalar::Real;
@@ -33,7 +33,7 @@ struct Joints<'a> {
 
 /// Friction with bristles, whose torque is a function of state and input.
 struct Bristles<'a> {
-    friction: LaneLuGre<f64>,
+    friction: LoopLuGre<f64>,
     joints: Option<Joints<'a>>,
     load: Vec<f64>,
 }
@@ -62,16 +62,16 @@ impl<'a> FrictionTorque<'a> {
     pub fn of(plant: &'a PlantSpec, force_frame: Option<usize>) -> Option<Self> {
         let n = plant.n();
         plant.friction()?;
-        let kind = match lane_bristles(|_| plant.friction()) {
+        let kind = match loop_bristles(plant.friction()) {
             None => FrictionState::Sticking(Sticking {
-                plant: PlantSpec::build::<f64>(|_| plant, force_frame),
+                plant: plant.build::<f64>(force_frame),
                 trig: vec![(0.0, 1.0); n],
                 x: Vec::with_capacity(plant.states()),
                 a: vec![0.0; n],
             }),
             Some(friction) => {
                 let joints = plant.elastic().map(|elastic| Joints {
-                    stiffness: AnyGain::from_lanes(|_| &elastic.stiffness),
+                    stiffness: AnyGain::new(&elastic.stiffness),
                     damping: &elastic.joint_damping,
                     stretch: vec![0.0; n],
                 });

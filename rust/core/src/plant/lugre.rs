@@ -6,9 +6,9 @@
 //! with the joint velocity `v`, the load `L` of the joint and the curve `h` of [`FrictionCurve`]. `z'` is the time derivative, and `tau_f`
 //! the friction torque. The bristles store the energy `sigma_0 z^2 / 2`. The rest of the power `tau_f v` is lost.
 
-use super::friction_curve::{FrictionCurve, LaneCurve, require, require_rows};
+use super::friction_curve::{FrictionCurve, LoopCurve, require, require_rows};
 use crate::error::Result;
-use crate::scalar::Real;
+use crate::scalar::{Real, labelled_numbers};
 
 /// Friction with bristles; each parameter is `(n,)`.
 ///
@@ -64,23 +64,19 @@ pub(super) struct Rubbing<S> {
     pub lost: S,
 }
 
-/// The bristles in the lanes.
-pub(super) struct LaneLuGre<S> {
-    curve: LaneCurve<S>,
+/// LuGre friction in a control loop.
+pub(super) struct LoopLuGre<S> {
+    curve: LoopCurve<S>,
     pub stiffness: Vec<S>,
     damping: Vec<S>,
 }
 
-impl<S: Real> LaneLuGre<S> {
-    pub fn new<'a>(of: impl Fn(usize) -> &'a LuGre) -> Self {
-        let n = of(0).curve.n();
-        let numbers = |name, f: &dyn Fn(&LuGre, usize) -> f64| {
-            S::labelled(name, 1, || (0..n).map(|i| S::from_lanes(|lane| f(of(lane), i))).collect::<Vec<S>>())
-        };
-        LaneLuGre {
-            curve: LaneCurve::new(|lane| &of(lane).curve),
-            stiffness: numbers("bristle_stiffness", &|friction, i| friction.stiffness[i]),
-            damping: numbers("bristle_damping", &|friction, i| friction.damping[i]),
+impl<S: Real> LoopLuGre<S> {
+    pub fn new(friction: &LuGre) -> Self {
+        LoopLuGre {
+            curve: LoopCurve::new(&friction.curve),
+            stiffness: labelled_numbers("bristle_stiffness", &friction.stiffness),
+            damping: labelled_numbers("bristle_damping", &friction.damping),
         }
     }
 

@@ -19,9 +19,8 @@ mod stored;
 pub mod unilateral;
 mod velocity;
 
-pub(crate) use contact::LaneWall;
+pub(crate) use contact::LoopWall;
 pub use contact::Wall;
-use definition::Build;
 pub use definition::{Definition, Plant, Power};
 pub use elastic::ElasticSpec;
 pub use friction::JointFriction;
@@ -29,7 +28,7 @@ pub use friction_curve::FrictionCurve;
 pub(crate) use friction_torque::{FrictionTorque, Rubbed};
 pub use lugre::LuGre;
 pub use rigid::RigidSpec;
-pub use stick_slip::{LaneStickSlip, StickSlip};
+pub use stick_slip::{LoopStickSlip, StickSlip};
 pub use stops::{Stop, Stops};
 pub(crate) use stored::Stored;
 pub use unilateral::Touch;
@@ -39,7 +38,7 @@ use crate::error::Result;
 use crate::scalar::Real;
 use std::ops::Deref;
 
-/// Declare the kinds of plants: enums, names and parts of the state, and the construction for lanes. Each plant has one file and one entry
+/// Declare the kinds of plants: enums, names and parts of the state, and the construction for a loop. Each plant has one file and one entry
 /// here.
 macro_rules! plants {
     ($($(#[$doc:meta])* $kind:ident($definition:ty) $name:literal [$($part:literal)*],)*) => {
@@ -116,19 +115,10 @@ macro_rules! plants {
                 }
             }
 
-            /// Build one plant for all lanes, with the wrench acting at `force_frame`. Every pair of plants `of(lane)` must satisfy
-            /// [`PlantSpec::same_shape`].
-            pub fn build<'a, S: Real>(of: impl Fn(usize) -> &'a PlantSpec, force_frame: Option<usize>) -> Box<dyn Plant<S> + Send> {
-                Self::of_lanes(&of, force_frame)
-            }
-
-            /// The argument `of` is a reference to a closure. So this function is compiled once per number type, not once per caller.
-            fn of_lanes<'a, S: Real>(of: &dyn Fn(usize) -> &'a PlantSpec, force_frame: Option<usize>) -> Box<dyn Plant<S> + Send> {
-                match of(0) {
-                    $(PlantSpec::$kind(_) => Box::new(<$definition>::build::<S>(|lane| match of(lane) {
-                        PlantSpec::$kind(plant) => plant,
-                        other => unreachable!("{} in the lanes of {}", other.kind().name(), of(0).kind().name()),
-                    }, force_frame)),)*
+            /// Build the plant for a control loop on the number type `S`, with the wrench acting at `force_frame`.
+            pub fn build<S: Real>(&self, force_frame: Option<usize>) -> Box<dyn Plant<S> + Send> {
+                match self {
+                    $(PlantSpec::$kind(plant) => Box::new(plant.build(force_frame)),)*
                 }
             }
         }
@@ -182,7 +172,7 @@ impl PlantSpec {
         self.friction().and_then(JointFriction::bristles).map_or(0, |_| self.n())
     }
 
-    /// Whether both plants can run in lanes of one register.
+    /// Whether the loops of both plants have the same operations, and differ only in their numbers.
     pub fn same_shape(&self, other: &PlantSpec) -> bool {
         self.kind() == other.kind()
             && self.model().same_geometry(other.model())

@@ -4,12 +4,12 @@
 //! With LuGre friction, the deflections `z` of the bristles follow. The load `L` of this friction is `tau - sigma_0 z`, with the stiffness
 //! `sigma_0` of the bristles.
 
-use super::contact::LaneWall;
+use super::contact::LoopWall;
 use super::definition::fields;
-use super::lugre::LaneLuGre;
-use super::stick_slip::{LaneStickSlip, Load};
-use super::stops::{LaneStops, Stops};
-use super::{Build, Definition, FrictionCurve, JointFriction, Plant, Power, StickSlip, Touch, Wall};
+use super::lugre::LoopLuGre;
+use super::stick_slip::{Load, LoopStickSlip};
+use super::stops::{LoopStops, Stops};
+use super::{Definition, FrictionCurve, JointFriction, Plant, Power, StickSlip, Touch, Wall};
 use crate::dynamics::energy::friction_torque;
 use crate::dynamics::{AnyArm, Dynamics, Model, Workspace};
 use crate::error::Result;
@@ -103,16 +103,14 @@ pub(super) fn bristles(friction: Option<&JointFriction>) -> usize {
     friction.and_then(JointFriction::bristles).map_or(0, |bristles| bristles.curve.n())
 }
 
-/// The bristles in the lanes; `None` if the first lane has none.
-pub(super) fn lane_bristles<'a, S: Real>(of: impl Fn(usize) -> Option<&'a JointFriction>) -> Option<LaneLuGre<S>> {
-    let bristles = |lane: usize| of(lane).and_then(JointFriction::bristles);
-    bristles(0).map(|first| LaneLuGre::new(|lane| bristles(lane).unwrap_or(first)))
+/// The LuGre friction of a loop; `None` for another friction.
+pub(super) fn loop_bristles<S: Real>(friction: Option<&JointFriction>) -> Option<LoopLuGre<S>> {
+    friction.and_then(JointFriction::bristles).map(LoopLuGre::new)
 }
 
-/// The stick-slip friction in the lanes; `None` if the first lane has none.
-pub(super) fn lane_stick_slip<'a, S: Real>(of: impl Fn(usize) -> Option<&'a JointFriction>) -> Option<LaneStickSlip<S>> {
-    let friction = |lane: usize| of(lane).and_then(JointFriction::stick_slip);
-    friction(0).map(|first| LaneStickSlip::new(|lane| friction(lane).unwrap_or(first)))
+/// The stick-slip friction of a loop; `None` for another friction.
+pub(super) fn loop_stick_slip<S: Real>(friction: Option<&JointFriction>) -> Option<LoopStickSlip<S>> {
+    friction.and_then(JointFriction::stick_slip).map(LoopStickSlip::new)
 }
 
 /// The links of a plant, with the external forces on them.
@@ -121,8 +119,8 @@ pub(super) struct Links<S: Real> {
     pub ws: Workspace<S>,
     pub n: usize,
     force_frame: Option<usize>,
-    wall: Option<LaneWall<S>>,
-    stops: Option<LaneStops<S>>,
+    wall: Option<LoopWall<S>>,
+    stops: Option<LoopStops<S>>,
     /// The modes in which contacts are held, the wall first; empty if the modes follow the state.
     held: Vec<Touch>,
     jacobian: Vec<S>,
@@ -131,24 +129,19 @@ pub(super) struct Links<S: Real> {
 }
 
 impl<S: Real> Links<S> {
-    pub fn new<'a>(
-        model: impl Fn(usize) -> &'a Model,
-        wall: impl Fn(usize) -> Option<&'a Wall>,
-        stops: impl Fn(usize) -> Option<&'a Stops>,
-        force_frame: Option<usize>,
-    ) -> Self {
-        let n = model(0).n();
-        let arm = AnyArm::from_lanes(model);
-        let walls = wall(0).map(|first| LaneWall::new(|i| wall(i).unwrap_or(first)));
-        let stops = stops(0).map(|first| LaneStops::new(|i| stops(i).unwrap_or(first)));
-        let contacts = usize::from(walls.is_some()) + stops.as_ref().map_or(0, LaneStops::len);
-        let used = force_frame.is_some() || wall(0).is_some();
+    pub fn new(model: &Model, wall: Option<&Wall>, stops: Option<&Stops>, force_frame: Option<usize>) -> Self {
+        let n = model.n();
+        let arm = AnyArm::new(model);
+        let wall = wall.map(LoopWall::new);
+        let stops = stops.map(LoopStops::new);
+        let contacts = usize::from(wall.is_some()) + stops.as_ref().map_or(0, LoopStops::len);
+        let used = force_frame.is_some() || wall.is_some();
         Links {
             ws: arm.workspace(),
             arm,
             n,
             force_frame,
-            wall: walls,
+            wall,
             stops,
             held: Vec::with_capacity(contacts),
             jacobian: vec![S::zero(); if used { 6 * n } else { 0 }],
@@ -235,7 +228,7 @@ fn moving_frame<S: Real>(
 
 /// Set the data of the stick-slip friction under the plant's input `tau`: the mass matrix `A = M`, the torques `b = effort - (C v + g)`,
 /// and the loads.
-fn load<S: Real>(links: &mut Links<S>, sticking: &mut LaneStickSlip<S>, trig: &[(S, S)], (q, v): (&[S], &[S]), tau: &[S]) {
+fn load<S: Real>(links: &mut Links<S>, sticking: &mut LoopStickSlip<S>, trig: &[(S, S)], (q, v): (&[S], &[S]), tau: &[S]) {
     links.arm.mass_matrix(&mut links.ws, trig, q, &mut sticking.matrix);
     links.arm.bias(&mut links.ws, trig, q, v, &mut sticking.drive);
     for i in 0..links.n {
@@ -248,8 +241,8 @@ fn load<S: Real>(links: &mut Links<S>, sticking: &mut LaneStickSlip<S>, trig: &[
 pub struct Rigid<S: Real> {
     links: Links<S>,
     friction: bool,
-    bristles: Option<LaneLuGre<S>>,
-    sticking: Option<LaneStickSlip<S>>,
+    bristles: Option<LoopLuGre<S>>,
+    sticking: Option<LoopStickSlip<S>>,
 }
 
 impl<S: Real> Rigid<S> {
@@ -267,16 +260,13 @@ impl<S: Real> Rigid<S> {
     }
 }
 
-impl Build for RigidSpec {
-    type Lanes<S: Real> = Rigid<S>;
-
-    fn build<'a, S: Real>(of: impl Fn(usize) -> &'a Self, force_frame: Option<usize>) -> Rigid<S> {
-        let friction = of(0).friction && !of(0).sticks;
+impl RigidSpec {
+    pub(super) fn build<S: Real>(&self, force_frame: Option<usize>) -> Rigid<S> {
         Rigid {
-            links: Links::new(|i| &of(i).model, |i| of(i).wall.as_ref(), |i| of(i).stops.as_ref(), force_frame),
-            friction,
-            bristles: lane_bristles(|i| of(i).dry.as_ref()),
-            sticking: lane_stick_slip(|i| of(i).dry.as_ref()),
+            links: Links::new(&self.model, self.wall.as_ref(), self.stops.as_ref(), force_frame),
+            friction: self.friction && !self.sticks,
+            bristles: loop_bristles(self.dry.as_ref()),
+            sticking: loop_stick_slip(self.dry.as_ref()),
         }
     }
 }
@@ -317,7 +307,7 @@ impl<S: Real> Plant<S> for Rigid<S> {
         Power { input, outside }
     }
 
-    fn stick_slip(&mut self) -> Option<(&mut LaneStickSlip<S>, usize)> {
+    fn stick_slip(&mut self) -> Option<(&mut LoopStickSlip<S>, usize)> {
         Some((self.sticking.as_mut()?, self.links.n))
     }
 
@@ -360,7 +350,7 @@ mod tests {
         let dry = Some(JointFriction::StickSlip(StickSlip { curve }));
         for friction in [false, true] {
             let spec = RigidSpec { friction, dry: dry.clone(), ..RigidSpec::new(Model::from(arm.clone())) };
-            let mut plant = RigidSpec::build::<f64>(|_| &spec, None);
+            let mut plant = spec.build::<f64>(None);
             let (x, tau) = ([0.3, -0.4, 0.7, -0.2], [1.0, 2.0]);
             let trig = [f64::sin_cos(x[0]), f64::sin_cos(x[1])];
             plant.rates(&trig, &x, &tau, &[], &mut [0.0; 4]);

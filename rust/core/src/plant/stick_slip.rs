@@ -10,9 +10,9 @@
 //! `a_i < 0` requires `tau_f,i = -F_i`. This linear complementarity problem has exactly one solution, because `A^-1` is positive definite.
 //! Murty's least-index pivots find it.
 
-use super::friction_curve::{FrictionCurve, LaneCurve};
+use super::friction_curve::{FrictionCurve, LoopCurve};
 use crate::linalg::cholesky;
-use crate::scalar::Real;
+use crate::scalar::{Real, labelled_numbers};
 
 /// Stick-slip friction of all joints.
 ///
@@ -23,7 +23,7 @@ use crate::scalar::Real;
 /// let curve = FrictionCurve::new(vec![2.0], Some(vec![3.0]), None, None, None)?;
 /// let arm = RigidSpec::new(Arm::pendulum(1.0, 0.0)?.into());
 /// let spec = PlantSpec::from(arm.with_friction(Some(JointFriction::StickSlip(StickSlip { curve })))?);
-/// let mut plant = PlantSpec::build::<f64>(|_| &spec, None);
+/// let mut plant = spec.build::<f64>(None);
 /// # let mut dx = [0.0; 2];
 /// // At 1 rad/s, the Coulomb friction of 2 N m acts against 5 N m.
 /// plant.stick_slip().expect("friction").0.follow(&[1]);
@@ -52,7 +52,7 @@ const PIVOTS: usize = 8;
 /// rounding errors do not hold the joint.
 const SLIPS: f64 = 1e-9;
 
-/// The stick-slip friction of one plant. Its lanes stick and slide together.
+/// The stick-slip friction of one plant in a control loop.
 ///
 /// ```
 /// use armlet_core::arm::Arm;
@@ -61,7 +61,7 @@ const SLIPS: f64 = 1e-9;
 /// # let curve = FrictionCurve::new(vec![2.0], Some(vec![3.0]), None, None, None)?;
 /// # let arm = RigidSpec::new(Arm::pendulum(1.0, 0.0)?.into());
 /// # let spec = PlantSpec::from(arm.with_friction(Some(JointFriction::StickSlip(StickSlip { curve })))?);
-/// let mut plant = PlantSpec::build::<f64>(|_| &spec, None); // static friction 3 N m
+/// let mut plant = spec.build::<f64>(None); // static friction 3 N m
 /// let mut side = |tau: f64| {
 ///     plant.load_friction(&[(0.0, 1.0)], &[0.0, 0.0], &[tau], &[0.0; 6]);
 ///     let (friction, _) = plant.stick_slip().expect("friction");
@@ -71,8 +71,8 @@ const SLIPS: f64 = 1e-9;
 /// assert_eq!([2.9, 3.1, -3.1].map(&mut side), [0, 1, -1]);
 /// # Ok::<(), armlet_core::error::Error>(())
 /// ```
-pub struct LaneStickSlip<S> {
-    curve: LaneCurve<S>,
+pub struct LoopStickSlip<S> {
+    curve: LoopCurve<S>,
     breakaway: Vec<S>,
     /// The mode of each joint. It is 0 for a stuck joint. For a joint that slides, or is about to slide, it is the direction 1 or -1.
     sides: Vec<i8>,
@@ -90,13 +90,13 @@ pub struct LaneStickSlip<S> {
     rates: Vec<S>,
 }
 
-impl<S: Real> LaneStickSlip<S> {
-    pub(super) fn new<'a>(of: impl Fn(usize) -> &'a StickSlip) -> Self {
-        let n = of(0).curve.n();
+impl<S: Real> LoopStickSlip<S> {
+    pub(super) fn new(friction: &StickSlip) -> Self {
+        let n = friction.curve.n();
         let zeros = |k: usize| vec![S::zero(); k];
-        LaneStickSlip {
-            curve: LaneCurve::new(|lane| &of(lane).curve),
-            breakaway: S::labelled("static_friction", 1, || (0..n).map(|i| S::from_lanes(|lane| of(lane).curve.breakaway[i])).collect()),
+        LoopStickSlip {
+            curve: LoopCurve::new(&friction.curve),
+            breakaway: labelled_numbers("static_friction", &friction.curve.breakaway),
             sides: vec![0; n],
             before: vec![0; n],
             matrix: zeros(n * n),

@@ -89,25 +89,25 @@ impl Stops {
 
     /// Energy stored in the springs, J.
     pub fn energy(&self, q: &[f64]) -> f64 {
-        LaneStops::new(|_| self).energy(q)
+        LoopStops::new(self).energy(q)
     }
 }
 
-/// The stops in the lanes.
-pub(super) struct LaneStops<S> {
-    /// Each stop, with its limit, stiffness `k` and damping `c` in each lane.
+/// The stops of a plant in a control loop.
+pub(super) struct LoopStops<S> {
+    /// Each stop, with its limit, stiffness `k` and damping `c`.
     stops: Vec<(Stop, S, S, S)>,
 }
 
-impl<S: Real> LaneStops<S> {
-    pub fn new<'a>(of: impl Fn(usize) -> &'a Stops) -> Self {
-        let lanes = |stop: Stop| {
+impl<S: Real> LoopStops<S> {
+    pub fn new(stops: &Stops) -> Self {
+        let numbers = |stop: Stop| {
             let i = stop.joint;
-            let number = |name, f: &dyn Fn(&Stops) -> f64| S::labelled(name, i as u32 + 1, || S::from_lanes(|lane| f(of(lane))));
-            let limit = number(if stop.upper { "upper_stop" } else { "lower_stop" }, &|s| s.limit(stop));
-            (stop, limit, number("stop_stiffness", &|s| s.stiffness[i]), number("stop_damping", &|s| s.damping[i]))
+            let number = |name, x: f64| S::labelled(name, i as u32 + 1, || S::varying(x));
+            let limit = number(if stop.upper { "upper_stop" } else { "lower_stop" }, stops.limit(stop));
+            (stop, limit, number("stop_stiffness", stops.stiffness[i]), number("stop_damping", stops.damping[i]))
         };
-        LaneStops { stops: of(0).all().map(lanes).collect() }
+        LoopStops { stops: stops.all().map(numbers).collect() }
     }
 
     pub fn len(&self) -> usize {

@@ -3,10 +3,10 @@
 //! stiffness and `B` the motor inertia. The springs of wall and stops and the bristles of friction add their energies.
 
 use super::PlantSpec;
-use super::contact::LaneWall;
-use super::lugre::LaneLuGre;
-use super::rigid::lane_bristles;
-use super::stops::LaneStops;
+use super::contact::LoopWall;
+use super::lugre::LoopLuGre;
+use super::rigid::loop_bristles;
+use super::stops::LoopStops;
 use crate::dynamics::ArmAt;
 use crate::linalg::gain::{AnyGain, Multiply};
 use crate::scalar::Real;
@@ -18,33 +18,29 @@ struct Springs<S: Real> {
     stretch: Vec<S>,
 }
 
-/// The stored energies of the plants in the lanes.
+/// The stored energy of a plant in a control loop.
 pub struct Stored<S: Real> {
     n: usize,
-    wall: Option<LaneWall<S>>,
-    stops: Option<LaneStops<S>>,
+    wall: Option<LoopWall<S>>,
+    stops: Option<LoopStops<S>>,
     springs: Option<Springs<S>>,
-    bristles: Option<LaneLuGre<S>>,
+    bristles: Option<LoopLuGre<S>>,
 }
 
 impl<S: Real> Stored<S> {
-    /// The stored energies of the plants `of(lane)`, which have the same shape.
-    pub fn new<'a>(of: impl Fn(usize) -> &'a PlantSpec) -> Self {
-        let first = of(0);
-        let springs = first.elastic().map(|own| {
-            let elastic = |lane: usize| of(lane).elastic().unwrap_or(own);
-            Springs {
-                stiffness: AnyGain::from_lanes(|lane| &elastic(lane).stiffness),
-                motor_inertia: AnyGain::from_lanes(|lane| &elastic(lane).motor_inertia),
-                stretch: vec![S::zero(); own.model.n()],
-            }
+    /// The stored energy of a plant.
+    pub fn new(plant: &PlantSpec) -> Self {
+        let springs = plant.elastic().map(|elastic| Springs {
+            stiffness: AnyGain::new(&elastic.stiffness),
+            motor_inertia: AnyGain::new(&elastic.motor_inertia),
+            stretch: vec![S::zero(); elastic.model.n()],
         });
         Stored {
-            n: first.n(),
-            wall: first.wall().map(|own| LaneWall::new(|lane| of(lane).wall().unwrap_or(own))),
-            stops: first.stops().map(|own| LaneStops::new(|lane| of(lane).stops().unwrap_or(own))),
+            n: plant.n(),
+            wall: plant.wall().map(LoopWall::new),
+            stops: plant.stops().map(LoopStops::new),
             springs,
-            bristles: lane_bristles(|lane| of(lane).friction()),
+            bristles: loop_bristles(plant.friction()),
         }
     }
 

@@ -1,6 +1,6 @@
 //! An arm whose joint velocities are the input: `q' = u`, with the time derivative `q'`.
 
-use super::{Build, Definition, Plant, Power};
+use super::{Definition, Plant, Power};
 use crate::dynamics::Model;
 use crate::scalar::Real;
 
@@ -12,7 +12,7 @@ use crate::scalar::Real;
 ///
 /// let spec = PlantSpec::from(VelocitySpec { model: Arm::pendulum(1.0, 5.0)?.into() });
 /// let mut dx = [0.0];
-/// PlantSpec::build::<f64>(|_| &spec, None).rates(&[0.3f64.sin_cos()], &[0.3], &[2.0], &[0.0; 6], &mut dx);
+/// spec.build::<f64>(None).rates(&[0.3f64.sin_cos()], &[0.3], &[2.0], &[0.0; 6], &mut dx);
 /// assert_eq!(dx, [2.0]);
 /// # Ok::<(), armlet_core::error::Error>(())
 /// ```
@@ -32,11 +32,9 @@ impl Definition for VelocitySpec {
     }
 }
 
-impl Build for VelocitySpec {
-    type Lanes<S: Real> = Velocity;
-
-    fn build<'a, S: Real>(of: impl Fn(usize) -> &'a Self, _: Option<usize>) -> Velocity {
-        Velocity { n: of(0).model.n() }
+impl VelocitySpec {
+    pub(super) fn build(&self, _: Option<usize>) -> Velocity {
+        Velocity { n: self.model.n() }
     }
 }
 

@@ -49,7 +49,7 @@ impl Metric {
 
     /// Return the metric with another number type.
     pub fn lift<S: Real>(&self) -> Metric<S> {
-        Metric { n: self.n, l: self.l.iter().map(|&x| S::from_lanes(|_| x)).collect() }
+        Metric { n: self.n, l: self.l.iter().map(|&x| S::varying(x)).collect() }
     }
 
     /// Replace `v` by its coordinates `y = L' v`.

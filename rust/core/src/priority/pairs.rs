@@ -77,7 +77,7 @@ impl<S: Real> PairRoute<S> {
             n,
             rows: rows.to_vec(),
             damped: method == PriorityMethod::Damped,
-            eps2: eps.map(|eps| eps.iter().map(|eps| S::from_lanes(|_| eps * eps)).collect()),
+            eps2: eps.map(|eps| eps.iter().map(|eps| S::varying(eps * eps)).collect()),
             metric: metric.map(Metric::lift),
             j: zeros(total * n),
             projected: zeros(total * n),
@@ -93,7 +93,7 @@ impl<S: Real> PairRoute<S> {
 
     fn set_eps(&mut self, eps: &[f64]) {
         let own = self.eps2.get_or_insert_with(|| vec![S::zero(); eps.len()]);
-        own.iter_mut().zip(eps).for_each(|(own, eps)| *own = S::from_lanes(|_| eps * eps));
+        own.iter_mut().zip(eps).for_each(|(own, eps)| *own = S::varying(eps * eps));
     }
 
     /// Solve the stack `jacobian`, shape `(sum rows, n)`, for the command `command`. Return one if the result is valid, otherwise zero.

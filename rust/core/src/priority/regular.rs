@@ -107,7 +107,7 @@ impl<S: Real> Regular<S> {
     /// Set the velocity bounds of `sns`, shape `(n,)` each, rad/s or m/s.
     pub fn set_bounds(&mut self, v_min: &[f64], v_max: &[f64]) {
         for (own, given) in self.bounds.iter_mut().zip([v_min, v_max]) {
-            own.iter_mut().zip(given).for_each(|(own, &bound)| *own = S::from_lanes(|_| bound));
+            own.iter_mut().zip(given).for_each(|(own, &bound)| *own = S::varying(bound));
         }
     }
 
@@ -115,7 +115,7 @@ impl<S: Real> Regular<S> {
     pub fn set_eps(&mut self, eps: &[f64]) {
         // The existing memory is reused, because some searches set thresholds in every step.
         let own = self.eps2.get_or_insert_with(|| vec![S::zero(); eps.len()]);
-        own.iter_mut().zip(eps).for_each(|(own, eps)| *own = S::from_lanes(|_| eps * eps));
+        own.iter_mut().zip(eps).for_each(|(own, eps)| *own = S::varying(eps * eps));
     }
 
     /// Solve the stack `jacobian`, shape `(sum rows, n)`, and write the results to `v` and `residual`. Return one if the result is valid.

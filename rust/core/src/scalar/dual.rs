@@ -132,8 +132,12 @@ impl<V: Real> Real for Dual<V> {
         Dual::new(V::One::from_lanes(f), V::zero())
     }
     #[inline(always)]
-    fn parameter(f: impl FnMut(usize) -> f64) -> Self {
-        Dual::new(V::One::parameter(f), V::zero())
+    fn varying(x: f64) -> Self {
+        Dual::new(V::One::varying(x), V::zero())
+    }
+    #[inline(always)]
+    fn parameter(x: f64) -> Self {
+        Dual::new(V::One::parameter(x), V::zero())
     }
     #[inline(always)]
     fn lane(self, i: usize) -> f64 {

@@ -81,10 +81,17 @@ pub trait Real:
     fn splat(x: f64) -> Self;
     /// Return the number `f(i)` in each lane `i`.
     fn from_lanes(f: impl FnMut(usize) -> f64) -> Self;
-    /// Return a parameter of an arm, `f(i)` in each lane `i`. In a recording (`trace`), parameters of equal value share one input.
+    /// Return a number that may differ between runs, such as a gain, a target or a limit. In the set-up of a recording (`trace`), it becomes
+    /// an input.
     #[inline(always)]
-    fn parameter(f: impl FnMut(usize) -> f64) -> Self {
-        Self::from_lanes(f)
+    fn varying(x: f64) -> Self {
+        Self::splat(x)
+    }
+    /// Return an inertial parameter of an arm, which may differ between runs. In a recording (`trace`), parameters of equal value share one
+    /// input.
+    #[inline(always)]
+    fn parameter(x: f64) -> Self {
+        Self::varying(x)
     }
     /// Return a set-up parameter: a number that is constant in a run, such as a mass. A recording (`trace`) contains it as a constant,
     /// unless its derivative is required.
@@ -186,6 +193,11 @@ pub trait Kernel {
     type Output;
     /// Run the code.
     fn run(self) -> Self::Output;
+}
+
+/// Return numbers that may differ between runs ([`Real::varying`]), with the label `name` and indices from 1 on.
+pub(crate) fn labelled_numbers<S: Real>(name: &'static str, numbers: &[f64]) -> Vec<S> {
+    S::labelled(name, 1, || numbers.iter().map(|&x| S::varying(x)).collect())
 }
 
 /// Return the sign of `x` as -1, 0 or 1. It is zero for zero and NaN.

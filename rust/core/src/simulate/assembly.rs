@@ -9,8 +9,8 @@ use super::sink::Sink;
 use super::torque_sensing::TorqueSensing;
 use super::world::{Exogenous, World};
 use crate::integrate::{DualSystem, Linearised, System};
-use crate::law::{LawSpec, Route, Truth};
-use crate::plant::{PlantSpec, Touch};
+use crate::law::{Route, Truth};
+use crate::plant::Touch;
 use crate::scalar::{Dual, Real};
 use std::borrow::Cow;
 
@@ -141,12 +141,10 @@ pub fn twins<'a>(problem: &'a Problem, first: usize) -> (Twins<'a>, Vec<f64>) {
     (Linearised::new(closed, twin, moving, input), x)
 }
 
-/// Return the loop of the runs from `first` on, one run per lane, and the initial state.
+/// Return the loop of run `run`, and the initial state.
 #[inline(never)]
-pub fn close<'a, S: Real>(problem: &'a Problem, first: usize) -> (ClosedLoop<'a, S>, Vec<S>) {
-    let last = problem.runs() - 1;
-    let run = |lane: usize| (first + lane).min(last);
-    (assemble(problem, run, problem.watches_storage()), start(problem, run))
+pub fn close<'a, S: Real>(problem: &'a Problem, run: usize) -> (ClosedLoop<'a, S>, Vec<S>) {
+    (assemble(problem, run, problem.watches_storage()), start(problem, |_| run))
 }
 
 /// Return the desired motions and forces of the runs `run(lane)`.
@@ -154,21 +152,17 @@ pub fn world<'a>(problem: &'a Problem, lanes: usize, run: impl Fn(usize) -> usiz
     World::new(lanes, |lane| problem.law(run(lane)).motions(), |lane| problem.force(run(lane)))
 }
 
-/// Return the loop of the runs `run(lane)`. `storage`: whether the monitored energy is the law's storage function.
-pub fn assemble<'a, S: Real>(problem: &'a Problem, run: impl Fn(usize) -> usize + Copy, storage: bool) -> ClosedLoop<'a, S> {
-    let o = &problem.options;
-    let plant = PlantSpec::build::<S>(|lane| problem.plant(run(lane)), problem.force_frame());
-    let law = LawSpec::build::<S>(|lane| problem.law(run(lane)));
+/// Return the loop of run `run`. `storage`: whether the monitored energy is the law's storage function.
+pub fn assemble<'a, S: Real>(problem: &'a Problem, run: usize, storage: bool) -> ClosedLoop<'a, S> {
+    let (o, plant, law) = (&problem.options, problem.plant(run), problem.law(run));
+    let loop_plant = plant.build::<S>(problem.force_frame());
+    let loop_law = law.build::<S>();
     let closing = Closing { tau_max: o.tau_max.as_deref().map(Cow::Borrowed), held: o.sampling.is_some(), monitored: o.monitors, storage };
-    let spec = problem.plant(run(0));
-    let sizes = (spec.states(), spec.seen(), problem.law(run(0)).initial_state().len(), spec.model().angles());
-    let truth = if closing.watches_dissipation() {
-        Truth::new(|lane| problem.law(run(lane)).adaptive(), |lane| problem.plant(run(lane)))
-    } else {
-        None
-    };
+    let sizes = (plant.states(), plant.seen(), law.initial_state().len(), plant.model().angles());
+    let truth = law.adaptive().filter(|_| closing.watches_dissipation()).and_then(|law| Truth::new(law, plant));
     let period = o.sampling.as_ref().map(|sampling| sampling.period);
-    ClosedLoop::new(plant, law, world(problem, S::LANES, run), closing, sampler(problem, run), sizes).judged_by(truth).sampled_every(period)
+    let (world, sampler) = (world(problem, 1, |_| run), sampler(problem, |_| run));
+    ClosedLoop::new(loop_plant, loop_law, world, closing, sampler, sizes).judged_by(truth).sampled_every(period)
 }
 
 /// Return the clock of the controllers of the runs `run(lane)`. The result is `None` without sampling. A controller that only holds the

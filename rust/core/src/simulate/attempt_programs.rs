@@ -91,7 +91,7 @@ impl AttemptProgram {
 
     fn record<C: Scheme>(problem: &Problem, run: usize, common: Common, held: bool, slots: &Slots) -> Option<Self> {
         sym::begin();
-        let mut closed: ClosedLoop<Sym> = assemble(problem, |_| run, common.monitored.storage);
+        let mut closed: ClosedLoop<Sym> = assemble(problem, run, common.monitored.storage);
         assert_eq!(sym::end_set_up(), slots.given, "another structure");
         let instants: Vec<Exogenous<Sym>> = (0..C::STAGES).map(|_| instant(slots.desired, slots.wrench)).collect();
         let (x, first, h) = (inputs(slots.states()), inputs(slots.states()), sym::input());

@@ -77,7 +77,7 @@ impl<'a, S: Real> ClosedLoop<'a, S> {
         let now = world.instant();
         let answer = p + usize::from(closing.watches_dissipation());
         let limits = closing.tau_max.iter().flat_map(|limit| limit.iter());
-        let limits = S::labelled("tau_max", 1, || limits.map(|&limit| S::from_lanes(|_| limit)).collect());
+        let limits = S::labelled("tau_max", 1, || limits.map(|&limit| S::varying(limit)).collect());
         ClosedLoop {
             plant,
             law,

@@ -59,23 +59,20 @@ pub struct Gauge<S: Real> {
 }
 
 impl<S: Real> Gauge<S> {
-    /// Create the metrics for runs with the plans `of(lane)` and the arms `model(lane)`. All plans have the same shape
-    /// ([`Plan::same_shape`]).
-    pub fn new<'a>(of: impl Fn(usize) -> &'a Plan, model: impl Fn(usize) -> &'a Model) -> Self {
-        let plan = of(0).clone();
-        let numbers =
-            |get: &dyn Fn(&'a Plan) -> &'a [f64]| (0..get(of(0)).len()).map(|i| S::from_lanes(|lane| get(of(lane))[i])).collect::<Vec<S>>();
-        let target = numbers(&|plan| if let ErrorReference::Target(target) = &plan.wanted { target } else { &[] });
-        let band = numbers(&|plan| plan.band.as_deref().unwrap_or_default());
+    /// Create the metrics `plan` of a run with the arm `model`.
+    pub fn new(plan: &Plan, model: &Model) -> Self {
+        let numbers = |values: &[f64]| values.iter().map(|&x| S::varying(x)).collect::<Vec<S>>();
+        let target = numbers(if let ErrorReference::Target(target) = &plan.wanted { target } else { &[] });
+        let band = numbers(plan.band.as_deref().unwrap_or_default());
         let arms = if plan.frame.is_some() { 2 } else { usize::from(!plan.aims.is_empty()) };
         Gauge {
-            settle: S::from_lanes(|lane| of(lane).settle),
-            tolerance: S::from_lanes(|lane| of(lane).tolerance),
+            settle: S::varying(plan.settle),
+            tolerance: S::varying(plan.tolerance),
             target,
             band,
-            arms: (0..arms).map(|_| ArmAt::of_lanes(&model)).collect(),
+            arms: (0..arms).map(|_| ArmAt::new(model)).collect(),
             distances: vec![S::zero(); plan.distances()],
-            plan,
+            plan: plan.clone(),
         }
     }
 

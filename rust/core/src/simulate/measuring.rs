@@ -48,7 +48,7 @@ impl<'a> Measuring<'a> {
         Measuring {
             law,
             columns: Columns::of(problem),
-            gauge: Gauge::new(|_| plan, |_| plant.model()),
+            gauge: Gauge::new(plan, plant.model()),
             monitor: (monitors > 0).then(|| Monitors::new(problem, run)),
             values: vec![0.0; monitors],
             desired: law.desired(0.0),

@@ -156,7 +156,7 @@ fn record(
     watch: Watch,
 ) -> Option<RecordedRates> {
     sym::begin_that(folds);
-    let mut closed: ClosedLoop<Sym> = assemble(problem, |_| run, common.monitored.storage);
+    let mut closed: ClosedLoop<Sym> = assemble(problem, run, common.monitored.storage);
     let given = sym::end_set_up();
     let (plant, law) = (problem.plant(run).states(), problem.law(run).initial_state().len());
     let slots = Slots {

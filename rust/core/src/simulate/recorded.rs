@@ -93,7 +93,7 @@ struct MetricsAndRecords {
 
 /// Return the loop of run `run`, and its metrics and records.
 fn set_up<'a>(problem: &'a Problem, run: usize, common: Common) -> (ClosedLoop<'a, Sym>, MetricsAndRecords) {
-    let closed = assemble(problem, |_| run, common.monitored.storage);
+    let closed = assemble(problem, run, common.monitored.storage);
     let sums = common.plan(problem, run).map(|plan| Sums::new(problem, run, &plan, common.monitored.storage));
     let notes = common.notes.map(|monitors| Notes::new(problem, run, monitors, common.monitored));
     (closed, MetricsAndRecords { sums, notes })

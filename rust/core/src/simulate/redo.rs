@@ -25,7 +25,7 @@ pub trait Direct {
 
 /// Return run `run` of a problem without programs. `norms`: whether the records of the run include the norms of priority levels.
 pub fn direct<'a>(problem: &'a Problem<'a>, run: usize, norms: bool) -> Box<dyn Direct + 'a> {
-    let closed = assemble::<Float>(problem, |_| run, problem.watches_storage());
+    let closed = assemble::<Float>(problem, run, problem.watches_storage());
     let (x, u) = (vec![Float(0.0); closed.size()], closed.instant());
     let MethodKind::ExplicitSteps(method) = problem.options.method.kind() else { unreachable!("only explicit steps are recorded") };
     match method.apply(closed, x, u, RepeatedSteps { problem, run, norms }) {

@@ -8,7 +8,7 @@ use super::problem::Problem;
 use super::schedule::Times;
 use crate::scalar::Real;
 
-/// The metrics of one run, or of several runs at the same time.
+/// The metrics of one run.
 pub struct Sums<S: Real> {
     columns: Columns,
     gauge: Gauge<S>,
@@ -28,8 +28,8 @@ impl<S: Real> Sums<S> {
         let (plant, law) = (problem.plant(run), problem.law(run));
         Sums {
             columns: Columns::of(problem),
-            gauge: Gauge::new(|_| plan, |_| plant.model()),
-            theory: plan.energy.then(|| Theory::new(|_| plant, |_| law, storage)),
+            gauge: Gauge::new(plan, plant.model()),
+            theory: plan.energy.then(|| Theory::new(plant, law, storage)),
         }
     }
 

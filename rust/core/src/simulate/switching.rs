@@ -16,7 +16,7 @@ pub struct Probe {
 
 impl Probe {
     pub fn new(plant: &PlantSpec) -> Self {
-        let (n, arm) = (plant.n(), AnyArm::from_lanes(|_| plant.model()));
+        let (n, arm) = (plant.n(), AnyArm::new(plant.model()));
         Probe { ws: arm.workspace(), arm, trig: vec![(0.0, 1.0); n], jacobian: vec![0.0; 6 * n] }
     }
 

@@ -10,7 +10,7 @@
 use super::problem::Problem;
 use super::sampling::{CHANNELS, Sampling, gaussian};
 use crate::error::{Error, Result};
-use crate::linalg::gain::{AnyGain, Gain, Multiply};
+use crate::linalg::gain::{AnyGain, Diagonal, Full, Gain, Multiply};
 use crate::plant::sensors::TorqueSensor;
 use crate::scalar::Real;
 
@@ -42,6 +42,17 @@ pub struct TorqueSensing<S> {
     readings: Vec<S>,
 }
 
+/// Return the gain `of(i)` in each lane `i`. If all gains are diagonal, they are stored as diagonals, otherwise as full matrices.
+fn in_lanes<'a, S: Real>(of: impl Fn(usize) -> &'a Gain) -> AnyGain<S> {
+    let n = of(0).n();
+    let entry = |i: usize, j: usize| S::from_lanes(|lane| of(lane).at(i, j));
+    if (0..S::LANES).all(|lane| of(lane).is_diagonal()) {
+        AnyGain::Diagonal(Diagonal((0..n).map(|i| entry(i, i)).collect()))
+    } else {
+        AnyGain::Full(Full((0..n * n).map(|k| entry(k / n, k % n)).collect()))
+    }
+}
+
 impl<S: Real> TorqueSensing<S> {
     /// Return the sensors of a problem, or `None` without sensors. `run(lane)` is the run of a lane.
     pub fn of(problem: &Problem, sampling: &Sampling, run: impl Fn(usize) -> usize) -> Option<Self> {
@@ -55,8 +66,8 @@ impl<S: Real> TorqueSensing<S> {
         let zeros = vec![S::zero(); problem.plant(0).n()];
         Some(TorqueSensing {
             sensor,
-            stiffness: AnyGain::from_lanes(|i| springs[i].0),
-            compliance: AnyGain::from_lanes(|i| &springs[i].1),
+            stiffness: in_lanes(|lane| springs[lane].0),
+            compliance: in_lanes(|lane| &springs[lane].1),
             stretch: zeros.clone(),
             readings: zeros,
         })

@@ -64,7 +64,7 @@ mod tests {
             Sym::select(k.lt(Sym::splat(2.0)), y, Sym::select(high.lt(y), high, y))
         };
         let Recorded { ops, inputs, answer, values } =
-            recorded(1, || Sym::from_lanes(|_| 2.5), |k, x| vec![f(k, x[0])]).expect("it does not branch");
+            recorded(1, || Sym::varying(2.5), |k, x| vec![f(k, x[0])]).expect("it does not branch");
         let found = branches(&ops, 1 + inputs, &answer, 1).expect("two branches");
         assert_eq!(found.margins.len(), 2);
         let call = |ops: &[Op], answer: &[u32], given: &[f64]| {

@@ -230,7 +230,7 @@ mod tests {
 
     /// Record `[sin(k x) y, 3, x]`, where `k` is a set-up parameter.
     fn function(k: f64, lanes: bool) -> Option<Evaluation> {
-        record(lanes, 2, || Sym::from_lanes(|_| k), |k, xy| vec![(k * xy[0]).sin_cos().0 * xy[1], Sym::splat(3.0), xy[0]])
+        record(lanes, 2, || Sym::varying(k), |k, xy| vec![(k * xy[0]).sin_cos().0 * xy[1], Sym::splat(3.0), xy[0]])
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! The number type for recording: an implementation of [`Real`] that records the operations on it.
 //!
 //! A recording has two phases. In the *set-up*, plants, laws and arms are built. Numbers that may differ between runs are *set-up
-//! parameters*: [`Real::from_lanes`] and [`Real::parameter`] create them, and they become inputs. The numbers 0, 1 and -1 are constants
+//! parameters*: [`Real::varying`] and [`Real::parameter`] create them, and they become inputs. The numbers 0, 1 and -1 are constants
 //! instead, and are folded. In the *evaluation*, [`input`] declares the inputs, and [`Real::splat`] creates constants.
 //!
 //! `Sym` has two lanes (`LANES = 2`). So generic code selects its variant for several lanes, which does not branch on values. If code
@@ -108,11 +108,8 @@ impl Sym {
 // The following functions are compiled once, in this file. Generic callers share them.
 
 #[inline(never)]
-fn of_lanes(x: f64, y: f64) -> Sym {
-    on_tape(|tape| {
-        tape.failed |= x.to_bits() != y.to_bits();
-        Sym(if tape.set_up { tape.given(x) } else { tape.constant(x) })
-    })
+fn varying(x: f64) -> Sym {
+    on_tape(|tape| Sym(if tape.set_up { tape.given(x) } else { tape.constant(x) }))
 }
 
 #[inline(never)]
@@ -181,11 +178,17 @@ impl Real for Sym {
     fn splat(x: f64) -> Sym {
         on_tape(|tape| Sym(tape.constant(x)))
     }
+    /// The recording fails if the lanes differ.
     fn from_lanes(mut f: impl FnMut(usize) -> f64) -> Sym {
-        of_lanes(f(0), f(1))
+        let (x, y) = (f(0), f(1));
+        on_tape(|tape| tape.failed |= x.to_bits() != y.to_bits());
+        varying(x)
     }
-    fn parameter(mut f: impl FnMut(usize) -> f64) -> Sym {
-        shared(f(0))
+    fn varying(x: f64) -> Sym {
+        varying(x)
+    }
+    fn parameter(x: f64) -> Sym {
+        shared(x)
     }
     fn fixed(x: f64) -> Sym {
         on_tape(|tape| Sym(tape.fixed(x)))

@@ -310,7 +310,7 @@ fn a_recording_without_fusing_has_the_bits_of_plain_numbers() {
 fn has_the_bits_of_what_was_recorded(unfused: bool) {
     let mut random = Random(7);
     sym::begin();
-    let gain = Sym::from_lanes(|_| 3.0);
+    let gain = Sym::varying(3.0);
     assert_eq!(sym::end_set_up(), 1);
     let x: Vec<Sym> = (0..5).map(|_| sym::input()).collect();
     let outputs = if unfused { sym::unfused(|| computation(&x, gain)) } else { computation(&x, gain) };
@@ -350,7 +350,7 @@ fn has_the_bits_of_what_was_recorded(unfused: bool) {
 #[test]
 fn code_that_looks_at_a_value_fails_the_recording() {
     sym::begin();
-    let x = Sym::from_lanes(|_| 2.0);
+    let x = Sym::varying(2.0);
     assert!(x.lane(0).is_nan());
     assert!(sym::finish().failed);
     sym::begin();
@@ -363,7 +363,7 @@ fn a_number_of_the_set_up_that_is_one_has_another_structure_than_an_input() {
     let structure = |values: [f64; 3]| {
         sym::begin();
         for x in values {
-            Sym::from_lanes(|_| x);
+            Sym::varying(x);
         }
         sym::finish().structure
     };

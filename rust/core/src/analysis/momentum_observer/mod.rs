@@ -120,7 +120,7 @@ impl MomentumObserver {
             sample: Momentum::new(&model, None, &known),
             friction: known,
             model,
-            gain: AnyGain::from_lanes(|_| &gain),
+            gain: AnyGain::new(&gain),
             given: gain,
             takes_friction: friction,
             motors: None,

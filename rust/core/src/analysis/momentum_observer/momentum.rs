@@ -26,10 +26,10 @@ impl<S: Real> Momentum<S> {
     /// Create the momentum of the links of `model`, or of motors with the inertia `motors`. `friction` is the known friction.
     pub fn new(model: &Model, motors: Option<&Gain>, friction: &[Vec<f64>; 2]) -> Self {
         let n = model.n();
-        let rows = |values: &Vec<f64>| values.iter().map(|&x| S::from_lanes(|_| x)).collect();
+        let rows = |values: &Vec<f64>| values.iter().map(|&x| S::varying(x)).collect();
         Momentum {
-            arm: ArmAt::of_lanes(|_| model),
-            motors: motors.map(|inertia| AnyGain::from_lanes(|_| inertia)),
+            arm: ArmAt::new(model),
+            motors: motors.map(AnyGain::new),
             friction: friction.each_ref().map(rows),
             mass: vec![S::zero(); n * n],
             coriolis: vec![S::zero(); n * n],

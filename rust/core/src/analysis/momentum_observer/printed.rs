@@ -213,7 +213,7 @@ impl MomentumObserver {
         let sums = if self.given.is_diagonal() { n } else { n * n };
         recorded(
             5 * n + 1 + sums,
-            || AnyGain::<Sym>::from_lanes(|_| &self.given),
+            || AnyGain::<Sym>::new(&self.given),
             |gain, x| {
                 sym::unfused(|| {
                     let part = |k: usize| &x[k * n..(k + 1) * n];

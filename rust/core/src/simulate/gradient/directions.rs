@@ -47,7 +47,7 @@ fn combined(base: &[f64], others: &[(&[f64], f64)], mut put: impl FnMut(usize, f
 fn numbers(problem: &Problem, run: usize) -> Vec<f64> {
     look();
     sym::begin_moving(Moving::All);
-    drop(assemble::<Sym>(problem, |_| run, false));
+    drop(assemble::<Sym>(problem, run, false));
     sym::finish().values
 }
 

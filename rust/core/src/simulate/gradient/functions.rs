@@ -178,7 +178,7 @@ impl LoopRecorder<'_> {
     ) -> Option<Function> {
         let LoopRecorder { problem, run, directions, sizes } = *self;
         sym::begin_moving(Moving::These(directions.moving.clone()));
-        let mut closed: ClosedLoop<Sym> = assemble(problem, |_| run, false);
+        let mut closed: ClosedLoop<Sym> = assemble(problem, run, false);
         let given = sym::end_set_up() as u32;
         let u = instant(sizes.desired, sizes.width - sizes.desired);
         let x = inputs(sizes.states);

@@ -32,7 +32,7 @@ impl SetUps {
         let of = |run: usize| {
             look();
             sym::begin_moving(Moving::These(directions.moving.clone()));
-            drop(assemble::<Sym>(problem, |_| run, false));
+            drop(assemble::<Sym>(problem, run, false));
             let recording = sym::finish();
             ((run, SetUp { ops: recording.ops, structure: recording.structure }), recording.values)
         };

@@ -11,8 +11,7 @@ use crate::plant::{PlantSpec, Stored};
 use crate::scalar::{Dual, Real};
 use crate::simulate::gauge::Identities;
 
-/// Computes skewness, energy and Lyapunov function, which satisfy identities of the theory, for one run or for several runs at the same
-/// time.
+/// Computes skewness, energy and Lyapunov function, which satisfy identities of the theory.
 pub struct Theory<S: Real> {
     states: usize,
     /// Size of the law's state.
@@ -29,21 +28,20 @@ pub struct Theory<S: Real> {
 }
 
 impl<S: Real> Theory<S> {
-    /// Create the computation for the plants and laws of the lanes, which have the same structure. If `storage` is true, the energy is the
-    /// law's storage function.
-    pub fn new<'a>(plant: impl Fn(usize) -> &'a PlantSpec, law: impl Fn(usize) -> &'a LawSpec, storage: bool) -> Self {
-        let n = plant(0).n();
+    /// Create the computation for a plant and a law. If `storage` is true, the energy is the law's storage function.
+    pub fn new(plant: &PlantSpec, law: &LawSpec, storage: bool) -> Self {
+        let n = plant.n();
         Theory {
-            states: plant(0).states(),
-            p: law(0).initial_state().len(),
-            arm: ArmAt::of_lanes(|lane| plant(lane).model()),
-            moving: ArmAt::of_lanes(|lane| plant(lane).model()),
+            states: plant.states(),
+            p: law.initial_state().len(),
+            arm: ArmAt::new(plant.model()),
+            moving: ArmAt::new(plant.model()),
             moving_q: vec![Dual::default(); n],
             moving_m: vec![Dual::default(); n * n],
             coriolis: vec![S::zero(); n * n],
-            stored: Stored::new(&plant),
-            storage: if storage { Storage::new(&law) } else { None },
-            lyapunov: Lyapunov::new(&law, &plant),
+            stored: Stored::new(plant),
+            storage: if storage { Storage::new(law) } else { None },
+            lyapunov: Lyapunov::new(law, plant),
         }
     }
 

@@ -129,7 +129,7 @@ impl<P: Solve> Checks<P> {
         let (plant, law) = (scope.plant(), scope.law());
         let levels = LevelNorms::of(law);
         Checks {
-            theory: Theory::new(|_| plant, |_| law, scope.monitored.storage),
+            theory: Theory::new(plant, law, scope.monitored.storage),
             monitors: build(scope),
             norms: if levels.is_some() { level_norms::names(law).len() } else { 0 },
             levels,

@@ -30,8 +30,8 @@ impl<S: Real> StaticTorque<S> {
         let (n, m) = (law.model.n(), law.coordinates.m());
         let zeros = |k: usize| vec![S::zero(); k];
         Some(StaticTorque {
-            stiffness: AnyGain::labelled("null_stiffness", |_| &null_space.stiffness),
-            damping: AnyGain::labelled("null_damping", |_| &null_space.damping),
+            stiffness: AnyGain::labelled("null_stiffness", &null_space.stiffness),
+            damping: AnyGain::labelled("null_damping", &null_space.damping),
             work: zeros(n),
             torque: zeros(n),
             wrench: zeros(m),

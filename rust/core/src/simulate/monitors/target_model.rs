@@ -18,8 +18,8 @@ use crate::kinematics::Coordinates;
 use crate::law::turn_rates;
 use crate::linalg::cholesky;
 use crate::linalg::gain::{AnyGain, Multiply};
-use crate::plant::{Plant, PlantSpec};
-use crate::scalar::{Dual, Real};
+use crate::plant::Plant;
+use crate::scalar::{Dual, Real, labelled_numbers};
 
 /// `M_x` counts as defined if two conditions are met. First, the smallest singular value of `J`, with rows of length one, exceeds this
 /// limit. Second, the projector of the law, if there is one, has no loss.
@@ -77,11 +77,11 @@ impl<S: Real> TargetModel<S> {
         let zeros = |k: usize| vec![S::zero(); k];
         Some(TargetModel {
             coordinates: law.coordinates.clone(),
-            stiffness: AnyGain::labelled("stiffness", |_| &law.stiffness),
-            damping: AnyGain::labelled("damping", |_| &law.damping),
-            plant: PlantSpec::build::<S>(|_| plant, problem.force_frame()),
+            stiffness: AnyGain::labelled("stiffness", &law.stiffness),
+            damping: AnyGain::labelled("damping", &law.damping),
+            plant: plant.build(problem.force_frame()),
             elsewhere: problem.force_frame.filter(|_| !problem.forces.is_empty()),
-            moving: ArmAt::of_lanes(|_| plant.model()),
+            moving: ArmAt::new(plant.model()),
             moving_q: vec![Dual::default(); n],
             rates: zeros(2 * n),
             mass: zeros(n * n),
@@ -97,11 +97,7 @@ impl<S: Real> TargetModel<S> {
             terms: std::array::from_fn(|_| zeros(m)),
             rates_of_target: law.turns_target().then(|| [zeros(m), zeros(m)]),
             coupled: law.options().compensate_coupling,
-            feedforward: law
-                .options()
-                .feedforward
-                .as_ref()
-                .map(|fed| S::labelled("feedforward", 1, || fed.iter().map(|&f| S::from_lanes(|_| f)).collect())),
+            feedforward: law.options().feedforward.as_ref().map(|fed| labelled_numbers("feedforward", fed)),
             static_torque: StaticTorque::new(law),
         })
     }

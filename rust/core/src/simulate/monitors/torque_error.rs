@@ -2,7 +2,7 @@
 //! the torque that the outer loop commands.
 
 use super::{Moment, Monitor, MonitorKind, Scope};
-use crate::law::{Law, LawSpec};
+use crate::law::Law;
 use crate::scalar::Real;
 
 pub struct TorqueError<S: Real> {
@@ -20,8 +20,8 @@ impl<S: Real> TorqueError<S> {
         let (outer, stiffness) = (scope.law().outer()?, &scope.plant().elastic()?.stiffness);
         let n = scope.plant().n();
         Some(TorqueError {
-            law: LawSpec::build::<S>(|_| &outer),
-            stiffness: (0..n * n).map(|k| S::from_lanes(|_| stiffness.at(k / n, k % n))).collect(),
+            law: outer.build(),
+            stiffness: (0..n * n).map(|k| S::varying(stiffness.at(k / n, k % n))).collect(),
             u: vec![S::zero(); n],
             rate: vec![S::zero(); outer.initial_state().len()],
         })
