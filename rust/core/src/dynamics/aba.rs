@@ -71,14 +71,14 @@ fn place<S: Real>(tree: &Tree<S>, poses: &mut [Pose<S>], bodies: &mut [Articulat
 
 /// Pass inwards: compute the articulated inertia and the bias force of each subtree, about its joint.
 fn gather<S: Real>(tree: &Tree<S>, poses: &[Pose<S>], bodies: &mut [Articulated<S>], tau: &[S]) {
-    // With one lane, a local variable has the sum for the parent if the parent is the next body. So the sum can stay in registers.
+    // A local variable has the sum for the parent if the parent is the next body. So the sum can stay in registers.
     let (mut carried, mut carried_to) = (Handle::default(), BASE);
     for i in (0..tree.bodies.len()).rev() {
         let body = &tree.bodies[i];
         let z = poses[i].z();
         let me = &mut bodies[i];
         let mut ia = me.handle;
-        if S::LANES == 1 && carried_to == i {
+        if carried_to == i {
             ia = ia.plus(&carried);
         }
         let (uf, un, d, bias) = if body.revolute {
@@ -108,7 +108,7 @@ fn gather<S: Real>(tree: &Tree<S>, poses: &[Pose<S>], bodies: &mut [Articulated<
         let p = me.p;
         let (h, inertia) = shifted(&mass, h, &inertia, p);
         let moved = Handle { mass, h, inertia, f, n: p.cross_add(f, moment) };
-        if S::LANES == 1 && body.parent + 1 == i {
+        if body.parent + 1 == i {
             (carried, carried_to) = (moved, body.parent);
         } else {
             bodies[body.parent].handle = bodies[body.parent].handle.plus(&moved);

@@ -69,13 +69,13 @@ pub fn coriolis_matrix<S: Real>(tree: &Tree<S>, ws: &mut Workspace<S>, trig: &[(
     place(tree, poses, composites, columns, (trig, q), v);
     let n = tree.bodies.len();
     set(c, S::zero());
-    // With one lane, a local variable has the sum for the parent if the parent is the next body. So the sum can stay in registers.
+    // A local variable has the sum for the parent if the parent is the next body. So the sum can stay in registers.
     let (mut carried, mut carried_to) = (Composite::default(), BASE);
     for j in (0..n).rev() {
         look_at_row(j);
         let body = &tree.bodies[j];
         let mut whole = composites[j];
-        if S::LANES == 1 && carried_to == j {
+        if carried_to == j {
             whole = whole.plus(&carried);
         }
         let Composite { inertia: Inertia { mass, moment, inertia }, momentum, k } = whole;
@@ -117,7 +117,7 @@ pub fn coriolis_matrix<S: Real>(tree: &Tree<S>, ws: &mut Workspace<S>, trig: &[(
             d.scale_add(hz, momentum.scale_add(p[2], k.axis(2))),
         ]);
         let moved = Composite { momentum: d.scale_add(mass, momentum), k, inertia: moved };
-        if S::LANES == 1 && body.parent + 1 == j {
+        if body.parent + 1 == j {
             (carried, carried_to) = (moved, body.parent);
         } else {
             composites[body.parent] = composites[body.parent].plus(&moved);

@@ -90,14 +90,14 @@ pub(super) fn mass_matrix_entries<S: Real>(
     let Composites { moments, momenta, rotations } = composites;
     let (bodies, moments, momenta) = (&tree.bodies[..n], &mut moments[..n], &mut momenta[..n]);
     let (rotations, trig, q) = (&mut rotations[..n], &trig[..n], &q[..n]);
-    // With one lane, a local variable has the sum for the parent if the parent is the next body. So the sum can stay in registers.
+    // A local variable has the sum for the parent if the parent is the next body. So the sum can stay in registers.
     let (mut next, mut next_at) = (Moments::default(), BASE);
     for i in (0..n).rev() {
         look_at_row(i);
         let body = &bodies[i];
         let whole = if body.end == i + 1 {
             Moments::of(body)
-        } else if S::LANES == 1 && next_at == i {
+        } else if next_at == i {
             next
         } else {
             moments[i]
@@ -149,7 +149,7 @@ pub(super) fn mass_matrix_entries<S: Real>(
         // The loop runs from the tips to the base, so a body's last branch comes first.
         let up = &bodies[parent];
         let sum = if body.end == up.end { Moments::of(up) } else { moments[parent] }.plus(&moved);
-        if S::LANES == 1 && parent + 1 == i {
+        if parent + 1 == i {
             (next, next_at) = (sum, parent);
         } else {
             moments[parent] = sum;

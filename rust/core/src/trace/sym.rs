@@ -4,8 +4,7 @@
 //! parameters*: [`Real::varying`] and [`Real::parameter`] create them, and they become inputs. The numbers 0, 1 and -1 are constants
 //! instead, and are folded. In the *evaluation*, [`input`] declares the inputs, and [`Real::splat`] creates constants.
 //!
-//! `Sym` has two lanes (`LANES = 2`). So generic code selects its variant for several lanes, which does not branch on values. If code
-//! nevertheless reads a lane that is not a constant, the recording fails ([`Recording::failed`]).
+//! If code reads the value of a number that is not a constant, to branch on it, the recording fails ([`Recording::failed`]).
 
 use super::label::Label;
 use super::tape::{Moving, Op, Tape};
@@ -36,7 +35,7 @@ pub struct Recording {
     /// recording has varying parameters (see [`Moving`]). Two loops can share a program if these lists are equal, and if the loops differ
     /// only in the values of parameters.
     pub structure: Vec<u32>,
-    /// Whether the code read a value that is not a constant, or gave two lanes different values. Then the recording is not valid.
+    /// Whether the code read a value that is not a constant. Then the recording is not valid.
     pub failed: bool,
 }
 
@@ -163,7 +162,7 @@ impl Neg for Sym {
 impl Real for Sym {
     type Mask = Sym;
     type One = Sym;
-    const LANES: usize = 2;
+    const LANES: usize = 1;
 
     fn first(self) -> Sym {
         self
@@ -178,11 +177,8 @@ impl Real for Sym {
     fn splat(x: f64) -> Sym {
         on_tape(|tape| Sym(tape.constant(x)))
     }
-    /// The recording fails if the lanes differ.
     fn from_lanes(mut f: impl FnMut(usize) -> f64) -> Sym {
-        let (x, y) = (f(0), f(1));
-        on_tape(|tape| tape.failed |= x.to_bits() != y.to_bits());
-        varying(x)
+        varying(f(0))
     }
     fn varying(x: f64) -> Sym {
         varying(x)
