@@ -6,7 +6,7 @@ use super::schedule::{Times, require_times};
 use super::stop::Stop;
 use super::time_scale::TimeScale;
 use crate::error::Result as CoreResult;
-use crate::integrate::{Adaptive, Buffer, System, Work};
+use crate::integrate::{Adaptive, System, Work};
 use crate::scalar::Real;
 use crate::status::Status;
 
@@ -110,17 +110,17 @@ pub enum Cut {
 }
 
 /// An observer of every step of a run.
-pub trait Watcher<F, B, M> {
+pub trait Watcher<S, F, M> {
     /// Whether the observer must be called.
     fn active(&self) -> bool;
     /// Start the observation at time `t`, s, and state `x`. [`run`] calls this function once, before the first step.
-    fn begin(&mut self, system: &mut F, t: f64, x: &B) -> Result<(), Status>;
+    fn begin(&mut self, system: &mut F, t: f64, x: &[S]) -> Result<(), Status>;
     /// Check the step that `method` has just accepted. The result is the time to which the step must be shortened, with the reason, if any.
     fn look(&mut self, system: &mut F, method: &mut M) -> Result<Option<Cut>, Status>;
     /// Process the accepted step of `method` up to time `t`, s. [`run`] does not call this function for a step that it repeats.
     fn keep(&mut self, system: &mut F, method: &mut M, t: f64);
     /// Process a switch of the system at time `t`, s, and state `x`. The observer may correct `x`, so that it is exactly at the switch.
-    fn switch(&mut self, system: &mut F, t: f64, x: &mut B);
+    fn switch(&mut self, system: &mut F, t: f64, x: &mut [S]);
 }
 
 /// The end of a run: its status, its end time, s, and the counts of its evaluations and steps.
@@ -160,12 +160,11 @@ impl DueRecords<'_> {
     }
 
     /// Record the states at all record times within a step. `at` is memory for an interpolated state.
-    fn record<S, F, B, M>(&mut self, system: &mut F, method: &mut M, step: &Step, at: &mut B, record: &mut impl FnMut(f64, &mut F, &B))
+    fn record<S, F, M>(&mut self, system: &mut F, method: &mut M, step: &Step, at: &mut Vec<S>, record: &mut impl FnMut(f64, &mut F, &[S]))
     where
         S: Real,
         F: System<S>,
-        B: Buffer<S>,
-        M: Adaptive<S, F, B>,
+        M: Adaptive<S, F, Vec<S>>,
     {
         self.accepted += 1;
         match self.times {
@@ -174,11 +173,11 @@ impl DueRecords<'_> {
                     return;
                 }
                 if let Some(t) = step.sample {
-                    system.sample(t, method.x().as_ref());
+                    system.sample(t, method.x());
                 }
                 if step.ends {
                     method.interpolate(system, step.reached, at);
-                    system.still(at.as_mut());
+                    system.still(at);
                     record(step.reached, system, at);
                 } else {
                     record(step.reached, system, method.x());
@@ -188,10 +187,10 @@ impl DueRecords<'_> {
                 while self.wanted < t_eval.len() && t_eval[self.wanted] <= step.reached {
                     let t = t_eval[self.wanted];
                     method.interpolate(system, t, at);
-                    system.still(at.as_mut());
+                    system.still(at);
                     // A record at a sample time contains the input that acts after the sample.
                     if step.sample == Some(t) {
-                        system.sample(t, at.as_ref());
+                        system.sample(t, at);
                     }
                     record(t, system, at);
                     self.wanted += 1;
@@ -203,20 +202,18 @@ impl DueRecords<'_> {
 
 /// Run `system` from the state of `method`. `watch` checks every step, and `record(t, system, x)` is called for every record.
 // Long: the function is not divided, because all branches of its loop use the same variables.
-pub fn run<S, F, B, M, W>(
+pub fn run<S, F, M>(
     system: &mut F,
     method: &mut M,
     segments: &Segments,
     stop: &dyn Stop,
-    watch: &mut W,
-    mut record: impl FnMut(f64, &mut F, &B),
+    watch: &mut impl Watcher<S, F, M>,
+    mut record: impl FnMut(f64, &mut F, &[S]),
 ) -> Outcome
 where
     S: Real,
     F: System<S>,
-    B: Buffer<S>,
-    M: Adaptive<S, F, B>,
-    W: Watcher<F, B, M>,
+    M: Adaptive<S, F, Vec<S>>,
 {
     let (mut t, mut sample) = (0.0, 0u64);
     let mut due = DueRecords { times: &segments.times, wanted: 0, accepted: 0 };
@@ -229,7 +226,7 @@ where
     let mut switch_at: Option<f64> = None;
     // Whether the next step begins inside a segment, not at its start.
     let mut inside = false;
-    if !segments.bound.holds(method.x().as_ref()) {
+    if !segments.bound.holds(method.x()) {
         return outcome(Status::Diverged, t, method);
     }
     if watch.active()
@@ -248,7 +245,7 @@ where
             Clock::Every(_) | Clock::Breaks => true,
         };
         if samples && !inside {
-            system.sample(t, method.x().as_ref());
+            system.sample(t, method.x());
         }
         let (segment_end, jumps) = segments.next(t, sample);
         let input_end = if jumps { segment_end.next_down() } else { segment_end };
@@ -305,10 +302,10 @@ where
                     Ok(None) => {}
                 }
             }
-            if !ends && !segments.bound.holds(method.x().as_ref()) {
+            if !ends && !segments.bound.holds(method.x()) {
                 return outcome(Status::Diverged, reached, method);
             }
-            system.still(method.x_mut().as_mut());
+            system.still(method.x_mut());
             if watch.active() {
                 watch.keep(system, method, reached);
             }

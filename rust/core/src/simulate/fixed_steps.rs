@@ -7,7 +7,7 @@
 use super::bound::Bound;
 use super::schedule::{Schedule, Within, after_jump, is_end};
 use super::stop::Stop;
-use crate::integrate::{Buffer, FixedStep, System};
+use crate::integrate::{FixedStep, System};
 use crate::scalar::Real;
 
 /// The largest number of steps between two checks.
@@ -22,8 +22,8 @@ pub struct Faults {
 }
 
 /// Receives the records of a run of fixed steps.
-pub trait Record<F, B> {
-    fn record(&mut self, i: usize, t: f64, system: &mut F, x: &B);
+pub trait Record<S, F> {
+    fn record(&mut self, i: usize, t: f64, system: &mut F, x: &[S]);
     /// Accept the records that the system stored within the steps so far. If the system stores records, [`run`] calls this function after
     /// each block of steps and at the last record.
     fn accept(&mut self, system: &mut F);
@@ -31,24 +31,23 @@ pub trait Record<F, B> {
 
 /// Run `system` from the state `x`, with the steps and records of `schedule`. `hold`: the number of steps between two calls of the sampled
 /// controller, or 0 without sampling.
-pub fn run<S, F, M, B>(
+pub fn run<S, F, M>(
     system: &mut F,
     method: &mut M,
-    mut x: B,
+    mut x: Vec<S>,
     schedule: &Schedule,
     hold: usize,
     stop: &dyn Stop,
-    recorder: &mut impl Record<F, B>,
+    recorder: &mut impl Record<S, F>,
 ) -> Faults
 where
     S: Real,
     F: System<S>,
-    M: FixedStep<S, F, B>,
-    B: Buffer<S>,
+    M: FixedStep<S, F, Vec<S>>,
 {
     let mut faults = Faults { at: vec![f64::INFINITY; S::LANES], interrupted: false, steps: 0 };
     let bound = schedule.bound;
-    if !bound.holds(x.as_ref()) {
+    if !bound.holds(&x) {
         note_faults(&mut faults.at, &mut x, bound, 0.0);
     }
     let (mut step, mut i, mut next_break) = (0, 0, 0);
@@ -62,15 +61,15 @@ where
             && (offset == 0.0 || ahead)
         {
             if hold != 0 && offset == 0.0 && step.is_multiple_of(hold) && schedule.is_on_grid(step) {
-                system.sample(record.t, x.as_ref());
+                system.sample(record.t, &x);
             }
             match schedule.within {
                 Within::Notes { last, .. } => {
-                    system.note(last, record.t, x.as_ref());
+                    system.note(last, record.t, &x);
                     recorder.accept(system);
                 }
                 Within::Sums if step == schedule.steps => {
-                    system.sum_up(record.t, 0.0, x.as_mut());
+                    system.sum_up(record.t, 0.0, &mut x);
                     recorder.record(i, record.t, system, &x);
                 }
                 Within::Nothing | Within::Sums => recorder.record(i, record.t, system, &x),
@@ -110,19 +109,18 @@ where
 }
 
 /// Advance `x` over the block of steps `step..to`. If a check finds a new fault, repeat the block from `start` step by step.
-fn run_block<S, F, M, B>(
+fn run_block<S, F, M>(
     system: &mut F,
     method: &mut M,
     (schedule, hold): (&Schedule, usize),
     (step, to, offset): (usize, usize, f64),
     at: &mut [f64],
     next_break: &mut usize,
-    (start, x): (&B, &mut B),
+    (start, x): (&Vec<S>, &mut Vec<S>),
 ) where
     S: Real,
     F: System<S>,
-    M: FixedStep<S, F, B>,
-    B: Buffer<S>,
+    M: FixedStep<S, F, Vec<S>>,
 {
     let (bound, first_break) = (schedule.bound, *next_break);
     let mut careful = false;
@@ -131,7 +129,7 @@ fn run_block<S, F, M, B>(
         while k < to {
             let t = after_jump(&schedule.breaks[..*next_break], schedule.time(k));
             if hold != 0 && k.is_multiple_of(hold) {
-                system.sample(t, x.as_ref());
+                system.sample(t, x);
                 method.restart();
             }
             let smooth = if careful || offset > 0.0 { 0 } else { smooth_steps(schedule, k, to, hold, *next_break) };
@@ -140,21 +138,21 @@ fn run_block<S, F, M, B>(
                 continue;
             }
             if let Some(i) = schedule.noted(k) {
-                system.note(i, t, x.as_ref());
+                system.note(i, t, x);
             }
             if schedule.within == Within::Sums {
-                system.sum_up(t, schedule.time(k + 1) - t, x.as_mut());
-                if careful && !bound.holds(x.as_ref()) {
+                system.sum_up(t, schedule.time(k + 1) - t, x);
+                if careful && !bound.holds(x) {
                     note_faults(at, x, bound, t);
                 }
             }
             one_step(system, method, schedule, k, offset, next_break, x);
-            if careful && !bound.holds(x.as_ref()) {
+            if careful && !bound.holds(x) {
                 note_faults(at, x, bound, schedule.time(k + 1));
             }
             k += 1;
         }
-        if careful || offset > 0.0 || bound.holds(x.as_ref()) || all_known(at, x.clone(), bound) {
+        if careful || offset > 0.0 || bound.holds(x) || all_known(at, x, bound) {
             return;
         }
         careful = true;
@@ -195,12 +193,11 @@ fn smooth_steps(schedule: &Schedule, step: usize, to: usize, hold: usize, next_b
 }
 
 /// Compute step number `step`, or only its part of size `offset`.
-fn one_step<S, F, M, B>(system: &mut F, method: &mut M, schedule: &Schedule, step: usize, offset: f64, next_break: &mut usize, x: &mut B)
+fn one_step<S, F, M>(system: &mut F, method: &mut M, schedule: &Schedule, step: usize, offset: f64, next_break: &mut usize, x: &mut Vec<S>)
 where
     S: Real,
     F: System<S>,
-    M: FixedStep<S, F, B>,
-    B: Buffer<S>,
+    M: FixedStep<S, F, Vec<S>>,
 {
     let (t, mut end) = (schedule.time(step), schedule.time(step + 1));
     let mut h = if step + 1 < schedule.steps { schedule.dt } else { end - t };
@@ -212,17 +209,16 @@ where
 
 /// Compute a step of size `h` from `t` to `end`, s. It is divided where the input jumps, inside or at its end. Each part uses the input on
 /// its side of the jump. `breaks` are the jumps, s, `dt` is the size of a whole step, and `next_break` counts the jumps passed.
-pub fn divided_step<S, F, M, B>(
+pub fn divided_step<S, F, M>(
     system: &mut F,
     method: &mut M,
     (breaks, dt, next_break): (&[f64], f64, &mut usize),
     (mut t, mut h, end): (f64, f64, f64),
-    x: &mut B,
+    x: &mut Vec<S>,
 ) where
     S: Real,
     F: System<S>,
-    M: FixedStep<S, F, B>,
-    B: Buffer<S>,
+    M: FixedStep<S, F, Vec<S>>,
 {
     loop {
         let (mut piece, mut input_end, mut jumps) = (h, end, false);
@@ -234,11 +230,11 @@ pub fn divided_step<S, F, M, B>(
                 piece = if last { end - t } else { jump - t };
             }
         }
-        if system.enter_step(t, x.as_ref()) {
+        if system.enter_step(t, x) {
             method.restart();
         }
         method.step(system, after_jump(&breaks[..*next_break], t), piece, input_end, x);
-        if system.leave_step(x.as_mut()) {
+        if system.leave_step(x) {
             method.restart();
         }
         if !jumps {
@@ -257,20 +253,20 @@ pub fn divided_step<S, F, M, B>(
 /// Whether every lane with a fault is already marked.
 #[cold]
 #[inline(never)]
-fn all_known<S: Real, B: Buffer<S>>(at: &[f64], x: B, bound: Bound) -> bool {
-    (0..S::LANES).all(|lane| at[lane].is_finite() || bound.holds_lane(x.as_ref(), lane))
+fn all_known<S: Real>(at: &[f64], x: &[S], bound: Bound) -> bool {
+    (0..S::LANES).all(|lane| at[lane].is_finite() || bound.holds_lane(x, lane))
 }
 
 /// Mark the lanes that have a fault at time `t`, and set all their numbers to NaN.
 #[cold]
 #[inline(never)]
-fn note_faults<S: Real, B: Buffer<S>>(at: &mut [f64], x: &mut B, bound: Bound, t: f64) {
+fn note_faults<S: Real>(at: &mut [f64], x: &mut [S], bound: Bound, t: f64) {
     for lane in 0..S::LANES {
-        if at[lane].is_finite() || bound.holds_lane(x.as_ref(), lane) {
+        if at[lane].is_finite() || bound.holds_lane(x, lane) {
             continue;
         }
         at[lane] = t;
-        for x in x.as_mut() {
+        for x in &mut *x {
             *x = S::from_lanes(|i| if i == lane { f64::NAN } else { x.lane(i) });
         }
     }

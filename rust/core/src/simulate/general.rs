@@ -58,8 +58,8 @@ impl LaneRecorder<'_> {
     }
 }
 
-impl<S: Real, F: Watched<S>> Record<F, Vec<S>> for LaneRecorder<'_> {
-    fn record(&mut self, i: usize, t: f64, closed: &mut F, x: &Vec<S>) {
+impl<S: Real, F: Watched<S>> Record<S, F> for LaneRecorder<'_> {
+    fn record(&mut self, i: usize, t: f64, closed: &mut F, x: &[S]) {
         let tau = closed.input_at(t, x);
         self.write(i, t, x, tau);
     }
@@ -121,7 +121,7 @@ impl<S: Real, F: Watched<S>> WithAdaptive<S, F> for AdaptiveRun<'_, '_> {
         let mut i = 0;
         let kept = size - monitors::integrals(problem.options.monitors).count();
         let mut watch = Watching::new(problem.plant(first), observer, kept, method.x());
-        let record = |t: f64, closed: &mut F, x: &Vec<S>| {
+        let record = |t: f64, closed: &mut F, x: &[S]| {
             let tau = closed.input_at(t, x);
             recorder.write(i, t, x, tau);
             i += 1;

@@ -260,12 +260,12 @@ where
     lanes_of(x, at);
 }
 
-impl<S: Real, F: Watched<S>, M: Adaptive<S, F, Vec<S>>> Watcher<F, Vec<S>, M> for Watching<'_, S> {
+impl<S: Real, F: Watched<S>, M: Adaptive<S, F, Vec<S>>> Watcher<S, F, M> for Watching<'_, S> {
     fn active(&self) -> bool {
         !self.guards.is_empty() || self.observer.is_some()
     }
 
-    fn begin(&mut self, system: &mut F, t: f64, x: &Vec<S>) -> Result<(), Status> {
+    fn begin(&mut self, system: &mut F, t: f64, x: &[S]) -> Result<(), Status> {
         lanes_of(&mut self.x, x);
         self.find_contacts(system, t);
         if self.sticking > 0 {
@@ -311,7 +311,7 @@ impl<S: Real, F: Watched<S>, M: Adaptive<S, F, Vec<S>>> Watcher<F, Vec<S>, M> fo
         });
     }
 
-    fn switch(&mut self, system: &mut F, t: f64, x: &mut Vec<S>) {
+    fn switch(&mut self, system: &mut F, t: f64, x: &mut [S]) {
         lanes_of(&mut self.x, x);
         let contacts = self.guards.len() - self.sticking;
         if let Some(joint) = self.switches.checked_sub(contacts).filter(|_| self.sticking > 0) {

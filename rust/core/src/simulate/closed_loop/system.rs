@@ -49,20 +49,19 @@ impl<S: Real> System<S> for ClosedLoop<'_, S> {
     }
 }
 
-impl<V: Real> DualSystem<V> for ClosedLoop<'_, Dual<V>> {
-    fn moving_input(&mut self, t: f64, u: &mut Exogenous<Dual<V>>) {
+impl DualSystem<f64> for ClosedLoop<'_, Dual> {
+    fn moving_input(&mut self, t: f64, u: &mut Exogenous<Dual>) {
         let mut moving = std::mem::replace(&mut self.now, Exogenous { t, desired: Vec::new(), wrench: [Dual::default(); 6] });
         self.drift(t, u, &mut moving);
-        let along = |rate: f64| V::from_lanes(|lane| if lane == 0 { rate } else { 0.0 });
         for (u, rate) in u.desired.iter_mut().zip(&moving.desired).chain(u.wrench.iter_mut().zip(&moving.wrench)) {
-            u.rate = along(rate.lane(0));
+            u.rate = rate.value;
         }
         self.now = moving;
     }
 
-    fn hold(&mut self, input: &[V::One], rate: &[V::One]) {
+    fn hold(&mut self, input: &[f64], rate: &[f64]) {
         for (to, &from) in self.tau.iter_mut().zip(input).chain(self.dz.iter_mut().zip(rate)) {
-            *to = Dual::new(from, V::zero());
+            *to = Dual::splat(from);
         }
     }
 
