@@ -22,7 +22,7 @@ use crate::dynamics::ArmAt;
 use crate::error::{Error, Result, finite};
 use crate::interrupt::look;
 use crate::law::{Law, LawSpec};
-use crate::linalg::gain::{AnyGain, Gain, Multiply};
+use crate::linalg::gain::{AnyGain, Gain};
 use crate::linalg::symmetric_eigen;
 use crate::plant::{LoopWall, PlantSpec, Stop, unilateral};
 use crate::scalar::{Dual, Real};

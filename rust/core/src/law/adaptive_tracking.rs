@@ -9,7 +9,7 @@
 //! they are known, and the torque `armature a_r` is added.
 
 use crate::dynamics::{AnyArm, Dynamics, Workspace};
-use crate::linalg::gain::{AnyGain, Multiply};
+use crate::linalg::gain::AnyGain;
 use crate::scalar::Real;
 
 /// The law in a control loop, without its options.

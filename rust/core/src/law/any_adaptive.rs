@@ -12,7 +12,7 @@ use super::restraint::LoopRestraint;
 use super::terms::{Instant, Term};
 use super::truth::Truth;
 use crate::dynamics::AnyArm;
-use crate::linalg::gain::{AnyGain, Gain, Multiply};
+use crate::linalg::gain::{AnyGain, Gain};
 use crate::scalar::Real;
 use crate::spatial::PARAMETERS;
 use crate::spatial::pseudo_inertia::natural_rate;

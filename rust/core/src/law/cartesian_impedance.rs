@@ -16,7 +16,7 @@ use super::terms::{Instant, Term};
 use crate::dynamics::{AnyArm, Dynamics, Model, Workspace};
 use crate::error::{Error, Result};
 use crate::kinematics::Coordinates;
-use crate::linalg::gain::{AnyGain, Gain, Multiply};
+use crate::linalg::gain::{AnyGain, Gain};
 use crate::motion::Motion;
 use crate::plant::PlantKind;
 use crate::scalar::Real;

@@ -31,7 +31,7 @@ use super::joint_columns::{JointColumn, LoopColumns};
 use super::sizes::require_size;
 use crate::dynamics::{AnyArm, Dynamics, Workspace};
 use crate::error::{Result, positive};
-use crate::linalg::gain::{AnyGain, Gain, Multiply};
+use crate::linalg::gain::{AnyGain, Gain};
 use crate::scalar::Real;
 
 impl AdaptiveSpec {

@@ -8,7 +8,7 @@ use super::sizes::{require_same_dof, require_size};
 use super::terms::{Instant, Term};
 use crate::dynamics::{AnyArm, Dynamics, Model, Workspace};
 use crate::error::Result;
-use crate::linalg::gain::{AnyGain, Gain, Multiply};
+use crate::linalg::gain::{AnyGain, Gain};
 use crate::motion::Motion;
 use crate::scalar::Real;
 

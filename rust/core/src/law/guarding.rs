@@ -3,7 +3,7 @@
 use super::definition::{Law, Shape};
 use super::guarded::{GuardedSpec, Reaction};
 use crate::dynamics::{AnyArm, Dynamics, Workspace};
-use crate::linalg::gain::{AnyGain, Gain, Multiply};
+use crate::linalg::gain::{AnyGain, Gain};
 use crate::scalar::{Real, labelled_numbers, sign};
 
 impl GuardedSpec {

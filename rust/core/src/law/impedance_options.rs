@@ -11,7 +11,7 @@
 use super::null_space::{NULL_SPACE_EPS, NullSpaceSpec};
 use super::sizes::require_size;
 use crate::error::{Error, Result, finite, positive};
-use crate::linalg::gain::{AnyGain, Gain, Multiply};
+use crate::linalg::gain::{AnyGain, Gain};
 use crate::scalar::{Real, labelled_numbers};
 
 /// Options of a Cartesian impedance law, validated by [`super::CartesianImpedanceSpec::with`].

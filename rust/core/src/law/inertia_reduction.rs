@@ -11,7 +11,7 @@
 use super::sizes::require_size;
 use super::terms::Term;
 use crate::error::Result;
-use crate::linalg::gain::{AnyGain, Gain, Multiply};
+use crate::linalg::gain::{AnyGain, Gain};
 use crate::linalg::ratio_damping;
 use crate::plant::{ElasticSpec, PlantSpec};
 use crate::scalar::Real;

@@ -6,7 +6,7 @@
 
 use super::{Adaptation, LawSpec};
 use crate::dynamics::ArmAt;
-use crate::linalg::gain::{AnyGain, Multiply};
+use crate::linalg::gain::AnyGain;
 use crate::plant::PlantSpec;
 use crate::scalar::Real;
 use crate::spatial::PARAMETERS;

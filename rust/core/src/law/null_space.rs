@@ -21,7 +21,7 @@ use super::terms::Term;
 use crate::dynamics::{AnyArm, Dynamics, Workspace};
 use crate::error::{Error, Result};
 use crate::kinematics::{Coordinates, jacobian_dot};
-use crate::linalg::gain::{AnyGain, Gain, Multiply};
+use crate::linalg::gain::{AnyGain, Gain};
 use crate::linalg::{ClampedInverse, cholesky};
 use crate::motion::Motion;
 use crate::scalar::Real;

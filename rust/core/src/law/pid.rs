@@ -21,7 +21,7 @@ use super::sizes::{require_rows, require_same_dof, require_size};
 use super::terms::{Instant, Term};
 use crate::dynamics::{AnyArm, Dynamics, Model, Workspace};
 use crate::error::{Error, Result};
-use crate::linalg::gain::{AnyGain, Gain, Multiply};
+use crate::linalg::gain::{AnyGain, Gain};
 use crate::motion::Motion;
 use crate::scalar::hyperbolic::tanh;
 use crate::scalar::{Real, labelled_numbers};

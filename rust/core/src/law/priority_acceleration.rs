@@ -14,7 +14,6 @@ use crate::dynamics::{AnyArm, Dynamics, Model, Workspace};
 use crate::error::{Error, Result};
 use crate::kinematics::TaskStack;
 use crate::linalg::AnyGain;
-use crate::linalg::gain::Multiply;
 use crate::motion::Motion;
 use crate::plant::PlantKind;
 use crate::priority::{PriorityMethod, PriorityOptions, PrioritySolver};

@@ -18,7 +18,6 @@ use crate::dynamics::Model;
 use crate::error::{Error, Result};
 use crate::kinematics::TaskStack;
 use crate::linalg::AnyGain;
-use crate::linalg::gain::Multiply;
 use crate::motion::Motion;
 use crate::plant::PlantKind;
 use crate::priority::{PriorityMethod, PriorityOptions, PrioritySolver};

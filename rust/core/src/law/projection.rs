@@ -15,7 +15,7 @@
 //! planar PR arm are one body with `P = [[A, B], [B, C]]`.
 
 use crate::error::{Error, Result, finite};
-use crate::linalg::gain::{AnyGain, Multiply};
+use crate::linalg::gain::AnyGain;
 use crate::linalg::jacobi_rotation::{JacobiRotation, least_to_turn};
 use crate::scalar::Real;
 use crate::spatial::PARAMETERS;

@@ -7,7 +7,7 @@
 use super::LawSpec;
 use crate::dynamics::ArmAt;
 use crate::kinematics::Coordinates;
-use crate::linalg::gain::{AnyGain, Multiply};
+use crate::linalg::gain::AnyGain;
 use crate::plant::Stored;
 use crate::scalar::Real;
 

@@ -172,91 +172,13 @@ impl Gain {
     }
 }
 
-/// Products of a gain `K` with vectors, for a control step. The prime is the transpose.
-pub trait Multiply<S: Real> {
-    /// Write `y = K x`.
-    fn multiply(&self, x: &[S], y: &mut [S]);
-    /// Write `y += K x`.
-    fn add_to(&self, x: &[S], y: &mut [S]);
-    /// Return `x' K x`.
-    fn quadratic(&self, x: &[S]) -> S;
-}
-
-/// A diagonal gain, stored as its diagonal.
-#[derive(Clone, Copy, Debug)]
-pub struct Diagonal<B>(pub B);
-
-/// A full gain, stored row-major.
-#[derive(Clone, Copy, Debug)]
-pub struct Full<B>(pub B);
-
-impl<S: Real, B: AsRef<[S]>> Multiply<S> for Diagonal<B> {
-    #[inline]
-    fn quadratic(&self, x: &[S]) -> S {
-        let k = self.0.as_ref();
-        let mut sum = S::zero();
-        for i in 0..k.len() {
-            sum = (k[i] * x[i]).mul_add(x[i], sum);
-        }
-        sum
-    }
-    #[inline]
-    fn multiply(&self, x: &[S], y: &mut [S]) {
-        let k = self.0.as_ref();
-        for i in 0..k.len() {
-            y[i] = k[i] * x[i];
-        }
-    }
-    #[inline]
-    fn add_to(&self, x: &[S], y: &mut [S]) {
-        let k = self.0.as_ref();
-        for i in 0..k.len() {
-            y[i] = k[i].mul_add(x[i], y[i]);
-        }
-    }
-}
-
-impl<S: Real, B: AsRef<[S]>> Multiply<S> for Full<B> {
-    #[inline]
-    fn quadratic(&self, x: &[S]) -> S {
-        let (k, n) = (self.0.as_ref(), x.len());
-        let mut sum = S::zero();
-        for i in 0..n {
-            let mut row = k[i * n] * x[0];
-            for j in 1..n {
-                row = k[i * n + j].mul_add(x[j], row);
-            }
-            sum = row.mul_add(x[i], sum);
-        }
-        sum
-    }
-    #[inline]
-    fn multiply(&self, x: &[S], y: &mut [S]) {
-        let (k, n) = (self.0.as_ref(), x.len());
-        for i in 0..n {
-            let mut sum = k[i * n] * x[0];
-            for j in 1..n {
-                sum = k[i * n + j].mul_add(x[j], sum);
-            }
-            y[i] = sum;
-        }
-    }
-    #[inline]
-    fn add_to(&self, x: &[S], y: &mut [S]) {
-        let (k, n) = (self.0.as_ref(), x.len());
-        for i in 0..n {
-            for j in 0..n {
-                y[i] = k[i * n + j].mul_add(x[j], y[i]);
-            }
-        }
-    }
-}
-
-/// A gain in a control loop: a diagonal gain as its diagonal, another gain as a full matrix.
+/// A gain `K` in a control loop. The prime is the transpose.
 #[derive(Clone, Debug)]
 pub enum AnyGain<S> {
-    Diagonal(Diagonal<Vec<S>>),
-    Full(Full<Vec<S>>),
+    /// The diagonal of a diagonal gain.
+    Diagonal(Vec<S>),
+    /// All entries of another gain, row-major.
+    Full(Vec<S>),
 }
 
 impl<S: Real> AnyGain<S> {
@@ -269,33 +191,64 @@ impl<S: Real> AnyGain<S> {
     pub fn new(gain: &Gain) -> Self {
         let n = gain.n();
         if gain.is_diagonal() {
-            AnyGain::Diagonal(Diagonal((0..n).map(|k| S::varying(gain.at(k, k))).collect()))
+            AnyGain::Diagonal((0..n).map(|k| S::varying(gain.at(k, k))).collect())
         } else {
-            AnyGain::Full(Full((0..n * n).map(|k| S::varying(gain.at(k / n, k % n))).collect()))
+            AnyGain::Full((0..n * n).map(|k| S::varying(gain.at(k / n, k % n))).collect())
+        }
+    }
+
+    /// Return `x' K x`.
+    pub fn quadratic(&self, x: &[S]) -> S {
+        let mut sum = S::zero();
+        match self {
+            AnyGain::Diagonal(k) => {
+                for i in 0..k.len() {
+                    sum = (k[i] * x[i]).mul_add(x[i], sum);
+                }
+            }
+            AnyGain::Full(k) => {
+                for (row, &x_i) in k.chunks_exact(x.len()).zip(x) {
+                    sum = row_times(row, x).mul_add(x_i, sum);
+                }
+            }
+        }
+        sum
+    }
+
+    /// Write `y = K x`.
+    pub fn multiply(&self, x: &[S], y: &mut [S]) {
+        match self {
+            AnyGain::Diagonal(k) => {
+                for i in 0..k.len() {
+                    y[i] = k[i] * x[i];
+                }
+            }
+            AnyGain::Full(k) => {
+                for (row, y) in k.chunks_exact(x.len()).zip(y) {
+                    *y = row_times(row, x);
+                }
+            }
+        }
+    }
+
+    /// Write `y += K x`.
+    pub fn add_to(&self, x: &[S], y: &mut [S]) {
+        match self {
+            AnyGain::Diagonal(k) => {
+                for i in 0..k.len() {
+                    y[i] = k[i].mul_add(x[i], y[i]);
+                }
+            }
+            AnyGain::Full(k) => {
+                for (row, y) in k.chunks_exact(x.len()).zip(y) {
+                    *y = row.iter().zip(x).fold(*y, |sum, (&k, &x)| k.mul_add(x, sum));
+                }
+            }
         }
     }
 }
 
-impl<S: Real> Multiply<S> for AnyGain<S> {
-    #[inline]
-    fn quadratic(&self, x: &[S]) -> S {
-        match self {
-            AnyGain::Diagonal(k) => k.quadratic(x),
-            AnyGain::Full(k) => k.quadratic(x),
-        }
-    }
-    #[inline]
-    fn multiply(&self, x: &[S], y: &mut [S]) {
-        match self {
-            AnyGain::Diagonal(k) => k.multiply(x, y),
-            AnyGain::Full(k) => k.multiply(x, y),
-        }
-    }
-    #[inline]
-    fn add_to(&self, x: &[S], y: &mut [S]) {
-        match self {
-            AnyGain::Diagonal(k) => k.add_to(x, y),
-            AnyGain::Full(k) => k.add_to(x, y),
-        }
-    }
+/// Return the product of a row of a gain and a vector.
+fn row_times<S: Real>(row: &[S], x: &[S]) -> S {
+    row[1..].iter().zip(&x[1..]).fold(row[0] * x[0], |sum, (&k, &x)| k.mul_add(x, sum))
 }

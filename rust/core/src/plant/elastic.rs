@@ -18,7 +18,7 @@ use super::stops::Stops;
 use super::{Definition, JointFriction, Plant, Power, Touch, Wall};
 use crate::dynamics::Model;
 use crate::error::{Error, Result, finite};
-use crate::linalg::gain::{AnyGain, Gain, Multiply};
+use crate::linalg::gain::{AnyGain, Gain};
 use crate::scalar::{Real, labelled_numbers};
 
 /// An arm with elastic joints, with validated parameters.

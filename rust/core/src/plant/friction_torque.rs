@@ -3,7 +3,7 @@
 use super::lugre::LoopLuGre;
 use super::rigid::loop_bristles;
 use super::{Plant, PlantSpec};
-use crate::linalg::gain::{AnyGain, Multiply};
+use crate::linalg::gain::AnyGain;
 use crate::scalar::Real;
 
 /// States of a plant and its input at `K` records, `(K, n)` each. `theta` and `theta_dot` are empty for a plant without motors, and

@@ -8,7 +8,7 @@ use super::lugre::LoopLuGre;
 use super::rigid::loop_bristles;
 use super::stops::LoopStops;
 use crate::dynamics::ArmAt;
-use crate::linalg::gain::{AnyGain, Multiply};
+use crate::linalg::gain::AnyGain;
 use crate::scalar::Real;
 
 /// Elastic joints and their motors.

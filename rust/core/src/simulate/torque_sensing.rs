@@ -10,7 +10,7 @@
 use super::problem::Problem;
 use super::sampling::{CHANNELS, Sampling, gaussian};
 use crate::error::{Error, Result};
-use crate::linalg::gain::{AnyGain, Diagonal, Full, Gain, Multiply};
+use crate::linalg::gain::{AnyGain, Gain};
 use crate::plant::sensors::TorqueSensor;
 use crate::scalar::Real;
 
@@ -47,9 +47,9 @@ fn in_lanes<'a, S: Real>(of: impl Fn(usize) -> &'a Gain) -> AnyGain<S> {
     let n = of(0).n();
     let entry = |i: usize, j: usize| S::from_lanes(|lane| of(lane).at(i, j));
     if (0..S::LANES).all(|lane| of(lane).is_diagonal()) {
-        AnyGain::Diagonal(Diagonal((0..n).map(|i| entry(i, i)).collect()))
+        AnyGain::Diagonal((0..n).map(|i| entry(i, i)).collect())
     } else {
-        AnyGain::Full(Full((0..n * n).map(|k| entry(k / n, k % n)).collect()))
+        AnyGain::Full((0..n * n).map(|k| entry(k / n, k % n)).collect())
     }
 }
 

@@ -21,7 +21,6 @@ mod printed;
 use crate::dynamics::Model;
 use crate::error::{Error, Result, finite, positive};
 use crate::linalg::cholesky::factor_into;
-use crate::linalg::gain::{Diagonal, Full};
 use crate::linalg::{AnyGain, Gain, Svd};
 use crate::memory::zeros;
 use momentum::{Gained, Momentum};
@@ -259,11 +258,11 @@ impl MomentumObserver {
         let n = self.n();
         self.dt = f64::NAN;
         let finite = match &self.gain {
-            AnyGain::Diagonal(Diagonal(k)) => {
+            AnyGain::Diagonal(k) => {
                 self.factor.iter_mut().zip(k).for_each(|(f, k)| *f = k.mul_add(dt, 1.0));
                 self.factor[..n].iter().all(|f| f.is_finite())
             }
-            AnyGain::Full(Full(k)) => {
+            AnyGain::Full(k) => {
                 for (at, (sum, k)) in self.sum.iter_mut().zip(k).enumerate() {
                     *sum = k.mul_add(dt, if at / n == at % n { 1.0 } else { 0.0 });
                 }

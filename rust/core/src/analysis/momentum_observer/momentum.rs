@@ -7,7 +7,6 @@
 
 use crate::dynamics::{ArmAt, Model};
 use crate::linalg::cholesky::solve;
-use crate::linalg::gain::Multiply;
 use crate::linalg::{AnyGain, Gain};
 use crate::scalar::{Real, sign};
 

@@ -6,7 +6,7 @@
 
 use crate::law::{CartesianImpedanceSpec, NullProjection};
 use crate::linalg::cholesky;
-use crate::linalg::gain::{AnyGain, Multiply};
+use crate::linalg::gain::AnyGain;
 use crate::scalar::Real;
 
 pub struct StaticTorque<S: Real> {

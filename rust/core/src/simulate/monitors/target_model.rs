@@ -17,7 +17,7 @@ use crate::dynamics::ArmAt;
 use crate::kinematics::Coordinates;
 use crate::law::turn_rates;
 use crate::linalg::cholesky;
-use crate::linalg::gain::{AnyGain, Multiply};
+use crate::linalg::gain::AnyGain;
 use crate::plant::Plant;
 use crate::scalar::{Dual, Real, labelled_numbers};
 
