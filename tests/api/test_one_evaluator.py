@@ -1,0 +1,55 @@
+"""Counts of the generic code of laws and plants, which are built for one run and for one number type."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+CORE = ROOT / "rust" / "core" / "src"
+#: Numbers with one lane per run: the number types, the planners, the motions, and the batches of programs.
+LANES = ("scalar/", "plan/", "motion/", "trace/sym.rs")
+BATCHES = {
+    f"simulate/{name}.rs" for name in ("assembly", "declined_steps", "fixed_steps", "programs", "sampler", "torque_sensing", "world")
+}
+#: A law with task priorities has one solver for `f64` and another one for recorded numbers.
+SOLVERS = {"Decided": {"L", "R"}, "PriorityAcceleration": {"P"}, "PriorityVelocity": {"P"}}
+IMPL = re.compile(r"^impl(?:<(?P<parameters>[^{]*?)>)? (?:Law|Plant)<[\w:]+> for (?P<type>\w+)", re.MULTILINE)
+
+
+def lanes_in(sources: dict[str, str]) -> dict[str, int]:
+    """The number of mentions of `from_lanes` per file, outside the files that compute in lanes."""
+    counts = {name: text.count("from_lanes") for name, text in sources.items()}
+    return {name: count for name, count in counts.items() if count and not name.startswith(LANES) and name not in BATCHES}
+
+
+def type_parameters(source: str) -> dict[str, set[str]]:
+    """For each law and plant of a file, the type parameters of its implementation, without the number type `S`."""
+    found = {}
+    for impl in IMPL.finditer(source):
+        names = [each.split(":")[0].strip() for each in (impl["parameters"] or "").split(",")]
+        found[impl["type"]] = {name for name in names if name and name != "S" and not name.startswith(("'", "const "))}
+    return found
+
+
+def sources() -> dict[str, str]:
+    return {path.relative_to(CORE).as_posix(): path.read_text() for path in sorted(CORE.rglob("*.rs"))}
+
+
+def test_only_planners_motions_and_batches_have_lanes() -> None:
+    counted = lanes_in(sources())
+    print(f"from_lanes outside of planners, motions and batches: {sum(counted.values())}")
+    assert counted == {}
+    assert lanes_in({"law/pid.rs": "S::from_lanes(|lane| of(lane).kp)", "plan/sine.rs": "S::from_lanes"}) == {"law/pid.rs": 1}
+
+
+def test_laws_and_plants_have_no_type_parameter_except_the_number_type() -> None:
+    found: dict[str, set[str]] = {}
+    for name, text in sources().items():
+        if name.startswith(("law/", "plant/")):
+            found |= type_parameters(text)
+    print(f"laws and plants in a control loop: {len(found)}")
+    assert len(found) > 12
+    assert {name: more for name, more in found.items() if more} == SOLVERS
+    law = "impl<'a, S: Real, D, const TORQUE: bool> Law<S> for Tracking<'a, S, D, TORQUE>\nwhere\n"
+    assert type_parameters(law) == {"Tracking": {"D"}}
