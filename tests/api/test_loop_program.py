@@ -264,8 +264,8 @@ REFUSED: dict[str, tuple[Callable[[], Any], str]] = {
         lambda: al.loop_program(al.RigidArm(TWO), pd(TWO), sample_time=al.Sampling(1e-2, jitter=1e-3)),
         "sample_time has the loop run directly, .*a jitter of 0.001 s",
     ),
-    "stops": (
-        lambda: al.loop_program(al.RigidArm(TWO, stops=al.JointStops(1e3, lower=-1.0, upper=1.0)), pd(TWO), method="rodas4"),
+    "wall": (
+        lambda: al.loop_program(al.RigidArm(TWO, wall=al.Wall("link2", [0.8, 0, 0], [-1, 0, 0], stiffness=1e3)), pd(TWO), method="ros2"),
         "plant has the loop run directly",
     ),
     "part": (lambda: al.loop_program(al.RigidArm(TWO), pd(TWO), part="rates"), "part is unknown: expected one of step, law, got rates"),
@@ -286,6 +286,15 @@ def test_bad_arguments_are_refused_by_name(what: str) -> None:
     call, message = REFUSED[what]
     with pytest.raises(al.InputError, match=f"^loop_program: {message}"):
         call()
+
+
+def test_modes_of_contacts_are_inputs() -> None:
+    plant = al.RigidArm(TWO, stops=al.JointStops(1e3, 1.0, lower=-1.0, upper=[1.0, np.inf]))
+    program = al.loop_program(plant, pd(TWO), method="radau5")
+    modes = [f"contact{k}_{what}" for k in (1, 2, 3) for what in ("pushes", "inside")]
+    assert [name for name in program.inputs if name.startswith("contact")] == modes[::2]
+    monitored = al.loop_program(plant, pd(TWO), method="radau5", monitors=True)
+    assert [name for name in monitored.inputs if name.startswith("contact")] == modes
 
 
 def test_other_stages_by_name() -> None:

@@ -1,7 +1,7 @@
 //! A compliant wall with the outward unit normal `n`. At the depth `d = n . (p_wall - p) > 0`, the force `f = n max(0, k d + c d_dot)` acts
 //! on a frame at `p`. Outside there is no force. The wall never pulls.
 
-use super::unilateral::{Touch, pressing, push, require_spring, stored};
+use super::unilateral::{Mode, pressing, push, require_spring, stored};
 use crate::error::{Error, Result, finite};
 use crate::scalar::Real;
 use crate::spatial::{Lift, Vector, Vector3, unit_vector};
@@ -94,7 +94,7 @@ impl<S: Real> LoopWall<S> {
 
     /// The force on the frame at `p` with the velocity `p_dot`, N, and the power lost in the wall, W. `held` is the mode of the contact
     /// (see [`push`]).
-    pub fn force(&self, p: Vector3<S>, p_dot: Vector3<S>, held: Option<Touch>) -> (Vector3<S>, S) {
+    pub fn force(&self, p: Vector3<S>, p_dot: Vector3<S>, held: Option<Mode<S>>) -> (Vector3<S>, S) {
         let (depth, rate) = self.depth(p, p_dot);
         let (force, lost) = push(self.stiffness, self.damping, depth, rate, held);
         (self.normal.scale(force), lost)

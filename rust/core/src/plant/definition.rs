@@ -4,7 +4,7 @@ use super::contact::Wall;
 use super::friction::JointFriction;
 use super::stick_slip::LoopStickSlip;
 use super::stops::Stops;
-use super::unilateral::Touch;
+use super::unilateral::Mode;
 use crate::dynamics::Model;
 use crate::scalar::Real;
 
@@ -101,7 +101,7 @@ pub trait Plant<S: Real> {
 
     /// Hold every contact in its mode of `contacts`, independent of the state. The mode of the wall is the first, and the modes of the
     /// stops follow. If `contacts` is empty, the state determines the modes.
-    fn hold(&mut self, _contacts: &[Touch]) {}
+    fn hold(&mut self, _contacts: &mut dyn Iterator<Item = Mode<S>>) {}
 
     /// Return the depth `d` and the push `k d + c d_dot` of contact `i`. The other arguments are as in [`Plant::rates`].
     fn contact(&mut self, _i: usize, _trig: &[(S, S)], _x: &[S]) -> [S; 2] {

@@ -15,7 +15,7 @@ use super::lugre::LoopLuGre;
 use super::rigid::{Links, bristles, loop_bristles, loop_stick_slip};
 use super::stick_slip::{Load, LoopStickSlip};
 use super::stops::Stops;
-use super::{Definition, JointFriction, Plant, Power, Touch, Wall};
+use super::{Definition, JointFriction, Mode, Plant, Power, Wall};
 use crate::dynamics::Model;
 use crate::error::{Error, Result, finite};
 use crate::linalg::gain::{AnyGain, Gain};
@@ -212,7 +212,7 @@ impl<S: Real> Plant<S> for Elastic<S> {
         Power { input, outside }
     }
 
-    fn hold(&mut self, contacts: &[Touch]) {
+    fn hold(&mut self, contacts: &mut dyn Iterator<Item = Mode<S>>) {
         self.links.hold(contacts);
     }
 

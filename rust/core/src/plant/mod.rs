@@ -31,7 +31,7 @@ pub use rigid::RigidSpec;
 pub use stick_slip::{LoopStickSlip, StickSlip};
 pub use stops::{Stop, Stops};
 pub(crate) use stored::Stored;
-pub use unilateral::Touch;
+pub use unilateral::{Mode, Touch};
 pub use velocity::VelocitySpec;
 
 use crate::error::Result;
@@ -203,6 +203,11 @@ impl PlantSpec {
     /// Whether joints or motors have stick-slip friction.
     pub fn sticks(&self) -> bool {
         self.friction().is_some_and(|friction| friction.stick_slip().is_some())
+    }
+
+    /// The number of contacts: the wall, and the stops of the joints.
+    pub fn contacts(&self) -> usize {
+        usize::from(self.wall().is_some()) + self.stops().map_or(0, |stops| stops.all().count())
     }
 
     /// Whether the plant has neither a wall nor stops.

@@ -9,7 +9,7 @@ use super::definition::fields;
 use super::lugre::LoopLuGre;
 use super::stick_slip::{Load, LoopStickSlip};
 use super::stops::{LoopStops, Stops};
-use super::{Definition, FrictionCurve, JointFriction, Plant, Power, StickSlip, Touch, Wall};
+use super::{Definition, FrictionCurve, JointFriction, Mode, Plant, Power, StickSlip, Wall};
 use crate::dynamics::energy::friction_torque;
 use crate::dynamics::{AnyArm, Dynamics, Model, Workspace};
 use crate::error::Result;
@@ -122,7 +122,7 @@ pub(super) struct Links<S: Real> {
     wall: Option<LoopWall<S>>,
     stops: Option<LoopStops<S>>,
     /// The modes in which contacts are held, the wall first; empty if the modes follow the state.
-    held: Vec<Touch>,
+    held: Vec<Mode<S>>,
     jacobian: Vec<S>,
     /// Sum of the torques on the joints, except `C v + g`, `(n,)`, N m or N.
     pub effort: Vec<S>,
@@ -150,9 +150,9 @@ impl<S: Real> Links<S> {
     }
 
     /// Hold every contact in its mode of `contacts`. If `contacts` is empty, the modes follow the state.
-    pub fn hold(&mut self, contacts: &[Touch]) {
+    pub fn hold(&mut self, contacts: &mut dyn Iterator<Item = Mode<S>>) {
         self.held.clear();
-        self.held.extend_from_slice(contacts);
+        self.held.extend(contacts);
     }
 
     /// Return the depth `d` and the push `k d + c d_dot` of contact `i`. The wall has index 0 if it exists, and the stops follow.
@@ -324,7 +324,7 @@ impl<S: Real> Plant<S> for Rigid<S> {
         }
     }
 
-    fn hold(&mut self, contacts: &[Touch]) {
+    fn hold(&mut self, contacts: &mut dyn Iterator<Item = Mode<S>>) {
         self.links.hold(contacts);
     }
 

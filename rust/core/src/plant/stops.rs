@@ -1,7 +1,7 @@
 //! Joint stops: at the depth `d` beyond a limit, a spring and a damper push the joint back with `tau_i = max(0, k d + c d_dot)`.
 
 use super::friction_curve::require_rows;
-use super::unilateral::{Touch, pressing, push, require_spring, stored};
+use super::unilateral::{Mode, pressing, push, require_spring, stored};
 use crate::error::{Error, Result};
 use crate::scalar::Real;
 
@@ -129,7 +129,7 @@ impl<S: Real> LoopStops<S> {
 
     /// Add the torques of the stops to `effort`, and return the lost power, W. `held` has the mode of each stop. With `None`, the modes
     /// follow from the state.
-    pub fn add(&self, q: &[S], v: &[S], held: Option<&[Touch]>, effort: &mut [S]) -> S {
+    pub fn add(&self, q: &[S], v: &[S], held: Option<&[Mode<S>]>, effort: &mut [S]) -> S {
         let mut lost = S::zero();
         for (k, &(stop, limit, stiffness, damping)) in self.stops.iter().enumerate() {
             let i = stop.joint;

@@ -39,6 +39,15 @@ impl Touch {
         }
     }
 
+    /// Two numbers, 0 or 1: whether the contact pushes, and whether frame or joint is inside.
+    pub fn numbers(self) -> [f64; 2] {
+        match self {
+            Touch::Apart => [0.0, 0.0],
+            Touch::Pressed => [1.0, 1.0],
+            Touch::Slack => [0.0, 1.0],
+        }
+    }
+
     /// Compute two numbers. One of them becomes negative where this mode ends.
     pub fn guards(self, depth: f64, push: f64) -> [f64; 2] {
         match self {
@@ -59,6 +68,36 @@ impl Touch {
     }
 }
 
+/// The mode of a contact as truth values of a number type.
+///
+/// ```
+/// use armlet_core::plant::{Mode, Touch};
+///
+/// let slack = Mode::<f64>::from(Touch::Slack);
+/// assert!(slack.inside && !slack.pushes);
+/// assert_eq!(Touch::Slack.numbers(), [0.0, 1.0]);
+/// ```
+#[derive(Clone, Copy)]
+pub struct Mode<S: Real> {
+    /// Whether spring and damper push.
+    pub pushes: S::Mask,
+    /// Whether the frame or joint is inside.
+    pub inside: S::Mask,
+}
+
+impl<S: Real> Mode<S> {
+    /// The mode that [`Touch::numbers`] describes. Both numbers are 0 or 1.
+    pub fn of([pushes, inside]: [S; 2]) -> Self {
+        Mode { pushes: S::zero().lt(pushes), inside: S::zero().lt(inside) }
+    }
+}
+
+impl<S: Real> From<Touch> for Mode<S> {
+    fn from(touch: Touch) -> Self {
+        Mode::of(touch.numbers().map(S::splat))
+    }
+}
+
 /// The push `k d + c d_dot` of spring and damper, N or N m.
 pub fn pressing<S: Real>(stiffness: S, damping: S, depth: S, rate: S) -> S {
     damping.mul_add(rate, stiffness * depth)
@@ -66,22 +105,20 @@ pub fn pressing<S: Real>(stiffness: S, damping: S, depth: S, rate: S) -> S {
 
 /// The force at the depth `depth` with the rate `rate`, and the lost power. `held` is the mode of the contact. With `None`, the mode
 /// follows from the state.
-pub fn push<S: Real>(stiffness: S, damping: S, depth: S, rate: S, held: Option<Touch>) -> (S, S) {
-    let spring = stiffness * depth;
+pub fn push<S: Real>(stiffness: S, damping: S, depth: S, rate: S, held: Option<Mode<S>>) -> (S, S) {
+    let (zero, spring) = (S::zero(), stiffness * depth);
     let force = pressing(stiffness, damping, depth, rate);
-    // The spring stores a part of the power. The rest is lost: (f - k d) d_dot.
-    match held {
+    let (inside, force) = match held {
+        Some(mode) => (mode.inside, S::select(mode.pushes, force, zero)),
         None => {
-            let touching = S::zero().lt(depth);
-            let pushing = S::zero().lt(force);
-            let force = S::select(touching, S::select(pushing, force, S::zero()), S::zero());
-            let stored = S::select(touching, spring, S::zero());
-            (force, (force - stored) * rate)
+            let inside = zero.lt(depth);
+            let pushes = zero.lt(force);
+            (inside, S::select(inside, S::select(pushes, force, zero), zero))
         }
-        Some(Touch::Apart) => (S::zero(), S::zero()),
-        Some(Touch::Pressed) => (force, (force - spring) * rate),
-        Some(Touch::Slack) => (S::zero(), -(spring * rate)),
-    }
+    };
+    // The spring stores a part of the power. The rest is lost: (f - k d) d_dot.
+    let stored = S::select(inside, spring, zero);
+    (force, (force - stored) * rate)
 }
 
 /// Refuse a stiffness that is not positive, or a negative damping. Errors: `Input`.

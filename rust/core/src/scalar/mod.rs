@@ -64,7 +64,7 @@ pub trait Real:
     + MulAssign
 {
     /// One truth value per lane.
-    type Mask: Copy;
+    type Mask: Copy + Send;
     /// The number type of a single run with the same instruction set.
     type One: Real;
     /// The number of lanes.

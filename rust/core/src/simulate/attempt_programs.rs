@@ -48,9 +48,13 @@ impl AttemptLayout {
     fn held(&self) -> usize {
         self.step() + 1
     }
+    /// The first slot of the modes of contacts.
+    fn modes(&self) -> usize {
+        self.held() + self.slots.inputs + self.slots.answer
+    }
     /// The first slot of the results: the new state, the slopes of the stages, the error estimates.
     fn results(&self) -> usize {
-        self.held() + self.slots.inputs + self.slots.answer
+        self.modes() + self.slots.modes
     }
     fn reach(&self) -> usize {
         self.results() + (1 + self.stages + self.estimates) * self.slots.states()
@@ -99,6 +103,7 @@ impl AttemptProgram {
         if held {
             closed.hold_input(&tau, &answer);
         }
+        closed.hold_modes(&inputs(slots.modes));
         let zeros = vec![Sym::zero(); slots.states()];
         let (mut slopes, mut y, mut estimates) = (vec![zeros.clone(); C::STAGES + 1], zeros.clone(), vec![zeros; C::E.len()]);
         slopes[0] = first;
@@ -129,6 +134,11 @@ impl AttemptProgram {
     pub fn hold<S: Real>(&self, frame: &mut Frame, tau: &[S], answer: &[S]) {
         write(frame, self.places.held(), tau);
         write(frame, self.places.held() + tau.len(), answer);
+    }
+
+    /// Write the modes of the contacts to the program's frame.
+    pub fn hold_modes(&self, frame: &mut Frame, modes: &[f64]) {
+        write(frame, self.places.modes(), modes);
     }
 
     /// Compute an attempt. Return whether all angles are in the range of the program's sines; otherwise the results are not valid.

@@ -8,7 +8,7 @@ use super::monitors::{self, Flow};
 use super::sampler::Sampler;
 use super::world::{Exogenous, World};
 use crate::law::{Law, Truth};
-use crate::plant::{Plant, Touch};
+use crate::plant::{Mode, Plant, Touch};
 use crate::scalar::Real;
 use std::borrow::Cow;
 
@@ -249,7 +249,12 @@ impl<'a, S: Real> ClosedLoop<'a, S> {
 
     /// Hold all contacts of the plant in the modes `contacts`.
     pub fn hold_contacts(&mut self, contacts: &[Touch]) {
-        self.plant.hold(contacts);
+        self.plant.hold(&mut contacts.iter().map(|&touch| Mode::from(touch)));
+    }
+
+    /// Hold all contacts of the plant in the modes that the numbers `modes` describe, two for each contact ([`Touch::numbers`]).
+    pub fn hold_modes(&mut self, modes: &[S]) {
+        self.plant.hold(&mut modes.as_chunks().0.iter().map(|&numbers| Mode::of(numbers)));
     }
 
     /// Return the depth `d`, m or rad, and the push `k d + c d_dot`, N or N m, of contact `i` of the plant at state `x`. `k` is the

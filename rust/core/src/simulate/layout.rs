@@ -128,6 +128,8 @@ pub struct Slots {
     pub inputs: usize,
     /// The number of the law's results without the plant's input.
     pub answer: usize,
+    /// The number of modes of contacts that are inputs: two for each contact, or zero.
+    pub modes: usize,
 }
 
 impl Slots {
@@ -147,9 +149,13 @@ impl Slots {
     pub fn law_rate(&self) -> usize {
         self.tau() + self.inputs
     }
+    /// The first slot of the modes of contacts.
+    pub fn modes(&self) -> usize {
+        self.law_rate() + self.answer
+    }
     /// The first slot of the rates of one run, after all inputs.
     pub fn rates(&self) -> usize {
-        self.law_rate() + self.answer
+        self.modes() + self.modes
     }
     /// The slot of the largest angle of one run.
     pub fn reach(&self) -> usize {

@@ -177,7 +177,7 @@ fn require_recordable(problem: &Problem, fixed: bool) -> Result<()> {
         return directly("law", format!("a law without task priority for {method}"), law.name().into());
     }
     if !fixed && !rates_programs::is_recordable(problem) {
-        return directly("plant", format!("no wall and no stops for {method}"), "a plant with contacts".into());
+        return directly("plant", format!("no wall for {method}"), "a plant with one".into());
     }
     Ok(())
 }

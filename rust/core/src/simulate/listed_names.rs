@@ -70,6 +70,7 @@ impl SlotNames {
         all.instant(&exogenous, slots.desired, "");
         all.add("state", states.iter().cloned());
         all.held(slots.inputs, slots.answer);
+        all.add("mode", (1..=slots.modes / 2).flat_map(|k| [format!("contact{k}_pushes"), format!("contact{k}_inside")]));
         let rates = states.iter().map(|name| format!("d{name}"));
         if part != "rates" {
             let along = |names: &[String]| names.iter().map(|name| format!("along_{name}")).collect::<Vec<_>>();

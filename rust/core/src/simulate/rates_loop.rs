@@ -39,18 +39,20 @@ pub struct RatesLoop<'a, S: Real, D> {
     running: [Option<Running<S>>; 2],
     /// Whether the loop continues without programs.
     left: bool,
+    /// The modes of the contacts, two numbers for each contact.
+    modes: Vec<f64>,
 }
 
 impl<'a, S: Real, D: Watched<S>> RatesLoop<'a, S, D> {
     /// Create the loop of an explicit method. With a `source`, it uses the programs of an earlier run from the start, or makes programs
     /// after `WAIT` evaluations.
     pub fn explicit(direct: D, source: Option<Source<'a>>) -> Self {
-        RatesLoop { direct, source, work: 0, wait: WAIT, running: [None, None], left: false }
+        RatesLoop { direct, source, work: 0, wait: WAIT, running: [None, None], left: false, modes: Vec::new() }
     }
 
     /// Create the loop of an implicit method. With a `source`, it uses programs from the first evaluation on.
     pub fn implicit(direct: D, source: Option<Source<'a>>) -> Self {
-        RatesLoop { direct, source, work: 0, wait: 0, running: [None, None], left: false }
+        RatesLoop { wait: 0, ..RatesLoop::explicit(direct, source) }
     }
 
     /// Whether the rates are computed by programs.
@@ -64,12 +66,14 @@ impl<'a, S: Real, D: Watched<S>> RatesLoop<'a, S, D> {
 
     /// The programs that compute the rates, and the loop without programs.
     fn parts(&mut self) -> (Option<&mut Running<S>>, &mut D) {
-        let which = self.which();
-        (self.running[which].as_mut().filter(|_| !self.left), &mut self.direct)
+        let (which, known) = (self.which(), self.modes.len());
+        // Until the modes of the contacts are known, the loop computes without programs.
+        (self.running[which].as_mut().filter(|running| !self.left && running.modes() <= known), &mut self.direct)
     }
 
-    /// Write the held input and the held rate of the law's state to the frames.
+    /// Write the held input, the held rate of the law's state and the modes of the contacts to the frames.
     fn hold(&mut self) {
+        self.running.iter_mut().flatten().for_each(|running| running.hold_modes(&self.modes));
         if let (Some((tau, dz)), [_, Some(running)]) = (self.direct.held(), &mut self.running) {
             running.hold(tau, dz);
         }
@@ -117,6 +121,11 @@ pub fn recorded_loop(problem: &Problem) -> (Solved<'static>, Vec<f64>) {
 }
 
 impl Solved<'_> {
+    /// Hold the contacts of the plant in the modes `contacts`.
+    pub fn hold_modes(&mut self, contacts: &[Touch]) {
+        self.hold_contacts(contacts);
+    }
+
     /// Return memory for the exogenous input at one instant.
     pub fn instant(&self) -> Exogenous<f64> {
         self.direct.system.instant()
@@ -211,6 +220,9 @@ impl<S: Real, D: Watched<S>> Watched<S> for RatesLoop<'_, S, D> {
         self.direct.replace_state(t);
     }
     fn hold_contacts(&mut self, contacts: &[Touch]) {
+        self.modes.clear();
+        self.modes.extend(contacts.iter().flat_map(|touch| touch.numbers()));
+        self.running.iter_mut().flatten().for_each(|running| running.hold_modes(&self.modes));
         self.direct.hold_contacts(contacts);
     }
     fn push(&mut self, wrench: Option<&Wrench>) {

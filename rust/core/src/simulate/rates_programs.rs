@@ -103,14 +103,15 @@ static KNOWN: Cache<Arc<SeenRates>> = Cache::new();
 /// Whether the rates of a problem's loops can be recorded.
 pub fn is_recordable(problem: &Problem) -> bool {
     let method = problem.options.method;
-    // An adaptive method keeps the mode of every contact constant in a step, and a program cannot change this mode. So with an adaptive
-    // method, only plants without contacts have programs. With an implicit method of fixed steps, plants without a wall have programs.
-    let free = |plant: &&PlantSpec| match method {
-        _ if method.is_adaptive() => plant.is_free(),
-        _ if method.is_implicit() => plant.wall().is_none(),
-        _ => true,
-    };
+    // With an implicit method of fixed steps, only plants without a wall have programs.
+    let free = |plant: &PlantSpec| method.is_adaptive() || !method.is_implicit() || plant.wall().is_none();
     problem.plants.iter().all(|plant| free(plant) && !plant.sticks()) && !problem.laws.iter().any(|law| law.route().is_scalar())
+}
+
+/// The number of contact modes that are inputs of the rates: two for each contact if the method is adaptive. An adaptive method keeps every
+/// contact in its mode within a step. With fixed steps, the modes follow the state.
+fn modes_of(problem: &Problem, run: usize) -> usize {
+    if problem.options.method.is_adaptive() { 2 * problem.plant(run).contacts() } else { 0 }
 }
 
 /// The rates of a run as programs, and the loop parameters of the run.
@@ -168,12 +169,14 @@ fn record(
         quadratures: closed.size() - plant - law,
         inputs: closed.tau.len(),
         answer: closed.law_rate().len(),
+        modes: modes_of(problem, run),
     };
     let u = instant(slots.desired, slots.wrench);
     let (x, tau, dz) = (inputs(slots.states()), inputs(slots.inputs), inputs(slots.answer));
     if held {
         closed.hold_input(&tau, &dz);
     }
+    closed.hold_modes(&inputs(slots.modes));
     let mut dx = x.clone();
     closed.rhs(&u, &x, &mut dx);
     drop(closed);

@@ -52,6 +52,22 @@ impl<S: Real> Running<S> {
         }
     }
 
+    /// The number of modes of contacts that the programs read.
+    pub fn modes(&self) -> usize {
+        self.recorded.slots.modes
+    }
+
+    /// Hold the contacts in the modes of the numbers `modes`, two for each contact.
+    pub fn hold_modes(&mut self, modes: &[f64]) {
+        let modes = &modes[..self.modes().min(modes.len())];
+        for frame in [&mut self.frame].into_iter().chain(&mut self.lanes) {
+            write(frame, self.recorded.slots.modes(), modes);
+        }
+        if let (Some(program), Some(frame)) = (&self.recorded.programs.attempt, &mut self.attempt) {
+            program.hold_modes(frame, modes);
+        }
+    }
+
     /// Compute an attempt, which is one trial of a step with all its stages. Return whether the result is valid, or `None` if no program
     /// exists. `input(t, u)` writes the exogenous input.
     pub fn attempt<B: Buffer<S>>(&mut self, attempt: &mut Attempt<S, B>, input: impl FnMut(f64, &mut Exogenous<S>)) -> Option<bool> {

@@ -92,10 +92,13 @@ impl Switching {
         2 * self.touches.len()
     }
 
-    /// Return the value of guard `k` at state `x`. The present mode of contact `k / 2` has ended if one of its two guards is negative.
-    pub fn guard(&mut self, k: usize, x: &[f64]) -> f64 {
-        let (depth, push) = self.contact(k / 2, x);
-        self.touches[k / 2].guards(depth, push)[k % 2]
+    /// Write the values of all guards at state `x` to `all`. The present mode of contact `i` has ended if guard `2 i` or `2 i + 1` is
+    /// negative.
+    pub fn evaluate(&mut self, x: &[f64], all: &mut [f64]) {
+        for (i, guards) in all.as_chunks_mut().0.iter_mut().enumerate() {
+            let (depth, push) = self.contact(i, x);
+            *guards = self.touches[i].guards(depth, push);
+        }
     }
 
     /// Change the mode of the contact of guard `k` at state `x`.

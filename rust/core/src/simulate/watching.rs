@@ -119,7 +119,7 @@ impl<'a, S: Real> Watching<'a, S> {
         let mut look = |system: &mut F, method: &mut M, t: f64, all: &mut [f64]| {
             interpolate(system, method, t, at, x);
             if let Some(switching) = switching {
-                (0..contacts).for_each(|i| all[i] = switching.guard(i, x));
+                switching.evaluate(x, &mut all[..contacts]);
             }
             if sticking > 0 {
                 system.margins(t, at, &mut all[contacts..]);

@@ -21,7 +21,7 @@ fn held_contacts_agree_with_free_ones_where_they_hold() {
     for (depth, rate) in [(-0.1, 3.0), (0.0, 0.0), (0.1, 2.0), (0.1, -2.0), (0.1, -0.5), (1e-300, 1.0)] {
         let force = 100.0 * depth + 20.0 * rate;
         let touch = Touch::at(depth, force);
-        assert_eq!(push(100.0, 20.0, depth, rate, Some(touch)), push(100.0, 20.0, depth, rate, None), "{depth} {rate} {touch:?}");
+        assert_eq!(push(100.0, 20.0, depth, rate, Some(touch.into())), push(100.0, 20.0, depth, rate, None), "{depth} {rate} {touch:?}");
         assert!(touch.guards(depth, force).iter().all(|&guard| guard >= 0.0));
     }
 }

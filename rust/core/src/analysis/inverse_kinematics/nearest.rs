@@ -146,9 +146,8 @@ impl Nearest {
             self.restore(level, goal, &mut next, held)?;
             let there = self.rows_of(goal, &next);
             let cost = self.cost(level, &there);
-            let kept = (0..level).all(|j| {
-                if goal.reached[j] { there.misses[j] == 0.0 } else { self.cost(j, &there) <= above[j] * (1.0 + GROWTH) }
-            });
+            let kept = (0..level)
+                .all(|j| if goal.reached[j] { there.misses[j] == 0.0 } else { self.cost(j, &there) <= above[j] * (1.0 + GROWTH) });
             if kept && cost <= before * (1.0 + f64::EPSILON) {
                 return Ok(Some((next, cost)));
             }
