@@ -1,5 +1,6 @@
 //! Writes the NEON programs (recorded machine code) of five loops, which `make test-aarch64` runs in an emulator.
 
+use crate::counting::counted;
 use crate::harness::{self, Cases};
 use armlet_core::arm::{Arm, STANDARD_GRAVITY, example_urdf};
 use armlet_core::dynamics::{Model, PlanarPr};
@@ -100,14 +101,14 @@ fn add(cases: &mut Cases, (part, program, scratch): (Part, &Straight, Scratch), 
     let width = if program.stream.is_some_and(|stream| stream.spread) { 1 } else { form.lanes() };
     let mut desired = Frame::new(program.stream.map_or(0, |stream| stream.slots(turns)), width);
     desired.numbers_mut().iter_mut().enumerate().for_each(|(k, x)| *x = number(k));
-    match program.stream {
+    let ((), allocations) = counted(|| match program.stream {
         None => interpreter.run(&mut expected),
-        Some(Stream { first, count, .. }) => {
-            interpreter.run_along(&mut expected, desired.numbers(), turns);
-            // The machine code does not write to these slots.
-            (first..first + count)
-                .for_each(|slot| [&mut frame, &mut expected].into_iter().for_each(|frame| frame.fill(slot as usize, 0.0)));
-        }
+        Some(_) => interpreter.run_along(&mut expected, desired.numbers(), turns),
+    });
+    assert_eq!(allocations, 0, "the interpreter does not allocate");
+    if let Some(Stream { first, count, .. }) = program.stream {
+        // The machine code does not write to these slots.
+        (first..first + count).for_each(|slot| [&mut frame, &mut expected].into_iter().for_each(|frame| frame.fill(slot as usize, 0.0)));
     }
     let expected = &expected.numbers()[..scratch.free * form.lanes()];
     assert!(expected.iter().all(|x| x.is_finite()), "the numbers of a loop are finite");
