@@ -12,7 +12,11 @@ impl GuardedSpec {
         let arm = AnyArm::new(&self.model);
         let (stiffness, damping) = self.reaction.as_ref().map_or((None, None), Reaction::gains);
         let [viscous, coulomb] = &self.friction;
-        let retreat = if let Some(Reaction::Retract(_, _, speed, duration)) = &self.reaction { Some([*speed, *duration]) } else { None };
+        let retreat = if let Some(Reaction::Retract(_, _, speed, duration)) = &self.reaction {
+            Some([("reaction_speed", *speed), ("reaction_duration", *duration)])
+        } else {
+            None
+        };
         Guarded {
             inner: self.inner.build(),
             own: self.inner.initial_state().len(),
@@ -26,7 +30,7 @@ impl GuardedSpec {
             thresholds: if self.reacts() { labelled_numbers("threshold", &self.thresholds) } else { Vec::new() },
             stiffness: stiffness.map(|gain| AnyGain::labelled("reaction_stiffness", gain)),
             damping: damping.map(|gain| AnyGain::labelled("reaction_damping", gain)),
-            retreat: retreat.map(|numbers| numbers.map(S::varying)),
+            retreat: retreat.map(|numbers| numbers.map(|(name, x)| S::labelled(name, 0, || S::varying(x)))),
             limits: Vec::new(),
             mass: vec![S::zero(); n * n],
             coriolis: vec![S::zero(); n * n],
