@@ -82,7 +82,7 @@ impl<S: Real> Sampler<S> {
                 law(&self.ring[old].measured, &mut entry.tau, &mut entry.dz);
             }
             if let Some(first) = self.torque_states {
-                entry.dz[first..].iter_mut().zip(&entry.tau).for_each(|(rate, &tau)| *rate = *rate - tau);
+                entry.dz[first..].iter_mut().zip(&entry.tau).for_each(|(rate, &tau)| *rate -= tau);
             }
             self.limit_rate(k, &mut entry.tau);
             self.ring[slot] = entry;
