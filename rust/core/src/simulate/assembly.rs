@@ -28,6 +28,8 @@ pub trait Watched<S: Real>: System<S, Input = Exogenous<S>> {
     fn undo_step(&mut self, _t: f64, _sides: &[i8]) {}
     /// Continue at time `t`, s, from a state that the caller has set. A sample at `t` is taken again.
     fn replace_state(&mut self, _t: f64) {}
+    /// Write the depth and the push of each contact of the plant at state `x` to `out` ([`Plant::contact`](crate::plant::Plant::contact)).
+    fn contacts(&mut self, _x: &[S], _out: &mut [f64]) {}
     /// Hold the contacts of the plant in the modes `contacts`.
     fn hold_contacts(&mut self, contacts: &[Touch]);
     /// Apply `wrench` instead of the external forces. `None` restores the forces.
@@ -62,6 +64,12 @@ impl<S: Real> Watched<S> for ClosedLoop<'_, S> {
     fn replace_state(&mut self, t: f64) {
         self.forget_sample(t, false);
     }
+    fn contacts(&mut self, x: &[S], out: &mut [f64]) {
+        self.turn_to(x);
+        for (i, out) in out.as_chunks_mut().0.iter_mut().enumerate() {
+            *out = self.contact(i, x).map(|number| number.lane(0));
+        }
+    }
     fn hold_contacts(&mut self, contacts: &[Touch]) {
         ClosedLoop::hold_contacts(self, contacts);
     }
@@ -95,6 +103,9 @@ impl Watched<f64> for Twins<'_> {
     }
     fn replace_state(&mut self, t: f64) {
         self.system.replace_state(t);
+    }
+    fn contacts(&mut self, x: &[f64], out: &mut [f64]) {
+        self.system.contacts(x, out);
     }
     fn hold_contacts(&mut self, contacts: &[Touch]) {
         self.system.hold_contacts(contacts);

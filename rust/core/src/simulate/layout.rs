@@ -161,4 +161,8 @@ impl Slots {
     pub fn reach(&self) -> usize {
         self.rates() + self.states()
     }
+    /// The first slot of the depth and the push of each contact. They follow all slots of the rates.
+    pub fn contacts(&self) -> usize {
+        self.reach() + 1
+    }
 }

@@ -219,6 +219,14 @@ impl<S: Real, D: Watched<S>> Watched<S> for RatesLoop<'_, S, D> {
         self.left = false;
         self.direct.replace_state(t);
     }
+    fn contacts(&mut self, x: &[S], out: &mut [f64]) {
+        if let (Some(running), _) = self.parts()
+            && running.contacts(x, out)
+        {
+            return;
+        }
+        self.direct.contacts(x, out);
+    }
     fn hold_contacts(&mut self, contacts: &[Touch]) {
         self.modes.clear();
         self.modes.extend(contacts.iter().flat_map(|touch| touch.numbers()));

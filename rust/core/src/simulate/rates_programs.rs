@@ -59,6 +59,8 @@ impl Derivatives {
 /// The programs of all loops with the same structure.
 pub struct RatesPrograms {
     pub rates: Program,
+    /// The depth and the push of each contact, if the modes of contacts are inputs.
+    pub contacts: Option<Program>,
     /// The program of a whole attempt, for small loops with an adaptive explicit method.
     pub attempt: Option<AttemptProgram>,
     pub derivatives: Option<Derivatives>,
@@ -187,7 +189,27 @@ fn record(
     let rates: Vec<u32> = dx.into_iter().map(Sym::index).collect();
     let mut programs = make(recording.ops, &rates, &slots, wanted, watch);
     programs.attempt = AttemptProgram::of(problem, run, common, held, (&slots, programs.rates.operations()));
+    programs.contacts = (slots.modes > 0).then(|| contacts(problem, run, common, &slots)).flatten();
     Some(RecordedRates { slots, programs })
+}
+
+/// Record the depth and the push of each contact, with the inputs of the rates.
+fn contacts(problem: &Problem, run: usize, common: Common, slots: &Slots) -> Option<Program> {
+    sym::begin();
+    let mut closed: ClosedLoop<Sym> = assemble(problem, run, common.monitored.storage);
+    sym::end_set_up();
+    drop(instant(slots.desired, slots.wrench));
+    let x = inputs(slots.states());
+    closed.turn_to(&x);
+    let numbers: Vec<u32> = (0..slots.modes / 2).flat_map(|i| closed.contact(i, &x)).map(Sym::index).collect();
+    drop(closed);
+    let recording = sym::finish();
+    if recording.failed {
+        return None;
+    }
+    let part = Part { ops: &recording.ops, start: 0, outputs: &to(slots.contacts(), &numbers), places: &SlotTable::default() };
+    let scratch = Scratch { reach: slots.reach() as u32, free: slots.contacts() + slots.modes };
+    Some(Program::new(part, None, scratch, form(false), engine()))
 }
 
 /// Pair recorded operations, given by their indices `entries`, with consecutive slots from `first` on: `(slot, index)`.
@@ -204,6 +226,7 @@ fn make(ops: Vec<Op>, rates: &[u32], slots: &Slots, wanted: RequiredDerivatives,
     let program = Program::new(part, None, scratch, form(false), engine());
     RatesPrograms {
         rates: program,
+        contacts: None,
         attempt: None,
         derivatives: (wanted != RequiredDerivatives::Rates)
             .then(|| differentiate(ops, rates, slots, wanted == RequiredDerivatives::Time, watch)),

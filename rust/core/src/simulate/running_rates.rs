@@ -34,7 +34,8 @@ impl<S: Real> Running<S> {
             frame
         };
         let still = Exogenous { t: f64::NAN, desired: vec![S::zero(); slots.desired], wrench: [S::zero(); 6] };
-        let single = frame(programs.rates.slots(), 1, &mut std::iter::once(&programs.rates));
+        let largest = programs.contacts.as_ref().map_or(0, Program::slots).max(programs.rates.slots());
+        let single = frame(largest, 1, &mut std::iter::once(&programs.rates).chain(&programs.contacts));
         let lanes = programs.derivatives.as_ref().map(|all| frame(all.slots(), form(true).lanes(), &mut all.all()));
         let attempt = programs.attempt.as_ref().map(|attempt| attempt.frame(values));
         Running { frame: single, attempt, lanes, instants: [still.clone(), still], dft: vec![S::zero(); slots.states()], recorded }
@@ -85,6 +86,17 @@ impl<S: Real> Running<S> {
         programs.rates.run(frame);
         let rates = &frame.numbers()[slots.rates()..][..dx.len()];
         dx.iter_mut().zip(rates).for_each(|(to, &from)| *to = S::splat(from));
+        frame.numbers()[slots.reach()] < REDUCTION_LIMIT
+    }
+
+    /// Write the depth and the push of each contact at state `x` to `out`. Return whether they are valid. Without a program, they are not.
+    pub fn contacts(&mut self, x: &[S], out: &mut [f64]) -> bool {
+        let RecordedRates { slots, programs, .. } = &*self.recorded;
+        let Some(program) = &programs.contacts else { return false };
+        let frame = &mut self.frame;
+        write(frame, slots.state(), x);
+        program.run(frame);
+        out.copy_from_slice(&frame.numbers()[slots.contacts()..][..out.len()]);
         frame.numbers()[slots.reach()] < REDUCTION_LIMIT
     }
 

@@ -1,10 +1,11 @@
 //! Contacts of a plant: its wall and its joint stops. The mode of a contact is `Apart`, `Pressed` or `Slack`. Each mode has two guards,
 //! which are functions whose change of sign ends the mode.
 
+use super::assembly::Watched;
 use crate::dynamics::{AnyArm, Dynamics, Workspace};
-use crate::plant::{PlantSpec, Stop, Stops, Touch, Wall};
+use crate::plant::{PlantSpec, Touch};
 use crate::scalar::Real;
-use crate::spatial::{Vector, Vector3};
+use crate::spatial::Vector3;
 
 /// Computes the position and the velocity of a frame.
 pub struct Probe {
@@ -34,10 +35,11 @@ impl Probe {
 
 /// The contacts of one plant: the wall, then the stops.
 pub struct Switching {
-    probe: Probe,
-    wall: Option<Wall>,
-    stops: Option<Stops>,
-    which: Vec<Stop>,
+    /// Whether the contact has a damper.
+    damped: Vec<bool>,
+    /// The depth `d`, m or rad, and the push `k d + c d_dot`, N or N m, of each contact at the last state. `k` is the stiffness of the
+    /// contact, and `c` its damping.
+    numbers: Vec<f64>,
     /// The present mode of each contact.
     pub touches: Vec<Touch>,
 }
@@ -45,45 +47,17 @@ pub struct Switching {
 impl Switching {
     /// Return the contacts of a plant. The result is `None` for a plant without contacts.
     pub fn of(plant: &PlantSpec) -> Option<Self> {
-        if plant.is_free() {
-            return None;
-        }
-        let (wall, stops) = (plant.wall().cloned(), plant.stops().cloned());
-        let which: Vec<Stop> = stops.iter().flat_map(Stops::all).collect();
-        let touches = vec![Touch::Apart; usize::from(wall.is_some()) + which.len()];
-        Some(Switching { probe: Probe::new(plant), wall, stops, which, touches })
-    }
-
-    /// Return the depth `d`, m or rad, and the push `k d + c d_dot`, N or N m, of contact `i` at plant state `x`. `k` is the stiffness of
-    /// the contact, and `c` its damping.
-    fn contact(&mut self, i: usize, x: &[f64]) -> (f64, f64) {
-        let (mut i, n) = (i, self.probe.trig.len());
-        if let Some(wall) = &self.wall {
-            if i == 0 {
-                let (p, p_dot) = self.probe.frame(wall.frame, x);
-                let depth = wall.depth(p);
-                return (depth, wall.stiffness * depth - wall.damping * Vector3::from(wall.normal).dot(p_dot));
-            }
-            i -= 1;
-        }
-        let (Some(stops), stop) = (&self.stops, self.which[i]) else { return (f64::NEG_INFINITY, 0.0) };
-        let (depth, rate) = stop.depth(stops.limit(stop), x[stop.joint], x[n + stop.joint]);
-        (depth, stops.stiffness[stop.joint] * depth + stops.damping[stop.joint] * rate)
-    }
-
-    fn damped(&self, i: usize) -> bool {
-        let damping = match &self.wall {
-            Some(wall) if i == 0 => wall.damping,
-            wall => self.stops.as_ref().map_or(0.0, |stops| stops.damping[self.which[i - usize::from(wall.is_some())].joint]),
-        };
-        damping > 0.0
+        let stops = plant.stops().into_iter().flat_map(|stops| stops.all().map(|stop| stops.damping[stop.joint]));
+        let damped: Vec<bool> = plant.wall().map(|wall| wall.damping).into_iter().chain(stops).map(|damping| damping > 0.0).collect();
+        let (count, touches) = (damped.len(), vec![Touch::Apart; damped.len()]);
+        (count > 0).then(|| Switching { damped, numbers: vec![0.0; 2 * count], touches })
     }
 
     /// Set the mode of each contact to its mode at state `x`.
-    pub fn begin(&mut self, x: &[f64]) {
-        for i in 0..self.touches.len() {
-            let (depth, push) = self.contact(i, x);
-            self.touches[i] = Touch::at(depth, push);
+    pub fn begin<S: Real>(&mut self, system: &mut impl Watched<S>, x: &[S]) {
+        system.contacts(x, &mut self.numbers);
+        for (touch, &[depth, push]) in self.touches.iter_mut().zip(self.numbers.as_chunks().0) {
+            *touch = Touch::at(depth, push);
         }
     }
 
@@ -94,20 +68,21 @@ impl Switching {
 
     /// Write the values of all guards at state `x` to `all`. The present mode of contact `i` has ended if guard `2 i` or `2 i + 1` is
     /// negative.
-    pub fn evaluate(&mut self, x: &[f64], all: &mut [f64]) {
-        for (i, guards) in all.as_chunks_mut().0.iter_mut().enumerate() {
-            let (depth, push) = self.contact(i, x);
-            *guards = self.touches[i].guards(depth, push);
+    pub fn evaluate<S: Real>(&mut self, system: &mut impl Watched<S>, x: &[S], all: &mut [f64]) {
+        system.contacts(x, &mut self.numbers);
+        let numbers = self.numbers.as_chunks().0.iter().zip(&self.touches);
+        for (guards, (&[depth, push], touch)) in all.as_chunks_mut().0.iter_mut().zip(numbers) {
+            *guards = touch.guards(depth, push);
         }
     }
 
     /// Change the mode of the contact of guard `k` at state `x`.
-    pub fn switch(&mut self, k: usize, x: &[f64]) {
+    pub fn switch<S: Real>(&mut self, system: &mut impl Watched<S>, k: usize, x: &[S]) {
         let i = k / 2;
-        let (depth, _) = self.contact(i, x);
+        system.contacts(x, &mut self.numbers);
         // A contact without damper ends exactly at the surface. The state has a small error there, so that its depth may have either sign.
         // Zero replaces this depth.
-        let depth = if self.damped(i) { depth } else { 0.0 };
+        let depth = if self.damped[i] { self.numbers[2 * i] } else { 0.0 };
         self.touches[i] = self.touches[i].next(k % 2, depth);
     }
 }

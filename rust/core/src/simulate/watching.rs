@@ -93,10 +93,10 @@ impl<'a, S: Real> Watching<'a, S> {
         }
     }
 
-    /// Determine the modes of the contacts at the state `self.x`, and hold the contacts in these modes.
+    /// Determine the modes of the contacts at state `self.at`, and hold the contacts in these modes.
     fn find_contacts<F: Watched<S>>(&mut self, system: &mut F, t: f64) {
         let Some(switching) = &mut self.switching else { return };
-        switching.begin(&self.x);
+        switching.begin(system, &self.at);
         system.hold_contacts(&switching.touches);
         if let Some(observer) = self.observer.as_deref_mut() {
             observer.keep_contacts(t, None, &switching.touches);
@@ -119,7 +119,7 @@ impl<'a, S: Real> Watching<'a, S> {
         let mut look = |system: &mut F, method: &mut M, t: f64, all: &mut [f64]| {
             interpolate(system, method, t, at, x);
             if let Some(switching) = switching {
-                switching.evaluate(x, &mut all[..contacts]);
+                switching.evaluate(system, at, &mut all[..contacts]);
             }
             if sticking > 0 {
                 system.margins(t, at, &mut all[contacts..]);
@@ -267,6 +267,7 @@ impl<S: Real, F: Watched<S>, M: Adaptive<S, F, Vec<S>>> Watcher<S, F, M> for Wat
 
     fn begin(&mut self, system: &mut F, t: f64, x: &[S]) -> Result<(), Status> {
         lanes_of(&mut self.x, x);
+        self.at.copy_from_slice(x);
         self.find_contacts(system, t);
         if self.sticking > 0 {
             system.settle(t, x);
@@ -323,7 +324,7 @@ impl<S: Real, F: Watched<S>, M: Adaptive<S, F, Vec<S>>> Watcher<S, F, M> for Wat
                 Touch::Pressed => true,
                 Touch::Slack => which == 1,
             };
-            switching.switch(self.switches, &self.x);
+            switching.switch(system, self.switches, x);
             system.hold_contacts(&switching.touches);
             if let Some(observer) = self.observer.as_deref_mut() {
                 observer.keep_contacts(t, Some(Guard { contact, by_push }), &switching.touches);
