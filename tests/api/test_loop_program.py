@@ -297,6 +297,13 @@ def test_modes_of_contacts_are_inputs() -> None:
     assert [name for name in monitored.inputs if name.startswith("contact")] == modes
 
 
+@pytest.mark.parametrize("method", ["rk4", "dopri5", "ros2"])
+def test_modes_of_joints_are_inputs(method: str) -> None:
+    arm = TWO.with_drives(friction=[1.0, 2.0])
+    program = al.loop_program(al.RigidArm(arm, friction="stick_slip"), pd(arm), method=method)
+    assert [name for name in program.inputs if name.startswith("side")] == ["side1", "side2"]
+
+
 def test_other_stages_by_name() -> None:
     program = al.loop_program(al.RigidArm(PR), pd(PR))
     assert program.at("machine").stage == "machine" and program.stage == "simplified"

@@ -59,6 +59,37 @@ def test_a_repeated_loop_reuses_its_program() -> None:
         np.testing.assert_array_equal(one, other)
 
 
+@pytest.mark.parametrize("method", ["dopri5", "dop853", "rk4"])
+@pytest.mark.parametrize("what", ["wall", "stops", "stick-slip", "all"])
+def test_modes_are_inputs_of_programs(what: str, method: str) -> None:
+    """A joint meets a stop and the tip a wall, or a joint comes to rest, within a run without programs. The program has equal bits."""
+    lengths = np.random.default_rng().uniform(0.4, 0.5, 2)
+    arm = al.planar_arm(lengths, gravity=(0.0, 0.0)).with_drives(friction=[15.0, 0.5])
+    q0, v0 = np.array([0.1, 0.2]), np.array([2.0, -1.0])
+    tip = arm.position(q0 + 0.001 * v0, "link2")
+    more: dict[str, Any] = {}
+    if what in ("wall", "all"):
+        more["wall"] = al.Wall("link2", tip, -arm.jacobian(q0, "link2")[:3] @ v0, stiffness=2e3, damping=5.0)
+    if what in ("stops", "all"):
+        more["stops"] = al.JointStops(500.0, 2.0, lower=-3.0, upper=[0.101, 3.0])
+    if what in ("stick-slip", "all"):
+        more["friction"] = "stick_slip"
+    motion = al.Sinusoid(q0, [0.6, 0.5], 4.0, 0.0)
+    plant, law = al.RigidArm(arm, **more), al.ComputedTorque(arm, motion, 100.0, 10.0)
+    steps: dict[str, Any] = {"dt": 1e-3} if method == "rk4" else {"rtol": 1e-6, "atol": 1e-8}
+    options: dict[str, Any] = {"v0": v0, "method": method, "check_limits": False, **steps}
+    first, long, again = (al.simulate(plant, law, q0, t_end=t, **options) for t in (0.06, 6.0, 0.06))
+    programs = al.build_info()["programs"]
+    if method != "rk4" or "friction" in more:
+        assert [run.stats["engine"] for run in (first, long, again)] == ["direct", programs, programs]
+    for one, other in zip(series(first), series(again), strict=True):
+        np.testing.assert_array_equal(one, other)
+    if "stops" in more:
+        assert first.q[:, 0].max() > 0.101
+    if "friction" in more:
+        assert (first.v[:, 0] == 0.0).any() and (long.v[:, 0] != 0.0).any()
+
+
 @pytest.mark.parametrize("law", ["pd", "adaptive"])
 def test_a_short_run_is_the_start_of_a_long_one(law: str) -> None:
     made = LAWS[law](SIX, 0.1)
@@ -279,7 +310,7 @@ def test_an_adaptive_run_leaves_the_range_of_the_polynomials(method: str) -> Non
     law = al.PDGravity(TWO, [limit + 300.0 - less, 0.0], 50.0, 20.0)
     near = al.simulate(al.RigidArm(TWO), law, [limit - 300.0 - less, 0.1], **options)
     assert [run.stats["engine"] for run in (far, near)] == [al.build_info()["programs"]] * 2
-    np.testing.assert_allclose(far.q, near.q + [less, 0.0], rtol=0.0, atol=1e-7 if method == "dop853" else 1e-3)
+    np.testing.assert_allclose(far.q, near.q + np.array([less, 0.0]), rtol=0.0, atol=1e-7 if method == "dop853" else 1e-3)
 
 
 COMPARED = """

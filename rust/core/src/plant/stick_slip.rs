@@ -76,6 +76,8 @@ pub struct LoopStickSlip<S> {
     breakaway: Vec<S>,
     /// The mode of each joint. It is 0 for a stuck joint. For a joint that slides, or is about to slide, it is the direction 1 or -1.
     sides: Vec<i8>,
+    /// The same modes as numbers, with which the torques are computed.
+    signs: Vec<S>,
     before: Vec<i8>,
     /// The mass matrix `A` of the joints, or of the motors, `(n, n)`, which the plant writes.
     pub(super) matrix: Vec<S>,
@@ -88,6 +90,7 @@ pub struct LoopStickSlip<S> {
     resting: Vec<bool>,
     /// Memory for accelerations.
     rates: Vec<S>,
+    margins: Vec<S>,
 }
 
 impl<S: Real> LoopStickSlip<S> {
@@ -98,6 +101,7 @@ impl<S: Real> LoopStickSlip<S> {
             curve: LoopCurve::new(&friction.curve),
             breakaway: labelled_numbers("static_friction", &friction.curve.breakaway),
             sides: vec![0; n],
+            signs: zeros(n),
             before: vec![0; n],
             matrix: zeros(n * n),
             kept: zeros(n * n),
@@ -107,6 +111,7 @@ impl<S: Real> LoopStickSlip<S> {
             torque: zeros(n),
             resting: vec![false; n],
             rates: zeros(n),
+            margins: zeros(n),
         }
     }
 
@@ -122,7 +127,23 @@ impl<S: Real> LoopStickSlip<S> {
 
     /// Set the mode of each joint.
     pub fn follow(&mut self, sides: &[i8]) {
-        self.sides.copy_from_slice(sides);
+        for (i, &side) in sides.iter().enumerate() {
+            self.set(i, side);
+        }
+    }
+
+    /// Set the modes with which the torques are computed, as numbers 0, 1 or -1.
+    pub fn follow_signs(&mut self, signs: &[S]) {
+        self.signs.copy_from_slice(signs);
+    }
+
+    fn set(&mut self, i: usize, side: i8) {
+        (self.sides[i], self.signs[i]) = (side, S::splat(f64::from(side)));
+    }
+
+    /// Whether joint `i` slides.
+    fn slides(&self, i: usize) -> S::Mask {
+        S::zero().lt(self.signs[i].abs())
     }
 
     /// Whether any joint is stuck.
@@ -131,8 +152,8 @@ impl<S: Real> LoopStickSlip<S> {
     }
 
     /// The friction torque of joint `i` that slides to `side`, from the friction `unloaded + mu |L|` and the torque `viscous`.
-    fn sliding(&self, i: usize, side: i8, unloaded: S, viscous: S) -> S {
-        let (side, ratio) = (S::splat(f64::from(side)), self.curve.load_ratio[i]);
+    fn sliding(&self, i: usize, side: S, unloaded: S, viscous: S) -> S {
+        let ratio = self.curve.load_ratio[i];
         match self.loads[i] {
             Load::Known(load) => side.mul_add(ratio.mul_add(load.abs(), unloaded), viscous),
             // With `r = tau - s h(v, 0) - sigma_2 v`, the load obeys `L = r - s mu |L|`. So `r` has the sign of `L`.
@@ -146,71 +167,74 @@ impl<S: Real> LoopStickSlip<S> {
 
     /// The friction torque of joint `i` that slides at the speed `v`.
     fn kinetic(&self, i: usize, v: S) -> S {
-        self.sliding(i, self.sides[i], self.curve.unloaded(i, v), self.curve.viscous[i] * v)
+        self.sliding(i, self.signs[i], self.curve.unloaded(i, v), self.curve.viscous[i] * v)
     }
 
     /// The friction torque at which joint `i` starts to slide to `side`. Its sign is the sign of `side`.
     fn limit(&self, i: usize, side: i8) -> S {
-        self.sliding(i, side, self.breakaway[i], S::zero())
+        self.sliding(i, S::splat(f64::from(side)), self.breakaway[i], S::zero())
     }
 
     /// Compute the friction torques of sliding joints at the speeds `v`. The torque of stuck joints is set to zero.
     pub(super) fn slide(&mut self, v: &[S]) {
         for i in 0..v.len() {
-            self.torque[i] = if self.sides[i] == 0 { S::zero() } else { self.kinetic(i, v[i]) };
+            self.torque[i] = S::select(self.slides(i), self.kinetic(i, v[i]), S::zero());
         }
     }
 
     /// Compute the accelerations `a` and the torques of stuck joints from the mass matrix `A`, the torques `b` and the torques of sliding
     /// joints.
     pub(super) fn hold(&mut self, a: &mut [S]) {
-        let n = a.len();
+        let (n, zero) = (a.len(), S::zero());
         for i in 0..n {
-            let stuck = self.sides[i] == 0;
-            a[i] = if stuck { S::zero() } else { self.drive[i] - self.torque[i] };
+            let slides = self.slides(i);
+            a[i] = S::select(slides, self.drive[i] - self.torque[i], zero);
             for j in 0..n {
-                let coupled = !stuck && self.sides[j] != 0;
-                self.kept[i * n + j] = if coupled { self.matrix[i * n + j] } else { S::splat(if i == j { 1.0 } else { 0.0 }) };
+                let alone = if i == j { S::splat(1.0) } else { zero };
+                let coupled = S::select(self.slides(j), self.matrix[i * n + j], alone);
+                self.kept[i * n + j] = S::select(slides, coupled, alone);
             }
         }
         cholesky::factor_into(n, &self.kept, &mut self.factor);
         cholesky::solve(n, &self.factor, a);
         for i in 0..n {
-            if self.sides[i] == 0 {
-                a[i] = S::zero();
-                let row = &self.matrix[i * n..(i + 1) * n];
-                self.torque[i] = row.iter().zip(&*a).fold(self.drive[i], |held, (m, a)| m.neg_mul_add(*a, held));
-            }
+            a[i] = S::select(self.slides(i), a[i], zero);
+        }
+        for i in 0..n {
+            let row = &self.matrix[i * n..(i + 1) * n];
+            let held = row.iter().zip(&*a).fold(self.drive[i], |held, (m, a)| m.neg_mul_add(*a, held));
+            self.torque[i] = S::select(self.slides(i), self.torque[i], held);
         }
     }
 
-    /// Compute one number per joint, which becomes negative where the joint's mode ends.
+    /// Return one number per joint, which becomes negative where the joint's mode ends.
     ///
     /// For a stuck joint the number is the distance of the torque from its nearer limit. For a sliding joint it is the speed in the
     /// direction of sliding. Before the call, set `A`, `b` and the loads for the speeds `v`.
-    pub fn margins(&mut self, v: &[S], out: &mut [f64]) {
+    pub fn margins(&mut self, v: &[S]) -> &[S] {
         if self.holds() {
             self.slide(v);
             let mut rates = std::mem::take(&mut self.rates);
             self.hold(&mut rates);
             self.rates = rates;
         }
-        for (i, out) in out.iter_mut().enumerate() {
-            *out = match self.sides[i] {
-                0 => (self.limit(i, 1) - self.torque[i]).lane(0).min((self.torque[i] - self.limit(i, -1)).lane(0)),
-                side => f64::from(side) * v[i].lane(0),
-            };
+        for (i, &v) in v.iter().enumerate() {
+            let held = (self.limit(i, 1) - self.torque[i]).min(self.torque[i] - self.limit(i, -1));
+            self.margins[i] = S::select(self.slides(i), self.signs[i] * v, held);
         }
+        &self.margins
     }
 
     /// Stop the joints whose velocity is opposite to their direction of slip. Return whether any velocity changes.
     pub fn arrest(&mut self, v: &mut [S]) -> bool {
         let mut any = false;
-        for (side, v) in self.sides.iter_mut().zip(v) {
+        for (i, v) in v.iter_mut().enumerate() {
+            let side = self.sides[i];
             // The rounding error of the speed of a stuck joint is removed too.
-            if *side == 0 || f64::from(*side) * v.lane(0) < 0.0 {
+            if side == 0 || f64::from(side) * v.lane(0) < 0.0 {
                 any |= v.lane(0) != 0.0;
-                (*side, *v) = (0, S::zero());
+                *v = S::zero();
+                self.set(i, 0);
             }
         }
         any
@@ -224,7 +248,7 @@ impl<S: Real> LoopStickSlip<S> {
         self.before.copy_from_slice(&self.sides);
         for i in 0..n {
             let v = v[i].lane(0);
-            self.sides[i] = i8::from(v > 0.0) - i8::from(v < 0.0);
+            self.set(i, i8::from(v > 0.0) - i8::from(v < 0.0));
             self.resting[i] = self.sides[i] == 0;
         }
         let mut a = std::mem::take(&mut self.rates);
@@ -240,7 +264,7 @@ impl<S: Real> LoopStickSlip<S> {
                 self.hold(&mut a);
                 let wrong = (0..n).filter(|&i| self.resting[i]).find_map(|i| Some((i, self.pivot(i, a[i], leaving == Some(i))?)));
                 let Some((i, side)) = wrong else { break };
-                self.sides[i] = side;
+                self.set(i, side);
             }
         }
         self.rates = a;

@@ -8,7 +8,7 @@ use super::closed_loop::ClosedLoop;
 use super::key::Common;
 use super::layout::Slots;
 use super::problem::Problem;
-use super::recorded::{inputs, instant};
+use super::recorded::{hold_modes, inputs, instant};
 use super::world::Exogenous;
 use crate::integrate::{Attempt, Buffer, MethodKind, Scheme, System, WithScheme};
 use crate::scalar::Real;
@@ -48,7 +48,7 @@ impl AttemptLayout {
     fn held(&self) -> usize {
         self.step() + 1
     }
-    /// The first slot of the modes of contacts.
+    /// The first slot of the modes of contacts and joints.
     fn modes(&self) -> usize {
         self.held() + self.slots.inputs + self.slots.answer
     }
@@ -103,7 +103,7 @@ impl AttemptProgram {
         if held {
             closed.hold_input(&tau, &answer);
         }
-        closed.hold_modes(&inputs(slots.modes));
+        hold_modes(&mut closed, slots);
         let zeros = vec![Sym::zero(); slots.states()];
         let (mut slopes, mut y, mut estimates) = (vec![zeros.clone(); C::STAGES + 1], zeros.clone(), vec![zeros; C::E.len()]);
         slopes[0] = first;
@@ -136,9 +136,9 @@ impl AttemptProgram {
         write(frame, self.places.held() + tau.len(), answer);
     }
 
-    /// Write the modes of the contacts to the program's frame.
-    pub fn hold_modes(&self, frame: &mut Frame, modes: &[f64]) {
-        write(frame, self.places.modes(), modes);
+    /// Write modes to the program's frame, from mode `first` on.
+    pub fn hold_modes(&self, frame: &mut Frame, first: usize, modes: &[f64]) {
+        write(frame, self.places.modes() + first, modes);
     }
 
     /// Compute an attempt. Return whether all angles are in the range of the program's sines; otherwise the results are not valid.

@@ -333,6 +333,11 @@ impl<'a, S: Real> ClosedLoop<'a, S> {
         self.plant.load_friction(&self.trig, &x[..self.states], &self.tau, &self.now.wrench);
     }
 
+    /// Write the loads of the plant at state `x` under `wrench` into its friction model. Requires [`ClosedLoop::turn_to`].
+    pub fn load_under(&mut self, wrench: &[S], x: &[S]) {
+        self.plant.load_friction(&self.trig, &x[..self.states], &self.tau, wrench);
+    }
+
     /// The plant of the loop.
     pub fn plant_mut(&mut self) -> &mut dyn Plant<S> {
         self.plant.as_mut()

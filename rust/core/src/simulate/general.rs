@@ -143,6 +143,7 @@ impl<'a> General<'a> {
             (MethodKind::ExplicitSteps(method), Division::Fixed(fixed)) => {
                 let (closed, x) = close::<Float>(self.problem, self.first);
                 let u = closed.instant();
+                let closed = RatesLoop::explicit(closed, self.source());
                 match method.apply(closed, x, u, FixedRun { general: self, fixed }) {
                     Ok(ended) => ended,
                     Err(_) => unreachable!("plants without velocities were refused"),

@@ -6,6 +6,7 @@
 //! this decision at the start of a step. At the end of a step, they stop the joints whose velocity has changed its sign.
 
 use super::closed_loop::ClosedLoop;
+use super::world::Exogenous;
 use crate::scalar::Real;
 
 impl<S: Real> ClosedLoop<'_, S> {
@@ -21,11 +22,12 @@ impl<S: Real> ClosedLoop<'_, S> {
 
     /// Decide which joints stick at time `t` and state `x`. Joint `leaving` must slip. Return whether the mode of a joint changes.
     pub fn settle(&mut self, t: f64, x: &[S], leaving: Option<usize>) -> bool {
-        if self.plant_mut().stick_slip().is_none() {
-            return false;
-        }
-        self.load_friction(t, x);
         let n = self.tau.len();
+        let Some((_, first)) = self.plant_mut().stick_slip() else { return false };
+        // A moving joint slides under any load.
+        if x[first..first + n].iter().any(|v| v.lane(0) == 0.0) {
+            self.load_friction(t, x);
+        }
         self.plant_mut().stick_slip().is_some_and(|(friction, first)| friction.settle(&x[first..first + n], leaving))
     }
 
@@ -36,7 +38,31 @@ impl<S: Real> ClosedLoop<'_, S> {
             self.load_friction(t, x);
         }
         if let Some((friction, first)) = self.plant_mut().stick_slip() {
-            friction.margins(&x[first..first + out.len()], out);
+            let margins = friction.margins(&x[first..first + out.len()]);
+            out.iter_mut().zip(margins).for_each(|(out, margin)| *out = margin.lane(0));
+        }
+    }
+
+    /// The numbers of [`ClosedLoop::margins`], under the exogenous input `u`.
+    pub fn margins_under(&mut self, u: &Exogenous<S>, x: &[S]) -> Vec<S> {
+        self.turn_to(x);
+        if !self.is_held() {
+            self.answer(u, x);
+        }
+        self.load_under(&u.wrench, x);
+        let n = self.tau.len();
+        self.plant_mut().stick_slip().map_or(Vec::new(), |(friction, first)| friction.margins(&x[first..first + n]).to_vec())
+    }
+
+    /// The index in the state of the first speed that stick-slip friction acts on.
+    pub fn first_speed(&mut self) -> usize {
+        self.plant_mut().stick_slip().map_or(0, |(_, first)| first)
+    }
+
+    /// Set the modes of all joints as numbers: 0 for a stuck joint, else the direction of sliding.
+    pub fn hold_sides(&mut self, signs: &[S]) {
+        if let Some((friction, _)) = self.plant_mut().stick_slip() {
+            friction.follow_signs(signs);
         }
     }
 

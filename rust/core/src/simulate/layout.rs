@@ -128,8 +128,12 @@ pub struct Slots {
     pub inputs: usize,
     /// The number of the law's results without the plant's input.
     pub answer: usize,
-    /// The number of modes of contacts that are inputs: two for each contact, or zero.
+    /// The number of modes that are inputs: two for each contact, then one for each joint that sticks and slips.
     pub modes: usize,
+    /// The number of joints that stick and slip.
+    pub sides: usize,
+    /// The index in the state of the first speed of these joints.
+    pub speeds: usize,
 }
 
 impl Slots {
@@ -149,9 +153,13 @@ impl Slots {
     pub fn law_rate(&self) -> usize {
         self.tau() + self.inputs
     }
-    /// The first slot of the modes of contacts.
+    /// The first slot of the modes.
     pub fn modes(&self) -> usize {
         self.law_rate() + self.answer
+    }
+    /// The number of modes of contacts.
+    pub fn contact_modes(&self) -> usize {
+        self.modes - self.sides
     }
     /// The first slot of the rates of one run, after all inputs.
     pub fn rates(&self) -> usize {
@@ -160,9 +168,5 @@ impl Slots {
     /// The slot of the largest angle of one run.
     pub fn reach(&self) -> usize {
         self.rates() + self.states()
-    }
-    /// The first slot of the depth and the push of each contact. They follow all slots of the rates.
-    pub fn contacts(&self) -> usize {
-        self.reach() + 1
     }
 }

@@ -59,7 +59,8 @@ pub struct Listed {
 /// is `None`, the listing shows the whole step, or the rates if no program computes a whole step. Errors: [`Error::Input`] for a loop that
 /// runs without programs, [`Error::Unknown`] for an unknown part, and errors of an invalid loop.
 pub fn list_loop(problem: &Problem, batch: bool, part: Option<&str>) -> Result<Listed> {
-    let fixed = matches!(problem.options.method.kind(), MethodKind::ExplicitSteps(_));
+    // Joints stick and slip between steps, so that no program computes several steps.
+    let fixed = matches!(problem.options.method.kind(), MethodKind::ExplicitSteps(_)) && !problem.plant(0).sticks();
     require_recordable(problem, fixed)?;
     problem.validate_loop()?;
     if batch && !fixed {
@@ -156,9 +157,6 @@ fn require_recordable(problem: &Problem, fixed: bool) -> Result<()> {
     let method = o.method.name();
     if law.route() == Route::Outside {
         return directly("law", "a law of armlet such as Adaptive".into(), "a function in Python".into());
-    }
-    if problem.plant(0).sticks() {
-        return directly("plant", "a plant without stick-slip friction".into(), "one with it".into());
     }
     if fixed && !law.route().is_recordable() {
         return directly(

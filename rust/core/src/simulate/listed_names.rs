@@ -70,7 +70,8 @@ impl SlotNames {
         all.instant(&exogenous, slots.desired, "");
         all.add("state", states.iter().cloned());
         all.held(slots.inputs, slots.answer);
-        all.add("mode", (1..=slots.modes / 2).flat_map(|k| [format!("contact{k}_pushes"), format!("contact{k}_inside")]));
+        all.add("mode", (1..=slots.contact_modes() / 2).flat_map(|k| [format!("contact{k}_pushes"), format!("contact{k}_inside")]));
+        all.add("mode", (1..=slots.sides).map(|k| format!("side{k}")));
         let rates = states.iter().map(|name| format!("d{name}"));
         if part != "rates" {
             let along = |names: &[String]| names.iter().map(|name| format!("along_{name}")).collect::<Vec<_>>();

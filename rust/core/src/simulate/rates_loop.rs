@@ -68,12 +68,16 @@ impl<'a, S: Real, D: Watched<S>> RatesLoop<'a, S, D> {
     fn parts(&mut self) -> (Option<&mut Running<S>>, &mut D) {
         let (which, known) = (self.which(), self.modes.len());
         // Until the modes of the contacts are known, the loop computes without programs.
-        (self.running[which].as_mut().filter(|running| !self.left && running.modes() <= known), &mut self.direct)
+        let mut running = self.running[which].as_mut().filter(|running| !self.left && running.contact_modes() <= known);
+        if let Some(running) = &mut running {
+            running.hold_sides(self.direct.sides());
+        }
+        (running, &mut self.direct)
     }
 
     /// Write the held input, the held rate of the law's state and the modes of the contacts to the frames.
     fn hold(&mut self) {
-        self.running.iter_mut().flatten().for_each(|running| running.hold_modes(&self.modes));
+        self.running.iter_mut().flatten().for_each(|running| running.hold_contacts(&self.modes));
         if let (Some((tau, dz)), [_, Some(running)]) = (self.direct.held(), &mut self.running) {
             running.hold(tau, dz);
         }
@@ -178,7 +182,9 @@ impl<S: Real, D: Watched<S>> System<S> for RatesLoop<'_, S, D> {
         self.hold();
     }
     fn enter_step(&mut self, t: f64, x: &[S]) -> bool {
-        self.direct.enter_step(t, x)
+        let (running, direct) = self.parts();
+        let stays = running.is_some_and(|running| running.stays(x, |u| direct.input(t, u)));
+        !stays && self.direct.enter_step(t, x)
     }
     fn leave_step(&mut self, x: &mut [S]) -> bool {
         self.direct.leave_step(x)
@@ -230,7 +236,7 @@ impl<S: Real, D: Watched<S>> Watched<S> for RatesLoop<'_, S, D> {
     fn hold_contacts(&mut self, contacts: &[Touch]) {
         self.modes.clear();
         self.modes.extend(contacts.iter().flat_map(|touch| touch.numbers()));
-        self.running.iter_mut().flatten().for_each(|running| running.hold_modes(&self.modes));
+        self.running.iter_mut().flatten().for_each(|running| running.hold_contacts(&self.modes));
         self.direct.hold_contacts(contacts);
     }
     fn push(&mut self, wrench: Option<&Wrench>) {
@@ -243,6 +249,11 @@ impl<S: Real, D: Watched<S>> Watched<S> for RatesLoop<'_, S, D> {
         self.direct.switch_joint(t, x, joint);
     }
     fn margins(&mut self, t: f64, x: &[S], out: &mut [f64]) {
+        if let (Some(running), direct) = self.parts()
+            && running.margins(x, |u| direct.input(t, u), out)
+        {
+            return;
+        }
         self.direct.margins(t, x, out);
     }
 }

@@ -14,7 +14,8 @@ use super::key::Common;
 use super::layout::Slots;
 use super::loop_programs::Watch;
 use super::problem::Problem;
-use super::recorded::{self, Seen, inputs, instant};
+use super::recorded::{self, Seen, hold_modes, inputs, instant};
+use super::world::Exogenous;
 use crate::integrate::System;
 use crate::motion::Motion;
 use crate::plant::PlantSpec;
@@ -56,11 +57,20 @@ impl Derivatives {
     }
 }
 
+/// The program of functions whose changes of sign end a mode. It shares the frame of the rates.
+pub struct GuardProgram {
+    pub program: Program,
+    /// The slot of the first function.
+    pub first: usize,
+}
+
 /// The programs of all loops with the same structure.
 pub struct RatesPrograms {
     pub rates: Program,
     /// The depth and the push of each contact, if the modes of contacts are inputs.
-    pub contacts: Option<Program>,
+    pub contacts: Option<GuardProgram>,
+    /// The margins of the joints that stick and slip.
+    pub margins: Option<GuardProgram>,
     /// The program of a whole attempt, for small loops with an adaptive explicit method.
     pub attempt: Option<AttemptProgram>,
     pub derivatives: Option<Derivatives>,
@@ -107,12 +117,12 @@ pub fn is_recordable(problem: &Problem) -> bool {
     let method = problem.options.method;
     // With an implicit method of fixed steps, only plants without a wall have programs.
     let free = |plant: &PlantSpec| method.is_adaptive() || !method.is_implicit() || plant.wall().is_none();
-    problem.plants.iter().all(|plant| free(plant) && !plant.sticks()) && !problem.laws.iter().any(|law| law.route().is_scalar())
+    problem.plants.iter().all(|plant| free(plant)) && !problem.laws.iter().any(|law| law.route().is_scalar())
 }
 
 /// The number of contact modes that are inputs of the rates: two for each contact if the method is adaptive. An adaptive method keeps every
 /// contact in its mode within a step. With fixed steps, the modes follow the state.
-fn modes_of(problem: &Problem, run: usize) -> usize {
+fn contact_modes(problem: &Problem, run: usize) -> usize {
     if problem.options.method.is_adaptive() { 2 * problem.plant(run).contacts() } else { 0 }
 }
 
@@ -162,6 +172,7 @@ fn record(
     let mut closed: ClosedLoop<Sym> = assemble(problem, run, common.monitored.storage);
     let given = sym::end_set_up();
     let (plant, law) = (problem.plant(run).states(), problem.law(run).initial_state().len());
+    let sides = if problem.plant(run).sticks() { problem.plant(run).n() } else { 0 };
     let slots = Slots {
         given,
         desired: closed.instant().desired.len(),
@@ -171,14 +182,11 @@ fn record(
         quadratures: closed.size() - plant - law,
         inputs: closed.tau.len(),
         answer: closed.law_rate().len(),
-        modes: modes_of(problem, run),
+        modes: contact_modes(problem, run) + sides,
+        sides,
+        speeds: closed.first_speed(),
     };
-    let u = instant(slots.desired, slots.wrench);
-    let (x, tau, dz) = (inputs(slots.states()), inputs(slots.inputs), inputs(slots.answer));
-    if held {
-        closed.hold_input(&tau, &dz);
-    }
-    closed.hold_modes(&inputs(slots.modes));
+    let (u, x) = arguments(&mut closed, &slots, held);
     let mut dx = x.clone();
     closed.rhs(&u, &x, &mut dx);
     drop(closed);
@@ -189,27 +197,54 @@ fn record(
     let rates: Vec<u32> = dx.into_iter().map(Sym::index).collect();
     let mut programs = make(recording.ops, &rates, &slots, wanted, watch);
     programs.attempt = AttemptProgram::of(problem, run, common, held, (&slots, programs.rates.operations()));
-    programs.contacts = (slots.modes > 0).then(|| contacts(problem, run, common, &slots)).flatten();
+    let contacts = |closed: &mut ClosedLoop<Sym>, _: &Exogenous<Sym>, x: &[Sym]| {
+        closed.turn_to(x);
+        (0..slots.contact_modes() / 2).flat_map(|i| closed.contact(i, x)).collect()
+    };
+    let of_run = (problem, run, common, held);
+    let mut free = programs.rates.slots();
+    if slots.contact_modes() > 0 {
+        programs.contacts = guards(of_run, (&slots, free), contacts);
+        free = programs.contacts.as_ref().map_or(free, |contacts| contacts.program.slots());
+    }
+    if slots.sides > 0 {
+        programs.margins = guards(of_run, (&slots, free), |closed, u, x| closed.margins_under(u, x));
+    }
     Some(RecordedRates { slots, programs })
 }
 
-/// Record the depth and the push of each contact, with the inputs of the rates.
-fn contacts(problem: &Problem, run: usize, common: Common, slots: &Slots) -> Option<Program> {
+/// Record functions `of` the loop whose changes of sign end a mode. The program has the inputs of the rates. Its results are in the slots
+/// from `first` on, which no program before it uses.
+fn guards(
+    (problem, run, common, held): (&Problem, usize, Common, bool),
+    (slots, first): (&Slots, usize),
+    of: impl FnOnce(&mut ClosedLoop<Sym>, &Exogenous<Sym>, &[Sym]) -> Vec<Sym>,
+) -> Option<GuardProgram> {
     sym::begin();
     let mut closed: ClosedLoop<Sym> = assemble(problem, run, common.monitored.storage);
     sym::end_set_up();
-    drop(instant(slots.desired, slots.wrench));
-    let x = inputs(slots.states());
-    closed.turn_to(&x);
-    let numbers: Vec<u32> = (0..slots.modes / 2).flat_map(|i| closed.contact(i, &x)).map(Sym::index).collect();
+    let (u, x) = arguments(&mut closed, slots, held);
+    let numbers: Vec<u32> = of(&mut closed, &u, &x).into_iter().map(Sym::index).collect();
     drop(closed);
     let recording = sym::finish();
     if recording.failed {
         return None;
     }
-    let part = Part { ops: &recording.ops, start: 0, outputs: &to(slots.contacts(), &numbers), places: &SlotTable::default() };
-    let scratch = Scratch { reach: slots.reach() as u32, free: slots.contacts() + slots.modes };
-    Some(Program::new(part, None, scratch, form(false), engine()))
+    let part = Part { ops: &recording.ops, start: 0, outputs: &to(first, &numbers), places: &SlotTable::default() };
+    let scratch = Scratch { reach: slots.reach() as u32, free: first + numbers.len() };
+    Some(GuardProgram { program: Program::new(part, None, scratch, form(false), engine()), first })
+}
+
+/// Declare the inputs of a recorded loop in the order of their slots, and hold its input and its modes. Return the exogenous input and the
+/// state.
+fn arguments(closed: &mut ClosedLoop<Sym>, slots: &Slots, held: bool) -> (Exogenous<Sym>, Vec<Sym>) {
+    let u = instant(slots.desired, slots.wrench);
+    let (x, tau, dz) = (inputs(slots.states()), inputs(slots.inputs), inputs(slots.answer));
+    if held {
+        closed.hold_input(&tau, &dz);
+    }
+    hold_modes(closed, slots);
+    (u, x)
 }
 
 /// Pair recorded operations, given by their indices `entries`, with consecutive slots from `first` on: `(slot, index)`.
@@ -227,6 +262,7 @@ fn make(ops: Vec<Op>, rates: &[u32], slots: &Slots, wanted: RequiredDerivatives,
     RatesPrograms {
         rates: program,
         contacts: None,
+        margins: None,
         attempt: None,
         derivatives: (wanted != RequiredDerivatives::Rates)
             .then(|| differentiate(ops, rates, slots, wanted == RequiredDerivatives::Time, watch)),
@@ -277,12 +313,13 @@ pub struct Rates {
 }
 
 impl Rates {
-    /// Prepare the rates of a problem. The result is `None` for an explicit method of fixed steps, and if the loops of the problem cannot
-    /// be recorded.
+    /// Prepare the rates of a problem. The result is `None` if the loops of the problem cannot be recorded. It is also `None` for an explicit
+    /// method of fixed steps, unless joints stick and slip between its steps.
     pub fn of(problem: &Problem) -> Option<Self> {
         let shared = (problem.plants.len() == 1 && problem.laws.len() == 1).then(OnceLock::new);
         let method = problem.options.method;
-        let takes = (method.is_adaptive() || method.is_implicit()) && is_recordable(problem);
+        let sticks = problem.plants.iter().any(|plant| plant.sticks());
+        let takes = (method.is_adaptive() || method.is_implicit() || sticks) && is_recordable(problem);
         takes.then(|| Rates { common: Common::of_functions(problem), shared, used: AtomicBool::new(false) })
     }
 

@@ -18,7 +18,7 @@ use super::closed_loop::ClosedLoop;
 use super::force::Force;
 use super::gauge::Start;
 use super::key::{Common, Key, MOST_NUMBERS};
-use super::layout::Layout;
+use super::layout::{Layout, Slots};
 use super::loop_programs::{self, Noting, Programs, Summing, Tracing, Watch};
 use super::notes::Notes;
 use super::problem::Problem;
@@ -208,6 +208,12 @@ pub fn record_watched(problem: &Problem, run: usize, common: Common, plain: Opti
         #[cfg(debug_assertions)]
         ops: recording.ops,
     })
+}
+
+/// Make the modes of contacts and joints inputs of a recorded loop.
+pub fn hold_modes(closed: &mut ClosedLoop<Sym>, slots: &Slots) {
+    closed.hold_modes(&inputs(slots.contact_modes()));
+    closed.hold_sides(&inputs(slots.sides));
 }
 
 /// Declare `count` new inputs of a program.

@@ -1,7 +1,7 @@
 //! The programs (recorded and compiled computations) of the state rates of one run, with their frames, which are their memory.
 
 use super::attempt_programs::write;
-use super::rates_programs::{RatesPrograms, RecordedRates};
+use super::rates_programs::{GuardProgram, RatesPrograms, RecordedRates};
 use super::world::Exogenous;
 use crate::integrate::{Attempt, Buffer};
 use crate::scalar::Real;
@@ -21,6 +21,10 @@ pub struct Running<S> {
     instants: [Exogenous<S>; 2],
     /// The derivative of the rates with respect to time, from the last linearisation.
     dft: Vec<S>,
+    /// The mode of each joint that sticks and slips.
+    sides: Vec<i8>,
+    /// Memory for the margins of these joints.
+    margins: Vec<f64>,
 }
 
 impl<S: Real> Running<S> {
@@ -34,11 +38,21 @@ impl<S: Real> Running<S> {
             frame
         };
         let still = Exogenous { t: f64::NAN, desired: vec![S::zero(); slots.desired], wrench: [S::zero(); 6] };
-        let largest = programs.contacts.as_ref().map_or(0, Program::slots).max(programs.rates.slots());
-        let single = frame(largest, 1, &mut std::iter::once(&programs.rates).chain(&programs.contacts));
+        let guards = || programs.contacts.iter().chain(&programs.margins).map(|guards| &guards.program);
+        let of_one_run = || std::iter::once(&programs.rates).chain(guards());
+        let single = frame(of_one_run().map(Program::slots).max().unwrap_or(0), 1, &mut of_one_run());
         let lanes = programs.derivatives.as_ref().map(|all| frame(all.slots(), form(true).lanes(), &mut all.all()));
         let attempt = programs.attempt.as_ref().map(|attempt| attempt.frame(values));
-        Running { frame: single, attempt, lanes, instants: [still.clone(), still], dft: vec![S::zero(); slots.states()], recorded }
+        Running {
+            frame: single,
+            attempt,
+            lanes,
+            instants: [still.clone(), still],
+            dft: vec![S::zero(); slots.states()],
+            sides: vec![0; slots.sides],
+            margins: vec![0.0; slots.sides],
+            recorded,
+        }
     }
 
     /// Hold the input `tau` of the plant and the rate `dz` of the law's state.
@@ -54,18 +68,29 @@ impl<S: Real> Running<S> {
     }
 
     /// The number of modes of contacts that the programs read.
-    pub fn modes(&self) -> usize {
-        self.recorded.slots.modes
+    pub fn contact_modes(&self) -> usize {
+        self.recorded.slots.contact_modes()
     }
 
     /// Hold the contacts in the modes of the numbers `modes`, two for each contact.
-    pub fn hold_modes(&mut self, modes: &[f64]) {
-        let modes = &modes[..self.modes().min(modes.len())];
+    pub fn hold_contacts(&mut self, modes: &[f64]) {
+        self.hold_modes(0, &modes[..self.contact_modes().min(modes.len())]);
+    }
+
+    /// Hold the joints in the modes `sides`: 0 for a stuck joint, else the direction of sliding.
+    pub fn hold_sides(&mut self, sides: &[i8]) {
+        for (i, &side) in sides.iter().enumerate() {
+            self.sides[i] = side;
+            self.hold_modes(self.contact_modes() + i, &[f64::from(side)]);
+        }
+    }
+
+    fn hold_modes(&mut self, first: usize, modes: &[f64]) {
         for frame in [&mut self.frame].into_iter().chain(&mut self.lanes) {
-            write(frame, self.recorded.slots.modes(), modes);
+            write(frame, self.recorded.slots.modes() + first, modes);
         }
         if let (Some(program), Some(frame)) = (&self.recorded.programs.attempt, &mut self.attempt) {
-            program.hold_modes(frame, modes);
+            program.hold_modes(frame, first, modes);
         }
     }
 
@@ -92,12 +117,42 @@ impl<S: Real> Running<S> {
     /// Write the depth and the push of each contact at state `x` to `out`. Return whether they are valid. Without a program, they are not.
     pub fn contacts(&mut self, x: &[S], out: &mut [f64]) -> bool {
         let RecordedRates { slots, programs, .. } = &*self.recorded;
-        let Some(program) = &programs.contacts else { return false };
+        let Some(GuardProgram { program, first }) = &programs.contacts else { return false };
         let frame = &mut self.frame;
         write(frame, slots.state(), x);
         program.run(frame);
-        out.copy_from_slice(&frame.numbers()[slots.contacts()..][..out.len()]);
+        out.copy_from_slice(&frame.numbers()[*first..][..out.len()]);
         frame.numbers()[slots.reach()] < REDUCTION_LIMIT
+    }
+
+    /// Write the margin of each joint that sticks and slips at state `x` to `out`. `input` computes the exogenous input. Return whether the
+    /// margins are valid. Without a program, they are not.
+    pub fn margins(&mut self, x: &[S], input: impl FnOnce(&mut Exogenous<S>), out: &mut [f64]) -> bool {
+        let RecordedRates { slots, programs, .. } = &*self.recorded;
+        let Some(GuardProgram { program, first }) = &programs.margins else { return false };
+        let (frame, [u, _]) = (&mut self.frame, &mut self.instants);
+        input(u);
+        write(frame, slots.given, &u.desired);
+        write(frame, slots.wrench(), &u.wrench[..slots.wrench]);
+        write(frame, slots.state(), x);
+        program.run(frame);
+        out.copy_from_slice(&frame.numbers()[*first..][..out.len()]);
+        frame.numbers()[slots.reach()] < REDUCTION_LIMIT
+    }
+
+    /// Whether all joints certainly stay in their modes at state `x`. Sliding joints then move to their side, and the torques of stuck joints
+    /// are within the static friction. `input` computes the exogenous input.
+    pub fn stays(&mut self, x: &[S], input: impl FnOnce(&mut Exogenous<S>)) -> bool {
+        let speeds = &x[self.recorded.slots.speeds..];
+        let moves = |(&side, v): (&i8, &S)| if side == 0 { v.lane(0) == 0.0 } else { f64::from(side) * v.lane(0) > 0.0 };
+        if !self.sides.iter().zip(speeds).all(moves) {
+            return false;
+        }
+        let mut margins = std::mem::take(&mut self.margins);
+        let valid = !self.sides.contains(&0) || self.margins(x, input, &mut margins);
+        let stays = valid && self.sides.iter().zip(&margins).all(|(&side, &margin)| side != 0 || margin >= 0.0);
+        self.margins = margins;
+        stays
     }
 
     /// Whether [`Running::linearise`] requires the time derivative of the exogenous input.

@@ -185,7 +185,8 @@ fn joints_that_stick_and_slip_allocate_nothing() {
     let law = LawSpec::PdGravity(PdGravitySpec::new(model, nalgebra::dvector![0.4, 0.3], gain(20.0), gain(0.5)).unwrap());
     for (method, sample) in [(Method::Rk4, None), (Method::Rk4, Some(0.002)), (Method::Dop853, None)] {
         let count = |steps: usize| allocations(&plant, &law, None, method, (sample, false), steps);
-        count(100);
-        assert_eq!(count(100), count(1000), "{method:?}, sampled at {sample:?}");
+        // The first run makes the programs of the loop.
+        count(6000);
+        assert_eq!(count(4000), count(6000), "{method:?}, sampled at {sample:?}");
     }
 }
