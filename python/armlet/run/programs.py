@@ -40,7 +40,8 @@ class LoopProgram:
         part: "step" computes one whole step. "rates" computes the right-hand side, which a larger loop evaluates in every stage of a step.
             "law" computes only the law, for records and samples. "segment1", .. are the parts of a larger loop between two stages.
             Implicit methods have "values" (the rates and the inputs of their derivatives), "along_plant" and "along_law" (the derivatives).
-        parts: names of all programs of this loop, with the number of lines of each.
+        parts: names of all programs of this loop, with the number of lines of each. The programs that find changes of contacts and of
+            sticking joints are not listed.
         stage: "recorded" has the operations of the source code. "simplified" is optimised, "lowered" is translated to the instruction set,
             and "machine" has registers.
         engine: the engine that runs the program on this processor, "machine" or "interpreter".
@@ -193,15 +194,15 @@ def loop_program(
 ) -> LoopProgram:
     """Return the program that `simulate` runs for the loop of `plant` and `law`.
 
-    The program is `x_next = step(x, u, h)` for small loops with a fixed-step method. It is the rates `x_dot = f(x, u)` for larger loops and
-    for adaptive methods. Here `x` is the state, `u` the other inputs, such as the desired motion and the gains, and `h` the step. The lines
-    of every stage, evaluated in order, have the same results to the bit (`fma` rounds once).
+    The program is `x_next = step(x, u, h)` for small loops with a fixed-step method. It is the rates `x_dot = f(x, u)` for larger loops,
+    for adaptive methods and for stick-slip friction. Here `x` is the state, `u` the other inputs, such as the desired motion and the gains,
+    and `h` the step. The lines of every stage, evaluated in order, have the same results to the bit (`fma` rounds once).
 
     Args:
         plant, law, method, sample_time, force, force_frame, tau_max: as for `simulate`.
         monitors: as for `simulate`. The program of a monitored loop has more lines.
         batch: True returns the program of `simulate_batch`, which computes one run in every lane of a register. It requires a fixed-step
-            method.
+            method, and a plant without stick-slip friction.
         part: name of one program of the loop, from `LoopProgram.parts`. None means "step", or "rates" if the step has several parts.
         stage: "recorded", "simplified", "lowered" or "machine". `LoopProgram.at` returns the other stages.
 
@@ -209,7 +210,9 @@ def loop_program(
         The program. Names of its inputs: `q1, v1, theta1, theta_dot1, bristle1` are the state of the plant. `estimate1` or `z1` is the
         state of the law. `q_d1, v_d1, a_d1` are the desired motion at the start of a step, with the suffix `_mid` in its middle and `_end`
         at its end. `x1_d1, xdot1_d1, xddot1_d1` are the desired motion of task 1. `h` is the step, s. `kp1, kd1, ..` are gains. `m1, mx1,
-        Ixx1, ..` are the inertial parameters of body 1, in axes with z along its joint. An input without a name is numbered, such as `c17`.
+        Ixx1, ..` are the inertial parameters of body 1, in axes with z along its joint. `contact1_pushes, contact1_inside` (0 or 1) are the
+        mode of the first contact. With stick-slip friction, `side1` (0, 1 or -1) is the mode of joint 1. An input without a name is
+        numbered, such as `c17`.
 
     Raises:
         InputError: an argument is not valid, or the loop runs without a program; the message states the reason.

@@ -8,7 +8,7 @@ use super::closed_loop::ClosedLoop;
 use super::key::Common;
 use super::layout::Slots;
 use super::problem::Problem;
-use super::recorded::{hold_modes, inputs, instant};
+use super::recorded::{inputs, instant, modes_as_inputs};
 use super::world::Exogenous;
 use crate::integrate::{Attempt, Buffer, MethodKind, Scheme, System, WithScheme};
 use crate::scalar::Real;
@@ -103,7 +103,7 @@ impl AttemptProgram {
         if held {
             closed.hold_input(&tau, &answer);
         }
-        hold_modes(&mut closed, slots);
+        modes_as_inputs(&mut closed, slots);
         let zeros = vec![Sym::zero(); slots.states()];
         let (mut slopes, mut y, mut estimates) = (vec![zeros.clone(); C::STAGES + 1], zeros.clone(), vec![zeros; C::E.len()]);
         slopes[0] = first;
@@ -137,7 +137,7 @@ impl AttemptProgram {
     }
 
     /// Write modes to the program's frame, from mode `first` on.
-    pub fn hold_modes(&self, frame: &mut Frame, first: usize, modes: &[f64]) {
+    pub fn write_modes(&self, frame: &mut Frame, first: usize, modes: &[f64]) {
         write(frame, self.places.modes() + first, modes);
     }
 
@@ -164,6 +164,7 @@ impl AttemptProgram {
         write(frame, self.places.state(), attempt.x);
         write(frame, self.places.slope(), attempt.slopes[0].as_ref());
         write(frame, self.places.step(), &[attempt.h]);
+        frame.fill(self.places.reach(), 0.0);
         self.program.run(frame);
         let n = slots.states();
         let mut results = frame.numbers()[self.places.results()..self.places.reach()].chunks_exact(n);

@@ -3,7 +3,8 @@
 //!
 //! Adaptive methods locate two kinds of instants: the torque of a stuck joint leaves its limits, or a sliding joint comes to rest. The
 //! velocity of a joint that comes to rest is set to zero. Then the equations at rest decide which joints stick. Methods of fixed steps make
-//! this decision at the start of a step. At the end of a step, they stop the joints whose velocity has changed its sign.
+//! this decision at the start of a step. At the end of a step, they stop the joints whose velocity has changed its sign. A loop with
+//! programs omits the decision if the program of the margins shows that no mode changes (`running_rates::Running::stays`).
 
 use super::closed_loop::ClosedLoop;
 use super::world::Exogenous;

@@ -64,11 +64,8 @@ pub fn list_loop(problem: &Problem, batch: bool, part: Option<&str>) -> Result<L
     require_recordable(problem, fixed)?;
     problem.validate_loop()?;
     if batch && !fixed {
-        let method = problem.options.method.name();
-        return Err(Error::input(
-            "batch",
-            format!("is not used: expected False for {method}, whose runs are computed one by one, got True"),
-        ));
+        let what = if problem.plant(0).sticks() { "stick-slip friction" } else { problem.options.method.name() };
+        return Err(Error::input("batch", format!("is not used: expected False for {what}, whose runs are computed one by one, got True")));
     }
     let common = if fixed { Common::of(problem, batch) } else { Common::of_functions(problem) };
     let parameters = recorded::loop_parameters(problem, 0, common);

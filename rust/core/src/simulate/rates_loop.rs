@@ -5,6 +5,9 @@
 //! programs, and makes them after `WAIT` evaluations of the rates. The bits are the same in both cases. For implicit methods the programs
 //! are made before the first step, because the Jacobian from dual numbers rounds differently. If an angle exceeds the range of the
 //! programs' sines, the loop continues without programs. A stepper uses them again from a state that the caller sets.
+//!
+//! The modes of contacts, and of joints that stick and slip, are inputs of the programs. Until the modes of the contacts are known, the loop
+//! computes without programs. The modes of the joints are copied before every call of a program.
 
 use super::assembly::{Twins, Watched, twins};
 use super::force::Wrench;
@@ -57,7 +60,7 @@ impl<'a, S: Real, D: Watched<S>> RatesLoop<'a, S, D> {
 
     /// Whether the rates are computed by programs.
     pub fn is_running(&self) -> bool {
-        !self.left && self.running[self.which()].is_some()
+        !self.left && self.running[self.which()].as_ref().is_some_and(|running| running.contact_modes() <= self.modes.len())
     }
 
     fn which(&self) -> usize {
@@ -125,9 +128,14 @@ pub fn recorded_loop(problem: &Problem) -> (Solved<'static>, Vec<f64>) {
 }
 
 impl Solved<'_> {
-    /// Hold the contacts of the plant in the modes `contacts`.
-    pub fn hold_modes(&mut self, contacts: &[Touch]) {
-        self.hold_contacts(contacts);
+    /// Continue from a state that the caller has set, at time 0.
+    pub fn go_back(&mut self) {
+        self.replace_state(0.0);
+    }
+
+    /// Hold the contacts of the plant in the modes `touches`.
+    pub fn touch(&mut self, touches: &[Touch]) {
+        self.hold_contacts(touches);
     }
 
     /// Return memory for the exogenous input at one instant.

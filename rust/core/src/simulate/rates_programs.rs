@@ -1,5 +1,5 @@
-//! Programs (recorded and compiled computations) of the state rates of a closed loop and of their derivatives, for adaptive and implicit
-//! methods and for steppers.
+//! Programs (recorded and compiled computations) of the state rates of a closed loop and of their derivatives. Adaptive and implicit
+//! methods and steppers use them, and loops in which joints stick and slip between fixed steps.
 //!
 //! The rates are a program for one run. The derivatives are programs for lanes, with one direction per lane. A first program computes the
 //! rates and all values that the derivatives read. A second program computes the derivatives of the rates along one direction per lane, in
@@ -14,7 +14,7 @@ use super::key::Common;
 use super::layout::Slots;
 use super::loop_programs::Watch;
 use super::problem::Problem;
-use super::recorded::{self, Seen, hold_modes, inputs, instant};
+use super::recorded::{self, Seen, inputs, instant, modes_as_inputs};
 use super::world::Exogenous;
 use crate::integrate::System;
 use crate::motion::Motion;
@@ -243,7 +243,7 @@ fn arguments(closed: &mut ClosedLoop<Sym>, slots: &Slots, held: bool) -> (Exogen
     if held {
         closed.hold_input(&tau, &dz);
     }
-    hold_modes(closed, slots);
+    modes_as_inputs(closed, slots);
     (u, x)
 }
 

@@ -68,7 +68,7 @@ impl Recorded {
     }
 }
 
-/// Whether the loops of a problem can be programs. Programs require fixed explicit steps and a law that does not branch on data. They also
+/// Whether the loops of a problem can be programs of whole steps. These programs require fixed explicit steps and a law that does not branch on data. They also
 /// require a plant without stick-slip friction, and no force that is a function of the caller.
 pub fn is_recordable(problem: &Problem) -> bool {
     matches!(problem.options.method.kind(), MethodKind::ExplicitSteps(_))
@@ -211,7 +211,7 @@ pub fn record_watched(problem: &Problem, run: usize, common: Common, plain: Opti
 }
 
 /// Make the modes of contacts and joints inputs of a recorded loop.
-pub fn hold_modes(closed: &mut ClosedLoop<Sym>, slots: &Slots) {
+pub fn modes_as_inputs(closed: &mut ClosedLoop<Sym>, slots: &Slots) {
     closed.hold_modes(&inputs(slots.contact_modes()));
     closed.hold_sides(&inputs(slots.sides));
 }

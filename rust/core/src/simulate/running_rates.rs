@@ -74,23 +74,23 @@ impl<S: Real> Running<S> {
 
     /// Hold the contacts in the modes of the numbers `modes`, two for each contact.
     pub fn hold_contacts(&mut self, modes: &[f64]) {
-        self.hold_modes(0, &modes[..self.contact_modes().min(modes.len())]);
+        self.write_modes(0, &modes[..self.contact_modes().min(modes.len())]);
     }
 
     /// Hold the joints in the modes `sides`: 0 for a stuck joint, else the direction of sliding.
     pub fn hold_sides(&mut self, sides: &[i8]) {
         for (i, &side) in sides.iter().enumerate() {
             self.sides[i] = side;
-            self.hold_modes(self.contact_modes() + i, &[f64::from(side)]);
+            self.write_modes(self.contact_modes() + i, &[f64::from(side)]);
         }
     }
 
-    fn hold_modes(&mut self, first: usize, modes: &[f64]) {
+    fn write_modes(&mut self, first: usize, modes: &[f64]) {
         for frame in [&mut self.frame].into_iter().chain(&mut self.lanes) {
             write(frame, self.recorded.slots.modes() + first, modes);
         }
         if let (Some(program), Some(frame)) = (&self.recorded.programs.attempt, &mut self.attempt) {
-            program.hold_modes(frame, first, modes);
+            program.write_modes(frame, first, modes);
         }
     }
 
@@ -108,6 +108,7 @@ impl<S: Real> Running<S> {
         write(frame, slots.given, &u.desired);
         write(frame, slots.wrench(), &u.wrench[..slots.wrench]);
         write(frame, slots.state(), x);
+        frame.fill(slots.reach(), 0.0);
         programs.rates.run(frame);
         let rates = &frame.numbers()[slots.rates()..][..dx.len()];
         dx.iter_mut().zip(rates).for_each(|(to, &from)| *to = S::splat(from));
@@ -120,6 +121,7 @@ impl<S: Real> Running<S> {
         let Some(GuardProgram { program, first }) = &programs.contacts else { return false };
         let frame = &mut self.frame;
         write(frame, slots.state(), x);
+        frame.fill(slots.reach(), 0.0);
         program.run(frame);
         out.copy_from_slice(&frame.numbers()[*first..][..out.len()]);
         frame.numbers()[slots.reach()] < REDUCTION_LIMIT
@@ -135,6 +137,7 @@ impl<S: Real> Running<S> {
         write(frame, slots.given, &u.desired);
         write(frame, slots.wrench(), &u.wrench[..slots.wrench]);
         write(frame, slots.state(), x);
+        frame.fill(slots.reach(), 0.0);
         program.run(frame);
         out.copy_from_slice(&frame.numbers()[*first..][..out.len()]);
         frame.numbers()[slots.reach()] < REDUCTION_LIMIT
@@ -173,6 +176,7 @@ impl<S: Real> Running<S> {
         write(frame, slots.given, &u.desired);
         write(frame, slots.wrench(), &u.wrench[..slots.wrench]);
         write(frame, slots.state(), x);
+        frame.fill(all.reach, 0.0);
         all.values.run(frame);
         read(frame, all.rates, 0, dx.iter_mut());
         if !(frame.slot_mut(all.reach)[0] < REDUCTION_LIMIT) {

@@ -313,7 +313,6 @@ impl<S: Real, F: Watched<S>, M: Adaptive<S, F, Vec<S>>> Watcher<S, F, M> for Wat
     }
 
     fn switch(&mut self, system: &mut F, t: f64, x: &mut [S]) {
-        lanes_of(&mut self.x, x);
         let contacts = self.guards.len() - self.sticking;
         if let Some(joint) = self.switches.checked_sub(contacts).filter(|_| self.sticking > 0) {
             system.switch_joint(t, x, (joint < self.sticking).then_some(joint));

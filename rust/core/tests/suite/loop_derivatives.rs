@@ -326,7 +326,7 @@ fn programs_and_duals_are_the_derivatives_of_every_loop() {
             closed.direct.system.turn_to(&x);
             let touches: Vec<Touch> =
                 (0..plant.contacts()).map(|i| closed.direct.system.contact(i, &x)).map(|[depth, push]| Touch::at(depth, push)).collect();
-            closed.hold_modes(&touches);
+            closed.touch(&touches);
             pressed |= touches.contains(&Touch::Pressed) && touches.contains(&Touch::Apart);
             assert!(closed.is_running(), "{name}");
             let below = kind == 0 && estimate.is_some();
@@ -391,5 +391,10 @@ fn a_loop_that_turns_far_goes_on_directly() {
             closed.direct.rhs(&u, &x, &mut expected);
         }
         assert_eq!((&dx, &j), (&expected, &slope));
+        // A stepper goes back to a state within the range, and uses the programs again.
+        x[3] = 0.5;
+        closed.go_back();
+        closed.rhs(&u, &x, &mut dx);
+        assert!(closed.is_running());
     }
 }
