@@ -29,7 +29,7 @@ SPAN, MOST = 4.0, 1.5
 
 
 def plants(arm: al.Arm) -> Iterator[tuple[str, al.RigidArm, al.Law, Any]]:
-    """The plants with their law and start: the arm moves 0.3 rad in each joint, and meets a contact on the way."""
+    """The plants with their law and start. Each joint moves by 0.3 rad, and the arm meets the wall or the stops halfway."""
     frame = arm.tip_frame
     start = np.resize([0.3, 0.6, -0.4], arm.n)
     target = start + 0.3

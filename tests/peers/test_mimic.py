@@ -168,7 +168,7 @@ class TestMuJoCo:
         ],
     )
     def test_nonlinear_and_inactive_constraints_are_dropped(self, constraints: str, n: int, dropped: int) -> None:
-        # An inactive constraint changes nothing. Without an active one, the arm moves in another way.
+        # An active constraint that is dropped changes the motion, so the call warns. An inactive constraint has no effect.
         warns = contextlib.nullcontext() if 'active="false"' in constraints else pytest.warns(UserWarning, match="lacks active constraints")
         with warns:
             arm = al.from_mujoco(self.model(constraints))

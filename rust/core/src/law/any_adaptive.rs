@@ -235,7 +235,7 @@ impl<S: Real> AnyAdaptive<S> {
             more.restraint.leak(&self.law.s, z, &more.y, &mut more.w, &mut more.back);
         }
         if let Some(composite) = &mut more.composite {
-            composite.look(&self.law.arm, &mut self.law.workspace, &more.joints, trig, x);
+            composite.evaluate(&self.law.arm, &mut self.law.workspace, &more.joints, trig, x);
             composite.push(&x[n..2 * n], tau, [z, filters], [&mut more.w, &mut more.back, filter_rates]);
         }
         if let Some(concurrent) = &more.concurrent {
@@ -294,7 +294,7 @@ impl<S: Real> Law<S> for AnyAdaptive<S> {
     fn restart(&mut self, trig: &[(S, S)], x: &[S], z: &mut [S]) {
         let n = self.law.s.len();
         if let Some(More { composite: Some(composite), joints, y, .. }) = &mut self.more {
-            composite.look(&self.law.arm, &mut self.law.workspace, joints, trig, x);
+            composite.evaluate(&self.law.arm, &mut self.law.workspace, joints, trig, x);
             composite.begin(&x[n..2 * n], &mut z[y.len()..]);
         }
     }

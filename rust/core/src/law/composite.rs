@@ -57,7 +57,7 @@ impl AdaptiveSpec {
         for state in 0..STATES {
             let x: Vec<f64> = (1..=2 * n as u32).map(|k| 0.3 + (f64::from(k + 2 * n as u32 * state) * GOLDEN).fract()).collect();
             let trig: Vec<(f64, f64)> = x[..n].iter().map(|q| q.sin_cos()).collect();
-            composite.look(&arm, &mut workspace, &joints, &trig, &x);
+            composite.evaluate(&arm, &mut workspace, &joints, &trig, &x);
             for (found, (y_m, y_d)) in found.iter_mut().zip(composite.momentum_and_drift()) {
                 *found |= y_m != 0.0 || y_d != 0.0;
             }
@@ -72,7 +72,7 @@ impl AdaptiveSpec {
         let (n, p) = (self.model.n(), self.estimate.len());
         let mut composite = LoopComposite::<f64>::new(self);
         let arm = AnyArm::new(&self.model);
-        composite.look(&arm, &mut arm.workspace(), &LoopColumns::new(&self.columns), trig, x);
+        composite.evaluate(&arm, &mut arm.workspace(), &LoopColumns::new(&self.columns), trig, x);
         composite.compare(&x[n..2 * n], &z[..p], &z[p..]);
         let (bodies, beside) = (composite.bodies, &composite.beside);
         let w = (0..n).flat_map(|i| {
@@ -160,7 +160,7 @@ impl<S: Real> LoopComposite<S> {
     }
 
     /// Compute the regressors `Y_M` of the momentum and `Y_D` of the drift, and the entries of the joint columns, at the plant's state `x`.
-    pub fn look(&mut self, arm: &AnyArm<S>, ws: &mut Workspace<S>, joints: &LoopColumns<S>, trig: &[(S, S)], x: &[S]) {
+    pub fn evaluate(&mut self, arm: &AnyArm<S>, ws: &mut Workspace<S>, joints: &LoopColumns<S>, trig: &[(S, S)], x: &[S]) {
         let (n, all) = (self.zeros.len(), self.nothing.len());
         let (q, v, zero) = (&x[..n], &x[n..2 * n], &self.zeros);
         arm.regressor(ws, trig, q, [zero, zero, v], &mut self.momentum);

@@ -235,7 +235,7 @@ impl AdaptiveSpec {
             for k in first..=last {
                 let (x, v, tau) = (rows_of(record, k, n), &record.v[k * n..(k + 1) * n], &record.tau[k * n..(k + 1) * n]);
                 let trig: Vec<(f64, f64)> = x[..n].iter().map(|q| q.sin_cos()).collect();
-                composite.look(&arm, &mut workspace, &joints, &trig, &x);
+                composite.evaluate(&arm, &mut workspace, &joints, &trig, &x);
                 let end = if k == first { -1.0 } else { f64::from(u8::from(k == last)) };
                 // Simpson's rule integrates `Y_D` and a measured torque. The left rectangle rule integrates a torque that is constant
                 // between instants.

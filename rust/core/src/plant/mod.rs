@@ -205,6 +205,11 @@ impl PlantSpec {
         self.friction().is_some_and(|friction| friction.stick_slip().is_some())
     }
 
+    /// The number of joints or motors with stick-slip friction.
+    pub fn sticking_joints(&self) -> usize {
+        if self.sticks() { self.n() } else { 0 }
+    }
+
     /// The number of contacts: the wall, and the stops of the joints.
     pub fn contacts(&self) -> usize {
         usize::from(self.wall().is_some()) + self.stops().map_or(0, |stops| stops.all().count())

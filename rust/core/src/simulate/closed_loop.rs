@@ -289,11 +289,18 @@ impl<'a, S: Real> ClosedLoop<'a, S> {
     }
 
     fn evaluate_law(&mut self, t: f64, measured: &[S], z: &[S]) {
+        self.with_input_at(t, |closed, now| {
+            closed.turn_to(measured);
+            closed.control(&now.desired, measured, z);
+        });
+    }
+
+    /// Call `compute` with the exogenous input at time `t`.
+    pub fn with_input_at(&mut self, t: f64, compute: impl FnOnce(&mut Self, &Exogenous<S>)) {
         let mut now = std::mem::replace(&mut self.now, Exogenous { t, desired: Vec::new(), wrench: [S::zero(); 6] });
         self.world.sample(t, &mut now);
-        self.turn_to(measured);
         self.law.at(t);
-        self.control(&now.desired, measured, z);
+        compute(self, &now);
         self.now = now;
     }
 
@@ -315,27 +322,13 @@ impl<'a, S: Real> ClosedLoop<'a, S> {
         sampler
     }
 
-    /// Whether the input is held between samples.
-    pub fn is_held(&self) -> bool {
-        self.closing.held
-    }
-
-    /// Compute the forces at time `t` and the sines and cosines of state `x`, for [`ClosedLoop::load_plant`].
-    pub fn look(&mut self, t: f64, x: &[S]) {
-        let mut now = std::mem::replace(&mut self.now, Exogenous { t, desired: Vec::new(), wrench: [S::zero(); 6] });
-        self.world.sample(t, &mut now);
+    /// Compute the loads of the plant under the exogenous input `u` at state `x`, and write them to its friction model.
+    pub fn load_friction(&mut self, u: &Exogenous<S>, x: &[S]) {
         self.turn_to(x);
-        self.now = now;
-    }
-
-    /// Write the loads of the plant at state `x` into its friction model, with the forces from the last call of `look`.
-    pub fn load_plant(&mut self, x: &[S]) {
-        self.plant.load_friction(&self.trig, &x[..self.states], &self.tau, &self.now.wrench);
-    }
-
-    /// Write the loads of the plant at state `x` under `wrench` into its friction model. Requires [`ClosedLoop::turn_to`].
-    pub fn load_under(&mut self, wrench: &[S], x: &[S]) {
-        self.plant.load_friction(&self.trig, &x[..self.states], &self.tau, wrench);
+        if !self.closing.held {
+            self.answer(u, x);
+        }
+        self.plant.load_friction(&self.trig, &x[..self.states], &self.tau, &u.wrench);
     }
 
     /// The plant of the loop.

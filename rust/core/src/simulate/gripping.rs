@@ -11,23 +11,13 @@ use super::world::Exogenous;
 use crate::scalar::Real;
 
 impl<S: Real> ClosedLoop<'_, S> {
-    /// Compute the loads of the joints at time `t` and state `x`, and write them to the plant's friction model.
-    fn load_friction(&mut self, t: f64, x: &[S]) {
-        if self.is_held() {
-            self.look(t, x);
-        } else {
-            self.observe(t, x);
-        }
-        self.load_plant(x);
-    }
-
     /// Decide which joints stick at time `t` and state `x`. Joint `leaving` must slip. Return whether the mode of a joint changes.
     pub fn settle(&mut self, t: f64, x: &[S], leaving: Option<usize>) -> bool {
         let n = self.tau.len();
         let Some((_, first)) = self.plant_mut().stick_slip() else { return false };
         // A moving joint slides under any load.
         if x[first..first + n].iter().any(|v| v.lane(0) == 0.0) {
-            self.load_friction(t, x);
+            self.with_input_at(t, |closed, u| closed.load_friction(u, x));
         }
         self.plant_mut().stick_slip().is_some_and(|(friction, first)| friction.settle(&x[first..first + n], leaving))
     }
@@ -36,7 +26,7 @@ impl<S: Real> ClosedLoop<'_, S> {
     /// joint's present mode ends.
     pub fn margins(&mut self, t: f64, x: &[S], out: &mut [f64]) {
         if self.plant_mut().stick_slip().is_some_and(|(friction, _)| friction.holds()) {
-            self.load_friction(t, x);
+            self.with_input_at(t, |closed, u| closed.load_friction(u, x));
         }
         if let Some((friction, first)) = self.plant_mut().stick_slip() {
             let margins = friction.margins(&x[first..first + out.len()]);
@@ -46,11 +36,7 @@ impl<S: Real> ClosedLoop<'_, S> {
 
     /// The numbers of [`ClosedLoop::margins`], under the exogenous input `u`.
     pub fn margins_under(&mut self, u: &Exogenous<S>, x: &[S]) -> Vec<S> {
-        self.turn_to(x);
-        if !self.is_held() {
-            self.answer(u, x);
-        }
-        self.load_under(&u.wrench, x);
+        self.load_friction(u, x);
         let n = self.tau.len();
         self.plant_mut().stick_slip().map_or(Vec::new(), |(friction, first)| friction.margins(&x[first..first + n]).to_vec())
     }

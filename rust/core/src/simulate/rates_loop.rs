@@ -59,8 +59,8 @@ impl<'a, S: Real, D: Watched<S>> RatesLoop<'a, S, D> {
     }
 
     /// Whether the rates are computed by programs.
-    pub fn is_running(&self) -> bool {
-        !self.left && self.running[self.which()].as_ref().is_some_and(|running| running.contact_modes() <= self.modes.len())
+    pub fn is_running(&mut self) -> bool {
+        self.parts().0.is_some()
     }
 
     fn which(&self) -> usize {
@@ -72,18 +72,22 @@ impl<'a, S: Real, D: Watched<S>> RatesLoop<'a, S, D> {
         let (which, known) = (self.which(), self.modes.len());
         // Until the modes of the contacts are known, the loop computes without programs.
         let mut running = self.running[which].as_mut().filter(|running| !self.left && running.contact_modes() <= known);
-        if let Some(running) = &mut running {
+        if let Some(running) = running.as_mut().filter(|running| running.sticks()) {
             running.hold_sides(self.direct.sides());
         }
         (running, &mut self.direct)
     }
 
-    /// Write the held input, the held rate of the law's state and the modes of the contacts to the frames.
+    /// Write the held input and the held rate of the law's state to the frames.
     fn hold(&mut self) {
-        self.running.iter_mut().flatten().for_each(|running| running.hold_contacts(&self.modes));
         if let (Some((tau, dz)), [_, Some(running)]) = (self.direct.held(), &mut self.running) {
             running.hold(tau, dz);
         }
+    }
+
+    /// Write the modes of the contacts to the frames.
+    fn write_contacts(&mut self) {
+        self.running.iter_mut().flatten().for_each(|running| running.hold_contacts(&self.modes));
     }
 
     /// Use the programs of an earlier run with the same structure. If there are none, make them after `wait` evaluations.
@@ -99,6 +103,7 @@ impl<'a, S: Real, D: Watched<S>> RatesLoop<'a, S, D> {
             self.source = None;
         }
         self.running[which] = found.map(|(recorded, values)| Running::new(recorded, &values));
+        self.write_contacts();
         self.hold();
     }
 
@@ -128,14 +133,14 @@ pub fn recorded_loop(problem: &Problem) -> (Solved<'static>, Vec<f64>) {
 }
 
 impl Solved<'_> {
-    /// Continue from a state that the caller has set, at time 0.
-    pub fn go_back(&mut self) {
-        self.replace_state(0.0);
+    /// Continue at time `t`, s, from a state that the caller has set.
+    pub fn replace_state(&mut self, t: f64) {
+        Watched::replace_state(self, t);
     }
 
-    /// Hold the contacts of the plant in the modes `touches`.
-    pub fn touch(&mut self, touches: &[Touch]) {
-        self.hold_contacts(touches);
+    /// Hold the contacts of the plant in the modes `contacts`.
+    pub fn hold_contacts(&mut self, contacts: &[Touch]) {
+        Watched::hold_contacts(self, contacts);
     }
 
     /// Return memory for the exogenous input at one instant.
@@ -244,7 +249,7 @@ impl<S: Real, D: Watched<S>> Watched<S> for RatesLoop<'_, S, D> {
     fn hold_contacts(&mut self, contacts: &[Touch]) {
         self.modes.clear();
         self.modes.extend(contacts.iter().flat_map(|touch| touch.numbers()));
-        self.running.iter_mut().flatten().for_each(|running| running.hold_contacts(&self.modes));
+        self.write_contacts();
         self.direct.hold_contacts(contacts);
     }
     fn push(&mut self, wrench: Option<&Wrench>) {

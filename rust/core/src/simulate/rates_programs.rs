@@ -172,7 +172,7 @@ fn record(
     let mut closed: ClosedLoop<Sym> = assemble(problem, run, common.monitored.storage);
     let given = sym::end_set_up();
     let (plant, law) = (problem.plant(run).states(), problem.law(run).initial_state().len());
-    let sides = if problem.plant(run).sticks() { problem.plant(run).n() } else { 0 };
+    let sides = problem.plant(run).sticking_joints();
     let slots = Slots {
         given,
         desired: closed.instant().desired.len(),

@@ -68,8 +68,8 @@ impl Recorded {
     }
 }
 
-/// Whether the loops of a problem can be programs of whole steps. These programs require fixed explicit steps and a law that does not branch on data. They also
-/// require a plant without stick-slip friction, and no force that is a function of the caller.
+/// Whether the loops of a problem can be programs of whole steps. These programs require fixed explicit steps and a law that does not branch
+/// on data. They also require a plant without stick-slip friction, and no force that is a function of the caller.
 pub fn is_recordable(problem: &Problem) -> bool {
     matches!(problem.options.method.kind(), MethodKind::ExplicitSteps(_))
         && problem.laws.iter().all(|law| law.route().is_recordable())

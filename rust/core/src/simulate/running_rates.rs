@@ -1,6 +1,7 @@
 //! The programs (recorded and compiled computations) of the state rates of one run, with their frames, which are their memory.
 
 use super::attempt_programs::write;
+use super::layout::Slots;
 use super::rates_programs::{GuardProgram, RatesPrograms, RecordedRates};
 use super::world::Exogenous;
 use crate::integrate::{Attempt, Buffer};
@@ -77,6 +78,11 @@ impl<S: Real> Running<S> {
         self.write_modes(0, &modes[..self.contact_modes().min(modes.len())]);
     }
 
+    /// Whether joints stick and slip.
+    pub fn sticks(&self) -> bool {
+        !self.sides.is_empty()
+    }
+
     /// Hold the joints in the modes `sides`: 0 for a stuck joint, else the direction of sliding.
     pub fn hold_sides(&mut self, sides: &[i8]) {
         for (i, &side) in sides.iter().enumerate() {
@@ -105,8 +111,7 @@ impl<S: Real> Running<S> {
     pub fn rates(&mut self, u: &Exogenous<S>, x: &[S], dx: &mut [S]) -> bool {
         let RecordedRates { slots, programs, .. } = &*self.recorded;
         let frame = &mut self.frame;
-        write(frame, slots.given, &u.desired);
-        write(frame, slots.wrench(), &u.wrench[..slots.wrench]);
+        write_input(frame, slots, u);
         write(frame, slots.state(), x);
         frame.fill(slots.reach(), 0.0);
         programs.rates.run(frame);
@@ -117,30 +122,19 @@ impl<S: Real> Running<S> {
 
     /// Write the depth and the push of each contact at state `x` to `out`. Return whether they are valid. Without a program, they are not.
     pub fn contacts(&mut self, x: &[S], out: &mut [f64]) -> bool {
-        let RecordedRates { slots, programs, .. } = &*self.recorded;
-        let Some(GuardProgram { program, first }) = &programs.contacts else { return false };
-        let frame = &mut self.frame;
-        write(frame, slots.state(), x);
-        frame.fill(slots.reach(), 0.0);
-        program.run(frame);
-        out.copy_from_slice(&frame.numbers()[*first..][..out.len()]);
-        frame.numbers()[slots.reach()] < REDUCTION_LIMIT
+        let RecordedRates { slots, programs } = &*self.recorded;
+        programs.contacts.as_ref().is_some_and(|contacts| guards(contacts, &mut self.frame, slots, x, out))
     }
 
     /// Write the margin of each joint that sticks and slips at state `x` to `out`. `input` computes the exogenous input. Return whether the
     /// margins are valid. Without a program, they are not.
     pub fn margins(&mut self, x: &[S], input: impl FnOnce(&mut Exogenous<S>), out: &mut [f64]) -> bool {
-        let RecordedRates { slots, programs, .. } = &*self.recorded;
-        let Some(GuardProgram { program, first }) = &programs.margins else { return false };
-        let (frame, [u, _]) = (&mut self.frame, &mut self.instants);
+        let RecordedRates { slots, programs } = &*self.recorded;
+        let Some(margins) = &programs.margins else { return false };
+        let [u, _] = &mut self.instants;
         input(u);
-        write(frame, slots.given, &u.desired);
-        write(frame, slots.wrench(), &u.wrench[..slots.wrench]);
-        write(frame, slots.state(), x);
-        frame.fill(slots.reach(), 0.0);
-        program.run(frame);
-        out.copy_from_slice(&frame.numbers()[*first..][..out.len()]);
-        frame.numbers()[slots.reach()] < REDUCTION_LIMIT
+        write_input(&mut self.frame, slots, u);
+        guards(margins, &mut self.frame, slots, x, out)
     }
 
     /// Whether all joints certainly stay in their modes at state `x`. Sliding joints then move to their side, and the torques of stuck joints
@@ -173,8 +167,7 @@ impl<S: Real> Running<S> {
     pub fn linearise(&mut self, u: &Exogenous<S>, x: &[S], dx: &mut [S], j: &mut [S]) -> bool {
         let RecordedRates { slots, programs, .. } = &*self.recorded;
         let (RatesPrograms { derivatives: Some(all), .. }, Some(frame)) = (programs, &mut self.lanes) else { return false };
-        write(frame, slots.given, &u.desired);
-        write(frame, slots.wrench(), &u.wrench[..slots.wrench]);
+        write_input(frame, slots, u);
         write(frame, slots.state(), x);
         frame.fill(all.reach, 0.0);
         all.values.run(frame);
@@ -221,6 +214,21 @@ impl<S: Real> Running<S> {
     pub fn time_derivative(&self) -> &[S] {
         &self.dft
     }
+}
+
+/// Write the exogenous input `u` to a frame.
+fn write_input<S: Real>(frame: &mut Frame, slots: &Slots, u: &Exogenous<S>) {
+    write(frame, slots.given, &u.desired);
+    write(frame, slots.wrench(), &u.wrench[..slots.wrench]);
+}
+
+/// Write the functions of `guards` at state `x` to `out`, and return whether they are valid.
+fn guards<S: Real>(GuardProgram { program, first }: &GuardProgram, frame: &mut Frame, slots: &Slots, x: &[S], out: &mut [f64]) -> bool {
+    write(frame, slots.state(), x);
+    frame.fill(slots.reach(), 0.0);
+    program.run(frame);
+    out.copy_from_slice(&frame.numbers()[*first..][..out.len()]);
+    frame.numbers()[slots.reach()] < REDUCTION_LIMIT
 }
 
 /// Read `values` from lane `lane` of the slots from `first` on.

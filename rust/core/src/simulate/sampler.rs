@@ -63,11 +63,22 @@ impl<S: Real> Sampler<S> {
         (k % self.ring.len() as u64) as usize
     }
 
+    /// Return sample `k`; `None` if it is not stored.
+    fn stored(&self, k: u64) -> Option<&StoredSample<S>> {
+        Some(&self.ring[self.slot(k)]).filter(|entry| entry.index == k)
+    }
+
+    /// Return the sample before sample `k` with its index; `None` if it is not stored.
+    fn before(&self, k: u64) -> Option<(u64, &StoredSample<S>)> {
+        let before = k.checked_sub(1)?;
+        self.stored(before).map(|entry| (before, entry))
+    }
+
     /// At time `t` and plant state `x`, evaluate the law if a sample is due, and select the acting output. `law(measured, tau, dz)`
     /// evaluates the law for a sample. On return, `tau` is the acting output, and `dz` has the rates of the law's state.
     pub fn run(&mut self, t: f64, x: &[S], n: usize, mut law: impl FnMut(&[S], &mut [S], &mut [S]), tau: &mut [S], dz: &mut [S]) {
         // At an instant with both a record and the start of a step, the law is evaluated only once.
-        if let Some(k) = self.sampling.due(self.seeds[0], self.grid, t).filter(|&k| self.ring[self.slot(k)].index != k) {
+        if let Some(k) = self.sampling.due(self.seeds[0], self.grid, t).filter(|&k| self.stored(k).is_none()) {
             let slot = self.slot(k);
             let empty = StoredSample { index: k, measured: Vec::new(), sensed: Sensed::new(0), tau: Vec::new(), dz: Vec::new() };
             let mut entry = std::mem::replace(&mut self.ring[slot], empty);
@@ -91,8 +102,7 @@ impl<S: Real> Sampler<S> {
             // No output acts on the plant yet.
             None => tau.fill(S::zero()),
             Some(k) => {
-                let entry = &self.ring[self.slot(k)];
-                if entry.index == k {
+                if let Some(entry) = self.stored(k) {
                     tau.copy_from_slice(&entry.tau);
                 }
             }
@@ -100,8 +110,7 @@ impl<S: Real> Sampler<S> {
         match self.sampling.last_sample(self.seeds[0], self.grid, t) {
             None => dz.fill(S::zero()),
             Some(k) => {
-                let entry = &self.ring[self.slot(k)];
-                if entry.index == k {
+                if let Some(entry) = self.stored(k) {
                     dz.copy_from_slice(&entry.dz);
                     if let Some(first) = self.torque_states {
                         dz[first..].iter_mut().zip(&*tau).for_each(|(rate, &tau)| *rate += tau);
@@ -125,7 +134,7 @@ impl<S: Real> Sampler<S> {
     /// Compute the reading of the torque sensors. Their filters continue from the previous sample.
     fn sense(&mut self, k: u64, x: &[S], entry: &mut StoredSample<S>) {
         let Some(mut sensing) = self.sensing.take() else { return };
-        let before = k.checked_sub(1).map(|k| (k, &self.ring[self.slot(k)])).filter(|(k, entry)| entry.index == *k);
+        let before = self.before(k);
         let before = before.map(|(before, entry)| (&entry.sensed, self.instant(k) - self.instant(before)));
         sensing.sense(&self.seeds, k, x, before, &mut entry.sensed, &mut entry.measured);
         self.sensing = Some(sensing);
@@ -136,7 +145,7 @@ impl<S: Real> Sampler<S> {
         if !self.sampling.rate_limit.is_finite() {
             return;
         }
-        let before = k.checked_sub(1).map(|k| (k, &self.ring[self.slot(k)])).filter(|(k, entry)| entry.index == *k);
+        let before = self.before(k);
         let since = before.map_or(self.sampling.period, |(before, _)| self.instant(k) - self.instant(before));
         let most = S::splat(self.sampling.rate_limit * since);
         for (i, tau) in tau.iter_mut().enumerate() {

@@ -72,7 +72,7 @@ impl<'a, S: Real> Watching<'a, S> {
     pub fn new(plant: &PlantSpec, observer: Option<&'a mut RunObserver>, width: usize, x: &[S]) -> Self {
         let switching = Switching::of(plant);
         let contacts = switching.as_ref().map_or(0, Switching::guards);
-        let sticking = if plant.sticks() { plant.n() } else { 0 };
+        let sticking = plant.sticking_joints();
         Watching {
             events: vec![LastValue::default(); observer.as_ref().map_or(0, |observer| observer.events.len())],
             crossed: Vec::with_capacity(observer.as_ref().map_or(0, |observer| 2 * CHECKS_PER_STEP * observer.events.len())),

@@ -25,6 +25,7 @@ mod integrate_methods;
 mod integrate_support;
 mod inverse_kinematics;
 mod loop_allocation;
+mod loop_derivative_cases;
 mod loop_derivatives;
 mod plan_bang_bang;
 mod plan_friction;

@@ -9,7 +9,7 @@ use super::series::Series;
 use super::switch::Jump;
 use super::tangent_call::TangentCall;
 use super::timeline::{Acting, Operation};
-use super::walk::{Walker, act, followers, seen, side_of};
+use super::walk::{Walker, act, add_output, followers, seen, side_of};
 use crate::error::Result;
 use crate::integrate::Tableau;
 use crate::memory;
@@ -260,9 +260,7 @@ impl<'a> Forward<'a> {
         for (g, tangent) in self.tangent.chunks_exact_mut(size).enumerate() {
             let answer = places.answer(k);
             tangent[answer.start * lanes..answer.end * lanes].copy_from_slice(self.law.answers(g));
-            for (output, rate) in places.torque_rates(answer.start) {
-                (0..lanes).for_each(|lane| tangent[rate * lanes + lane] -= tangent[output * lanes + lane]);
-            }
+            add_output(&places, answer.start, -1.0, tangent, lanes);
             for i in (0..n).filter(|&i| self.walker.limited[i]) {
                 let to = (answer.start + i) * lanes;
                 match k.checked_sub(1).map(|before| (places.answer(before).start + i) * lanes) {

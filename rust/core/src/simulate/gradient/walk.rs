@@ -194,9 +194,7 @@ impl<'a> Walker<'a> {
         self.law.give([&self.u, &self.shown, &[]]);
         self.law.run(t)?;
         state[places.answer(k)].copy_from_slice(self.law.answers());
-        for (output, rate) in places.torque_rates(places.answer(k).start) {
-            state[rate] -= state[output];
-        }
+        add_output(&places, places.answer(k).start, -1.0, state, 1);
         self.limited.fill(false);
         if sampling.rate_limit.is_finite() {
             let instant = |k: u64| sampling.instant(sampling.seed, k, self.prepared.timeline.grid);
@@ -250,7 +248,12 @@ pub fn act(places: &Places, acting: Acting, state: &mut [f64], lanes: usize) {
         None => state[all(places.output(to))].fill(0.0),
     }
     state.copy_within(all(places.rates(places.answer(acting.rates).start)), places.rates(to).start * lanes);
-    for (output, rate) in places.torque_rates(to) {
-        (0..lanes).for_each(|lane| state[rate * lanes + lane] += state[output * lanes + lane]);
+    add_output(places, to, 1.0, state, lanes);
+}
+
+/// In results of the law from `first` on, add `sign` times the plant's input to each rate that has this input as a term.
+pub fn add_output(places: &Places, first: usize, sign: f64, state: &mut [f64], lanes: usize) {
+    for (output, rate) in places.torque_rates(first) {
+        (0..lanes).for_each(|lane| state[rate * lanes + lane] += sign * state[output * lanes + lane]);
     }
 }
