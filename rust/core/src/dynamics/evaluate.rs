@@ -6,8 +6,8 @@ use super::quantities::{self, Compute};
 use super::{Quantity, Query, Size};
 use crate::arm::{Arm, require_memory};
 use crate::error::{Error, Result, finite};
+use crate::scalar::Real;
 use crate::scalar::rows::read_one;
-use crate::scalar::{Float, Real};
 
 /// Expand to `$each`, in which `$name` is the type that computes the quantity of `$query`.
 macro_rules! with_quantity {
@@ -64,7 +64,7 @@ impl<S: Real> BufferedTree<S> {
 /// and for arms of more than 284 joints.
 #[derive(Clone, Debug)]
 pub struct Evaluator {
-    engine: Box<BufferedTree<Float>>,
+    engine: Box<BufferedTree<f64>>,
     size: Size,
     frames: usize,
 }

@@ -6,9 +6,9 @@ use super::{Dynamics, Model, PlanarPr, Quantity, Query, Size};
 use crate::arm::JointKind;
 use crate::error::{Error, Result};
 use crate::scalar::Real;
+use crate::trace::Sym;
 use crate::trace::c::{CFile, COptions, CSource, Routine, comment, require_names};
 use crate::trace::function::{Recorded, recorded};
-use crate::trace::{Sym, sym};
 
 /// Largest number of operations of a function that is printed.
 const LONGEST: f64 = 600_000.0;
@@ -210,14 +210,14 @@ pub(crate) fn given(recorded: &Recorded) -> Vec<Option<f64>> {
     recorded.values.iter().map(|&x| Some(x)).chain((0..recorded.inputs).map(|_| None)).collect()
 }
 
-/// Record a query of the planar PR arm without fused products, because its direct evaluation does not fuse.
+/// Record a query of the planar PR arm.
 fn planar_pr(arm: &PlanarPr<f64>, query: &Query) -> Result<Recorded> {
     if query.friction || query.armature {
         return Err(Error::input("friction, armature", "are not part of this arm: expected False for planar_pr, got True"));
     }
     let length = if query.quantity == Quantity::Regressor { 6 } else { query.length(Size { n: 2, bodies: 2 }) };
     let mut known = true;
-    let mut answer = |arm: PlanarPr<Sym>, x: &[Sym]| {
+    let answer = |arm: PlanarPr<Sym>, x: &[Sym]| {
         let part = |k: usize| x.get(2 * k..2 * k + 2).unwrap_or(&[]);
         let (q, v, a, b) = (part(0), part(1), part(2), part(3));
         let trig = [q[0].sin_cos(), q[1].sin_cos()];
@@ -235,7 +235,7 @@ fn planar_pr(arm: &PlanarPr<f64>, query: &Query) -> Result<Recorded> {
         }
         out
     };
-    let made = recorded(2 * query.inputs().len(), || arm.lift(), |arm, x| sym::unfused(|| answer(arm, x)));
+    let made = recorded(2 * query.inputs().len(), || arm.lift(), answer);
     match made {
         Some(recorded) if known => Ok(recorded),
         _ => Err(Error::input("functions", "has one that planar_pr does not have: expected its dynamics, such as mass_matrix")),

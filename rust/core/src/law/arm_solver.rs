@@ -5,7 +5,6 @@ use crate::arm::Arm;
 use crate::error::{Error, Result, finite};
 use crate::kinematics::{TaskFunction, TaskStack};
 use crate::priority::{Diagnosis, PriorityOptions, PrioritySolver, diagnose};
-use crate::scalar::Float;
 use crate::status::Status;
 use crate::trace::Evaluation;
 use std::sync::{Arc, Mutex};
@@ -40,8 +39,6 @@ type SharedProgram = Arc<Mutex<Made>>;
 #[derive(Clone, Debug)]
 pub struct ArmSolver {
     stack: TaskStack,
-    /// A copy of the tasks, which `solve` evaluates with fused multiply-add ([`Float`]).
-    running: TaskStack<Float>,
     solver: PrioritySolver,
     /// The program for many rows of joint positions, if it was made.
     program: SharedProgram,
@@ -56,7 +53,7 @@ impl ArmSolver {
         }
         let stack = TaskStack::new(arm, functions);
         let solver = PrioritySolver::new(arm.n(), stack.rows(), options)?;
-        Ok(ArmSolver { running: stack.lift(), stack, solver, program: SharedProgram::default() })
+        Ok(ArmSolver { stack, solver, program: SharedProgram::default() })
     }
 
     /// Number of joints.
@@ -95,7 +92,7 @@ impl ArmSolver {
     /// Place the arm at `q`, `(n,)`, and compute the Jacobians. The caller writes the task velocities to the returned slice, `(sum rows,)`.
     #[inline]
     pub fn prepare(&mut self, q: &[f64]) -> &mut [f64] {
-        let rounding = jacobians(&mut self.running, q, self.solver.inputs().0);
+        let rounding = jacobians(&mut self.stack, q, self.solver.inputs().0);
         let solver = &mut self.solver;
         solver.set_arm_rounding(rounding);
         solver.inputs().1
@@ -104,7 +101,7 @@ impl ArmSolver {
     /// Write the Jacobians at `q`, `(n,)`, to `out`, `(sum rows, n)`, with the same bits as in [`ArmSolver::solve`]. Return the relative
     /// error that the solver assumes in their entries.
     pub fn jacobians(&mut self, q: &[f64], out: &mut [f64]) -> f64 {
-        jacobians(&mut self.running, q, out)
+        jacobians(&mut self.stack, q, out)
     }
 
     /// Solve at `q`, `(n,)`, for the stacked task velocities, `(sum rows,)`. The joint velocities are `solver().v()`, `(n,)`.
@@ -141,8 +138,8 @@ impl ArmSolver {
 }
 
 /// Write the Jacobians at `q`, `(n,)`, to `out`, `(sum rows, n)`. Return the assumed relative error of their entries.
-fn jacobians(stack: &mut TaskStack<Float>, q: &[f64], out: &mut [f64]) -> f64 {
-    stack.place(Float::of(q));
-    stack.jacobians(Float::of_mut(out));
-    stack.rounding().0
+fn jacobians(stack: &mut TaskStack, q: &[f64], out: &mut [f64]) -> f64 {
+    stack.place(q);
+    stack.jacobians(out);
+    stack.rounding()
 }

@@ -220,7 +220,8 @@ impl<S: Real> LoopComposite<S> {
             *w += entry;
         }
         for i in 0..n {
-            self.tau[i] = self.armature[i].neg_mul_add(v[i], of_tau[i]);
+            // The product is rounded, as in `begin`, so that the filtered torque starts at exactly zero.
+            self.tau[i] = of_tau[i] - self.armature[i] * v[i];
             let row = self.w[i * bodies..(i + 1) * bodies].iter().zip(estimate);
             self.error[i] = row.fold(self.tau[i], |left, (&w, &a)| w.neg_mul_add(a, left));
         }

@@ -6,7 +6,7 @@ use super::definition::Law;
 use crate::error::Result;
 use crate::priority::{PrioritySolver, Regular};
 use crate::scalar::Real;
-use crate::trace::{Sym, sym};
+use crate::trace::Sym;
 use std::any::Any;
 
 /// The interface between a law and a solver of prioritised tasks.
@@ -78,9 +78,7 @@ impl Solve for RecordedSolver {
         (&mut self.jacobian, &mut self.command)
     }
     fn solve(&mut self, rounding: Sym, _: impl FnOnce(&mut PrioritySolver) -> Result<()>) -> Result<()> {
-        // The solver fuses multiply-add wherever it is called. So it is recorded with fused multiply-add, even if the rest of the law is
-        // not.
-        self.stands = sym::fused(|| self.route.solve(rounding, &self.jacobian, &self.command));
+        self.stands = self.route.solve(rounding, &self.jacobian, &self.command);
         Ok(())
     }
     fn v(&self) -> &[Sym] {

@@ -5,7 +5,7 @@
 
 use super::{Law, LawSpec, Route};
 use crate::motion::{Motion, sample_all};
-use crate::scalar::{Float, Real};
+use crate::scalar::Real;
 use crate::trace::function::{self, CALLS, Evaluation, Recorded, record};
 use crate::trace::sym::Sym;
 
@@ -71,7 +71,7 @@ impl<S: Real> BufferedLaw<S> {
 /// # Ok::<(), armlet_core::error::Error>(())
 /// ```
 pub struct LawEvaluator {
-    direct: BufferedLaw<Float>,
+    direct: BufferedLaw<f64>,
     spec: LawSpec,
     calls: usize,
     program: Option<Evaluation>,
@@ -103,12 +103,12 @@ impl LawEvaluator {
     /// `parts` has the parts of the plant's state, one after another. `z` is the law's state; `None` means the state at the start of a run.
     pub fn input(&mut self, t: f64, parts: &[&[f64]], z: Option<&[f64]>, tau: &mut [f64]) {
         let (desired, state) = self.inputs.split_at_mut(self.widths[0]);
-        sample_all(&self.motions, t, Float::of_mut(desired));
+        sample_all(&self.motions, t, desired);
         let (x, law) = state.split_at_mut(self.widths[1]);
         x.iter_mut().zip(parts.iter().copied().flatten()).for_each(|(to, from)| *to = *from);
         law.copy_from_slice(z.unwrap_or(self.spec.initial_state()));
         if z.is_none() {
-            self.direct.restart(Float::of(x), Float::of_mut(law));
+            self.direct.restart(x, law);
         }
         if let Some(program) = &mut self.program {
             program.inputs(0, self.inputs.len()).copy_from_slice(&self.inputs);
@@ -119,7 +119,7 @@ impl LawEvaluator {
             }
         }
         self.direct.law.at(t);
-        Float::of_mut(tau).copy_from_slice(self.direct.input_of(Float::of(&self.inputs), self.widths));
+        tau.copy_from_slice(self.direct.input_of(&self.inputs, self.widths));
         self.calls += 1;
         if self.calls == CALLS {
             self.program = recorded(&self.spec, self.widths);

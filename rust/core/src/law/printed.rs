@@ -111,7 +111,8 @@ impl LawSpec {
         let (mut calls, mut at) = (String::new(), 0);
         for (k, motion) in self.motions().into_iter().enumerate() {
             let name = format!("{}_motion_{}", source.prefix(), k + 1);
-            if let Some(text) = motion.print_c(&name, &format!("{}_sin_cos_unfused", source.prefix()))? {
+            let sin_cos = format!("{}_sin_cos", source.prefix());
+            if let Some(text) = motion.print_c(&name, &sin_cos, &|a, b, c| source.multiply_add(a, b, c))? {
                 source.write(&text);
                 calls += &format!("    {name}(t, x + {at});\n");
                 at += 3 * motion.dof();
@@ -195,7 +196,7 @@ If the status is not 0, tau is the last valid result. */\n{};\n",
         if p == 0 {
             return;
         }
-        let fma = |a: &str, b: &str, c: &str| if source.fused() { format!("fma({a}, {b}, {c})") } else { format!("{a} * {b} + {c}") };
+        let fma = |a: &str, b: &str, c: &str| source.multiply_add(a, b, c);
         let step = if timing.rk4 {
             format!(
                 "    const double sixth = h / 6.0;\n    int i;\n    for (i = 0; i < {p}; i++) {{\n        const double k = state->rate[i], \

@@ -1,6 +1,6 @@
 use super::*;
 use crate::linalg::gain::{AnyGain, Gain};
-use crate::scalar::{Dual, Float};
+use crate::scalar::Dual;
 
 /// A body with a heavy core and four point masses, and a body that is physically impossible.
 const BODY: [f64; 10] = [3.0, 0.3, -0.2, 0.6, 0.9, 0.05, 0.8, -0.1, 0.07, 0.5];
@@ -92,11 +92,11 @@ fn the_gradient_is_that_of_half_the_square() {
 
 /// The rate of the estimate `pi` for the vector `y = Y' s`, with the projection.
 fn corrected_rate(gamma: &Gain, pi: &[f64], y: &[f64]) -> Vec<f64> {
-    let (gain, y) = (AnyGain::new(gamma), Float::of(y));
-    let mut rate = vec![Float(0.0); 20];
+    let gain = AnyGain::new(gamma);
+    let mut rate = vec![0.0; 20];
     gain.multiply(y, &mut rate);
-    Projector::new(&projection(), 20).correct(&gain, Float::of(pi), y, &mut rate);
-    rate.iter().map(|x| x.0).collect()
+    Projector::new(&projection(), 20).correct(&gain, pi, y, &mut rate);
+    rate
 }
 
 #[test]

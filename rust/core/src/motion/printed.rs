@@ -1,6 +1,6 @@
 //! Motions as C code: functions of time with the operations of [`Motion::sample`]. The results of the C code and of armlet have equal bits
-//! under two conditions. The C compiler must not fuse multiply-add. The mathematical functions that are called must come from the same C
-//! library.
+//! under two conditions. The C compiler must fuse nothing but calls of `fma()`. The mathematical functions that are called must come from
+//! the same C library.
 
 use super::{BangBang, Motion, Quintic, Sinusoid, Table, TimedPath};
 use crate::error::{Error, Result};
@@ -12,6 +12,9 @@ const LONGEST: usize = 1 << 20;
 
 /// Number of values on a line.
 const WIDE: usize = 6;
+
+/// The C expression of `a b + c` for the expressions `a`, `b` and `c`.
+type MultiplyAdd<'a> = dyn Fn(&str, &str, &str) -> String + 'a;
 
 /// Print a constant array of hexadecimal numbers.
 pub(crate) fn array(name: &str, values: &[f64]) -> String {
@@ -25,8 +28,8 @@ fn constant(name: &str, value: f64) -> String {
 
 impl Motion {
     /// Print the C function `static void name(double t, double *out)`, which writes `[q_d, v_d, a_d]`; `None` for a motion that holds its
-    /// position. `sin_cos` names a C function for sines and cosines without fused products.
-    pub(crate) fn print_c(&self, name: &str, sin_cos: &str) -> Result<Option<String>> {
+    /// position. `sin_cos` names a C function for sines and cosines. `multiply_add(a, b, c)` is the C expression of `a b + c`.
+    pub(crate) fn print_c(&self, name: &str, sin_cos: &str, multiply_add: &MultiplyAdd) -> Result<Option<String>> {
         if self.numbers() > LONGEST {
             let problem = format!("is too long to be printed: expected at most {LONGEST} numbers, got {}", self.numbers());
             return Err(Error::input("motion", problem));
@@ -35,7 +38,7 @@ impl Motion {
             Motion::Hold(_) => return Ok(None),
             Motion::Quintic(m) => m.print_c(),
             Motion::BangBang(m) => m.print_c(),
-            Motion::Sinusoid(m) => m.print_c(sin_cos),
+            Motion::Sinusoid(m) => m.print_c(sin_cos, multiply_add),
             Motion::Table(m) => m.print_c(),
             Motion::TimedPath(m) => m.print_c()?,
         };
@@ -106,7 +109,7 @@ impl BangBang {
 }
 
 impl Sinusoid {
-    fn print_c(&self, sin_cos: &str) -> String {
+    fn print_c(&self, sin_cos: &str, multiply_add: &MultiplyAdd) -> String {
         let (offset, [amplitude, frequency, phase]) = self.parts();
         let (n, terms) = (offset.len(), amplitude.len() / offset.len());
         let products =
@@ -134,9 +137,9 @@ out[{n} + i] = out[{} + i] = 0.0;\n    }}\n",
                 sine = sin(angle);
                 cosine = cos(angle);
             }}
-            q = amplitude[k] * sine + q;
-            v = first[k] * cosine + v;
-            a = -second[k] * sine + a;
+            q = {};
+            v = {};
+            a = {};
         }}
         out[i] = q;
         out[{n} + i] = v;
@@ -144,6 +147,9 @@ out[{n} + i] = out[{} + i] = 0.0;\n    }}\n",
     }}
 ",
             hex(REDUCTION_LIMIT),
+            multiply_add("amplitude[k]", "sine", "q"),
+            multiply_add("first[k]", "cosine", "v"),
+            multiply_add("-second[k]", "sine", "a"),
             2 * n
         )
     }

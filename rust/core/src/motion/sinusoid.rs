@@ -1,7 +1,7 @@
 //! A sum of sinusoids per joint: `q_d,i = offset_i + sum_k amplitude_ik sin(frequency_ik t + phase_ik)`.
 
 use crate::error::{Error, Result, finite};
-use crate::scalar::{Array8, Real};
+use crate::scalar::{GenericKernel, Real, run_lanes};
 
 /// A sum of sinusoids per joint.
 ///
@@ -55,7 +55,7 @@ impl Sinusoid {
         (&self.offset, [&self.amplitude, &self.frequency, &self.phase])
     }
 
-    /// Write `[q_d, v_d, a_d]` at time `t` to `out`. Multiply-add is not fused, so the bits are the same in every loop.
+    /// Write `[q_d, v_d, a_d]` at time `t` to `out`.
     pub(super) fn sample<S: Real>(&self, t: f64, out: &mut [S]) {
         let n = self.offset.len();
         for i in 0..n {
@@ -77,14 +77,30 @@ impl Sinusoid {
         [q, v, a]
     }
 
-    /// Sample the motion as in [`super::Motion::sample_each`], at eight instants per SIMD register. Multiply-add is not fused, as in
-    /// [`Self::sample`].
+    /// Sample the motion as in [`super::Motion::sample_each`], with the bits of [`Self::sample`].
     pub(super) fn sample_each(&self, times: &[f64], stride: usize, out: &mut [f64]) {
-        let n = self.dof();
-        for (times, rows) in times.chunks(8).zip(out.chunks_mut(8 * stride)) {
-            let t = Array8::from_lanes(|lane| times[lane.min(times.len() - 1)]);
+        run_lanes(Samples { motion: self, times, stride, out });
+    }
+}
+
+/// Samples of a motion, at one instant per lane.
+struct Samples<'a> {
+    motion: &'a Sinusoid,
+    times: &'a [f64],
+    stride: usize,
+    out: &'a mut [f64],
+}
+
+impl GenericKernel for Samples<'_> {
+    type Output = ();
+    #[inline(always)]
+    fn run<S: Real>(self) {
+        let Samples { motion, times, stride, out } = self;
+        let n = motion.dof();
+        for (times, rows) in times.chunks(S::LANES).zip(out.chunks_mut(S::LANES * stride)) {
+            let t = S::from_lanes(|lane| times[lane.min(times.len() - 1)]);
             for i in 0..n {
-                let [q, v, a] = self.joint(i, t);
+                let [q, v, a] = motion.joint(i, t);
                 for (lane, row) in rows.chunks_mut(stride).take(times.len()).enumerate() {
                     (row[i], row[n + i], row[2 * n + i]) = (q.lane(lane), v.lane(lane), a.lane(lane));
                 }

@@ -14,7 +14,7 @@ use super::lq::product;
 use super::method::{PriorityMethod, TAME};
 use super::metric::{Metric, load};
 use super::regular::threshold2;
-use crate::scalar::{Float, Real};
+use crate::scalar::Real;
 use crate::trace::function::Evaluation;
 
 /// The algorithm is valid only if the square of the threshold exceeds this fraction of the squared Frobenius norm of the level. The
@@ -236,7 +236,7 @@ fn lambda2<S: Real>(directions: &[Direction<S>], threshold2: S) -> S {
 /// The closed-form algorithm for single stacks.
 #[derive(Debug, Clone)]
 pub(super) struct SinglePairs {
-    direct: PairRoute<Float>,
+    direct: PairRoute<f64>,
     /// The program of the algorithm, after it has been made. It has the same bits as `direct`.
     program: Option<Evaluation>,
     solves: u64,
@@ -289,11 +289,11 @@ impl SinglePairs {
             return program.output(0) == [1.0];
         }
         self.solves += u64::from(self.solves < CALLS_BEFORE_PROGRAM);
-        let stands = self.direct.solve(Float::of(jacobian), Float::of(command));
-        Float::of_mut(v).copy_from_slice(&self.direct.v);
-        Float::of_mut(residual).copy_from_slice(&self.direct.residual);
-        ranks.iter_mut().zip(&self.direct.ranks).for_each(|(to, rank)| *to = rank.lane(0) as usize);
-        lost.iter_mut().zip(&self.direct.lost).for_each(|(to, lost)| *to = lost.lane(0) > 0.0);
-        stands == Float(1.0)
+        let stands = self.direct.solve(jacobian, command);
+        v.copy_from_slice(&self.direct.v);
+        residual.copy_from_slice(&self.direct.residual);
+        ranks.iter_mut().zip(&self.direct.ranks).for_each(|(to, rank)| *to = *rank as usize);
+        lost.iter_mut().zip(&self.direct.lost).for_each(|(to, lost)| *to = *lost > 0.0);
+        stands == 1.0
     }
 }

@@ -18,7 +18,7 @@ use super::lq::{Factor, product, tall};
 use super::method::{DEFAULT_EPS, PriorityMethod, TAME};
 use super::metric::Metric;
 use super::own::Own;
-use crate::scalar::{Float, Real};
+use crate::scalar::Real;
 use crate::trace::Evaluation;
 
 /// The methods `exact`, `chiaverini` and `sns` use this algorithm only if all singular values, divided by `|J_i|_F`, are above this limit.
@@ -263,7 +263,7 @@ pub(super) fn regular_ranks(n: usize, rows: &[usize]) -> impl Iterator<Item = us
 /// The algorithm `regular` for single stacks.
 #[derive(Debug, Clone)]
 pub(super) struct Single {
-    direct: Regular<Float>,
+    direct: Regular<f64>,
     /// The program of the algorithm, after it has been made. It has the same bits as `direct`.
     program: Option<Evaluation>,
 }
@@ -303,9 +303,9 @@ impl Single {
             residual.copy_from_slice(program.outputs(1 + v.len(), residual.len()));
             return program.output(0) == [1.0];
         }
-        let stands = self.direct.solve(Float(rounding), Float::of(jacobian), Float::of(command));
-        Float::of_mut(v).copy_from_slice(&self.direct.v);
-        Float::of_mut(residual).copy_from_slice(&self.direct.residual);
-        stands == Float(1.0)
+        let stands = self.direct.solve(rounding, jacobian, command);
+        v.copy_from_slice(&self.direct.v);
+        residual.copy_from_slice(&self.direct.residual);
+        stands == 1.0
     }
 }

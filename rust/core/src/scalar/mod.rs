@@ -1,4 +1,4 @@
-//! The number types of algorithms: one number ([`Float`]) for one run, or several numbers ([`lanes`]) for several independent runs. A
+//! The number types of algorithms: one number (`f64`) for one run, or several numbers ([`lanes`]) for several independent runs. A
 //! *lane* is one of these numbers.
 //!
 //! Algorithms are generic over [`Real`]. They use `select` instead of branches on the data of lanes. Planners and sinusoidal motions run
@@ -28,7 +28,6 @@ pub use dispatch::{GenericKernel, run_lanes};
 pub use dual::{Dual, Dual8};
 pub use instruction_set::{Isa, fuses, isa};
 pub use lanes::Array8;
-pub use scalars::Float;
 
 use std::fmt::Debug;
 use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};

@@ -83,7 +83,6 @@ impl GenericKernel for Arithmetic {
 
 fn on_every_number<T: GenericKernel + Copy>(task: T) {
     on::<f64, T>(task);
-    on::<Float, T>(task);
     on::<Array8, T>(task);
     #[cfg(target_arch = "x86_64")]
     {

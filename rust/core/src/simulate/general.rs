@@ -12,7 +12,7 @@ use super::sink::Sink;
 use super::stop::Stop;
 use super::watching::Watching;
 use crate::integrate::{Adaptive, FixedStep, MethodKind, Tolerance, WithAdaptive, WithSteps};
-use crate::scalar::{Float, Real};
+use crate::scalar::Real;
 
 /// The runs `first .. first + LANES` of a problem. If the problem has fewer runs, the remaining lanes repeat the last run.
 pub struct General<'a> {
@@ -141,7 +141,7 @@ impl<'a> General<'a> {
     pub fn run_single(self) -> Ended {
         match (self.problem.options.method.kind(), self.division) {
             (MethodKind::ExplicitSteps(method), Division::Fixed(fixed)) => {
-                let (closed, x) = close::<Float>(self.problem, self.first);
+                let (closed, x) = close::<f64>(self.problem, self.first);
                 let u = closed.instant();
                 let closed = RatesLoop::explicit(closed, self.source());
                 match method.apply(closed, x, u, FixedRun { general: self, fixed }) {
@@ -155,7 +155,7 @@ impl<'a> General<'a> {
                 method.apply(closed, x, u, FixedRun { general: self, fixed })
             }
             (MethodKind::ExplicitAdaptive(method), Division::Adaptive(segments)) => {
-                let (closed, x) = close::<Float>(self.problem, self.first);
+                let (closed, x) = close::<f64>(self.problem, self.first);
                 let (u, controlled) = (closed.instant(), closed.controlled());
                 let instants = closed.instants(self.problem.options.t_end);
                 let closed = RatesLoop::explicit(closed, self.source());

@@ -1,14 +1,13 @@
 //! Records within programs (recorded and compiled loops): the input and the monitors of a record as recorded operations on the state.
 //!
-//! Monitors are recorded without fused multiply-add operations, and so round like plain `f64`. So a record of a program has the same bits
-//! as a record that is computed directly.
+//! A record of a program has the same bits as a record that is computed directly.
 
 use super::monitors::{Checks, Monitored, Scope};
 use super::problem::Problem;
 use super::schedule::Times;
 use super::world::Exogenous;
 use crate::law::RecordedSolver;
-use crate::trace::{Sym, sym};
+use crate::trace::Sym;
 
 /// The number of reference values: values of the first record that monitors read at later records.
 pub const FIRSTS: usize = 2;
@@ -60,7 +59,7 @@ impl Notes {
             noted.firsts = own.to_vec();
             firsts.try_into().unwrap_or(own)
         };
-        noted.stands = sym::unfused(|| checks.evaluate((&u.desired, &u.wrench), (x, tau), count_from, &mut values));
+        noted.stands = checks.evaluate((&u.desired, &u.wrench), (x, tau), count_from, &mut values);
         noted.numbers.extend(values);
         noted
     }

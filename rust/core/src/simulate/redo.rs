@@ -11,7 +11,7 @@ use super::log::MOST_LANES;
 use super::monitors::Monitors;
 use super::problem::Problem;
 use crate::integrate::{Advance, MethodKind, System, WithExplicitSteps};
-use crate::scalar::{Float, Real};
+use crate::scalar::Real;
 
 /// One run on plain numbers, without programs.
 pub trait Direct {
@@ -25,8 +25,8 @@ pub trait Direct {
 
 /// Return run `run` of a problem without programs. `norms`: whether the records of the run include the norms of priority levels.
 pub fn direct<'a>(problem: &'a Problem<'a>, run: usize, norms: bool) -> Box<dyn Direct + 'a> {
-    let closed = assemble::<Float>(problem, run, problem.watches_storage());
-    let (x, u) = (vec![Float(0.0); closed.size()], closed.instant());
+    let closed = assemble::<f64>(problem, run, problem.watches_storage());
+    let (x, u) = (vec![0.0; closed.size()], closed.instant());
     let MethodKind::ExplicitSteps(method) = problem.options.method.kind() else { unreachable!("only explicit steps are recorded") };
     match method.apply(closed, x, u, RepeatedSteps { problem, run, norms }) {
         Ok(steps) => steps,
@@ -41,13 +41,13 @@ struct RepeatedSteps<'a> {
     norms: bool,
 }
 
-impl<'a> WithExplicitSteps<Float, ClosedLoop<'a, Float>> for RepeatedSteps<'a> {
+impl<'a> WithExplicitSteps<f64, ClosedLoop<'a, f64>> for RepeatedSteps<'a> {
     type Output = Box<dyn Direct + 'a>;
 
-    fn with_explicit<M: Advance<Float, ClosedLoop<'a, Float>, Vec<Float>> + 'static>(
+    fn with_explicit<M: Advance<f64, ClosedLoop<'a, f64>, Vec<f64>> + 'static>(
         self,
-        closed: ClosedLoop<'a, Float>,
-        x: Vec<Float>,
+        closed: ClosedLoop<'a, f64>,
+        x: Vec<f64>,
         method: M,
     ) -> Box<dyn Direct + 'a> {
         let monitor = self.norms.then(|| Monitors::new(self.problem, self.run));

@@ -11,7 +11,7 @@ use super::schedule::{after_jump, is_end};
 use crate::error::{Error, Result};
 use crate::integrate::{FixedStep, Method, MethodKind, WithSteps};
 use crate::law::Route;
-use crate::scalar::{Float, Real};
+use crate::scalar::Real;
 use crate::status::Status;
 
 /// A loop with one step per call, for every number type.
@@ -242,7 +242,7 @@ pub fn stepper(problem: &Problem) -> Result<Box<dyn Stepping>> {
     problem.require_memory(1)?;
     match o.method.kind() {
         MethodKind::ExplicitSteps(method) => {
-            let (closed, x) = close::<Float>(problem, 0);
+            let (closed, x) = close::<f64>(problem, 0);
             let u = closed.instant();
             method.apply(RatesLoop::stepped(closed.into_owned(), problem), x, u, Boxed(problem, problem.breaks()?))
         }

@@ -163,11 +163,11 @@ impl Reversal {
                 let below = self.tape.less(b, a);
                 self.choose(below, b, a, bar);
             }
-            Op::Sin(a) | Op::UnfusedSin(a) => {
+            Op::Sin(a) => {
                 let cosine = self.tape.push(Op::Cos(a));
                 self.add_product(a, cosine, bar, finite);
             }
-            Op::Cos(a) | Op::UnfusedCos(a) => {
+            Op::Cos(a) => {
                 let (sine, negated) = (self.tape.push(Op::Sin(a)), self.tape.neg(bar));
                 self.add_product(a, sine, negated, finite);
             }

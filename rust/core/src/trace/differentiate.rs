@@ -114,11 +114,11 @@ pub(super) fn rate(tape: &mut Tape, op: Op, i: u32, at: impl Fn(u32) -> u32) -> 
             let below = tape.less(b, a);
             tape.select(below, at(b), at(a))
         }
-        Op::Sin(a) | Op::UnfusedSin(a) => {
+        Op::Sin(a) => {
             let cosine = tape.push(Op::Cos(a));
             tape.mul(at(a), cosine)
         }
-        Op::Cos(a) | Op::UnfusedCos(a) => {
+        Op::Cos(a) => {
             let sine = tape.push(Op::Sin(a));
             let rate = tape.mul(at(a), sine);
             tape.neg(rate)

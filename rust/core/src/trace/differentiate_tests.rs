@@ -28,8 +28,8 @@ fn values<S: Real>(ops: &[Op], inputs: &[S]) -> Vec<S> {
             Op::Abs(a) => at(a).abs(),
             Op::Max(a, b) => at(a).max(at(b)),
             Op::Min(a, b) => at(a).min(at(b)),
-            Op::Sin(a) | Op::UnfusedSin(a) => at(a).sin_cos().0,
-            Op::Cos(a) | Op::UnfusedCos(a) => at(a).sin_cos().1,
+            Op::Sin(a) => at(a).sin_cos().0,
+            Op::Cos(a) => at(a).sin_cos().1,
             Op::Less(a, b) => S::select(at(a).lt(at(b)), one, zero),
             Op::Select(mask, yes, no) => S::select(zero.lt(at(mask)), at(yes), at(no)),
         };

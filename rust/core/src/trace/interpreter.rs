@@ -47,7 +47,7 @@ impl Interpreter {
 
     /// Whether the program computes sines.
     pub fn turns(&self) -> bool {
-        self.steps.iter().any(|step| matches!(step.action, Action::Turn | Action::UnfusedTurn))
+        self.steps.iter().any(|step| matches!(step.action, Action::Turn))
     }
 
     /// Write the constants into a new frame.
@@ -130,9 +130,9 @@ impl Interpreter {
                     let (mask, yes, no) = (at(a), at(b), at(c));
                     std::array::from_fn(|i| if mask[i].is_sign_negative() { yes[i] } else { no[i] })
                 }
-                Action::Turn | Action::UnfusedTurn => {
+                Action::Turn => {
                     let x = at(a);
-                    let (sin, cos) = if action == Action::Turn { sin_cos::<L, FUSED>(x) } else { sin_cos::<L, false>(x) };
+                    let (sin, cos) = sin_cos::<L, FUSED>(x);
                     slots[b as usize] = cos;
                     let reach = &mut slots[self.reach];
                     *reach = std::array::from_fn(|i| if reach[i] < x[i].abs() && !is_far(x[i]) { x[i].abs() } else { reach[i] });

@@ -112,8 +112,8 @@ impl Op {
             Op::Abs(_) => "abs",
             Op::Max(..) => "max",
             Op::Min(..) => "min",
-            Op::Sin(_) | Op::UnfusedSin(_) => "sin",
-            Op::Cos(_) | Op::UnfusedCos(_) => "cos",
+            Op::Sin(_) => "sin",
+            Op::Cos(_) => "cos",
             Op::Less(..) => "less",
             Op::Select(..) => "select",
         }

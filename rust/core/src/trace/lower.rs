@@ -115,13 +115,7 @@ impl Lowering<'_> {
             Op::Min(a, b) => I::Min(self.at(a), self.at(b)),
             Op::Less(a, b) => I::Less(self.at(a), self.at(b)),
             Op::Select(mask, yes, no) => I::Select(self.at(mask), self.at(yes), self.at(no)),
-            Op::Sin(a) | Op::Cos(a) => return self.turn(top, a, (Op::Sin(a), Op::Cos(a))),
-            Op::UnfusedSin(a) | Op::UnfusedCos(a) => {
-                let fused = std::mem::replace(&mut self.fused, false);
-                let value = self.turn(top, a, (Op::UnfusedSin(a), Op::UnfusedCos(a)));
-                self.fused = fused;
-                return value;
-            }
+            Op::Sin(a) | Op::Cos(a) => return self.turn(top, a),
         };
         self.push(lowered)
     }
@@ -142,9 +136,9 @@ impl Lowering<'_> {
         self.push(Instruction::Sub(c, product))
     }
 
-    /// Compute sine and cosine of entry `a` as `scalar::trig::sin_cos_near` does. `pair` contains the operations of the sine and of the
-    /// cosine, and entry `top` has one of them. Return the instruction of `top`.
-    fn turn(&mut self, top: u32, a: u32, pair: (Op, Op)) -> u32 {
+    /// Compute sine and cosine of entry `a` as `scalar::trig::sin_cos_near` does. Entry `top` is the sine or the cosine. Return the
+    /// instruction of `top`.
+    fn turn(&mut self, top: u32, a: u32) -> u32 {
         use Instruction as I;
         let x = self.at(a);
         if !self.turns.contains(&x) {
@@ -177,8 +171,8 @@ impl Lowering<'_> {
         let swapped = (self.push(I::Select(swap, cos, sin)), self.push(I::Select(swap, sin, cos)));
         let sin = self.push(I::Xor(swapped.0, sin_sign));
         let cos = self.push(I::Xor(swapped.1, cos_sign));
-        // Both entries of the pair are now lowered.
-        for (entry, op) in [(pair.0, sin), (pair.1, cos)] {
+        // Both entries are now lowered.
+        for (entry, op) in [(Op::Sin(a), sin), (Op::Cos(a), cos)] {
             if let Some(at) = self.part.twin(top, entry) {
                 self.known[at] = Some(op);
             }

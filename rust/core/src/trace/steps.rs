@@ -32,8 +32,6 @@ pub enum Action {
     Select,
     /// Sine and cosine. The second operand is the slot of the cosine.
     Turn,
-    /// Sine and cosine without fused multiply-add.
-    UnfusedTurn,
     Copy,
 }
 
@@ -165,10 +163,7 @@ impl<'a> Assignment<'a> {
         }
         match op {
             _ if self.done[i as usize] => {}
-            Op::Sin(a) | Op::Cos(a) => self.turn(i, (Op::Sin(a), Op::Cos(a)), Action::Turn, from[0]),
-            Op::UnfusedSin(a) | Op::UnfusedCos(a) => {
-                self.turn(i, (Op::UnfusedSin(a), Op::UnfusedCos(a)), Action::UnfusedTurn, from[0]);
-            }
+            Op::Sin(a) | Op::Cos(a) => self.turn(i, a, from[0]),
             _ => {
                 let to = self.own(i);
                 self.steps.push(Step { action: self.action(op), to, from });
@@ -176,10 +171,10 @@ impl<'a> Assignment<'a> {
         }
     }
 
-    /// Add the step that computes sine and cosine of the angle in slot `angle`. Entry `top` has one operation of `pair`. A result that is
-    /// not needed has a slot, too.
-    fn turn(&mut self, top: u32, pair: (Op, Op), action: Action, angle: u32) {
-        let results = [pair.0, pair.1].map(|op| {
+    /// Add the step that computes sine and cosine of entry `a`, which is in slot `angle`. Entry `top` is the sine or the cosine. A result
+    /// that is not needed has a slot, too.
+    fn turn(&mut self, top: u32, a: u32, angle: u32) {
+        let results = [Op::Sin(a), Op::Cos(a)].map(|op| {
             let entry = self.part.twin(top, op).filter(|&entry| self.needed[entry] && !self.is_leaf(entry as u32));
             match entry {
                 Some(entry) => {
@@ -191,7 +186,7 @@ impl<'a> Assignment<'a> {
         });
         self.free.extend(results.iter().filter(|(_, used)| !used).map(|&(slot, _)| slot));
         let [(sin, _), (cos, _)] = results;
-        self.steps.push(Step { action, to: sin, from: [angle, cos, angle] });
+        self.steps.push(Step { action: Action::Turn, to: sin, from: [angle, cos, angle] });
     }
 
     fn at(&self, entry: u32) -> u32 {
@@ -239,7 +234,6 @@ impl<'a> Assignment<'a> {
             Op::Less(..) => Action::Less,
             Op::Select(..) => Action::Select,
             Op::Sin(..) | Op::Cos(..) => Action::Turn,
-            Op::UnfusedSin(..) | Op::UnfusedCos(..) => Action::UnfusedTurn,
             Op::Const(_) | Op::Input(_) => Action::Copy,
         }
     }

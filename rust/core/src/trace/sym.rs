@@ -80,23 +80,6 @@ pub fn finish() -> Recording {
     Recording { ops: tape.ops, values: tape.values, labels: tape.labels.all, structure: tape.structure, failed: tape.failed }
 }
 
-/// Record `f` with the rounding of plain `f64`: no multiply-add is fused. Sines and cosines follow the same rule.
-pub fn unfused<T>(f: impl FnOnce() -> T) -> T {
-    rounded(true, f)
-}
-
-/// Record `f` with fused multiply-add where direct evaluation fuses, even within [`unfused`].
-pub fn fused<T>(f: impl FnOnce() -> T) -> T {
-    rounded(false, f)
-}
-
-fn rounded<T>(unfused: bool, f: impl FnOnce() -> T) -> T {
-    let before = on_tape(|tape| std::mem::replace(&mut tape.unfused, unfused));
-    let made = f();
-    on_tape(|tape| tape.unfused = before);
-    made
-}
-
 impl Sym {
     /// The index of the value's operation in the recording.
     pub fn index(self) -> u32 {

@@ -32,9 +32,6 @@ pub enum Op {
     Min(u32, u32),
     Sin(u32),
     Cos(u32),
-    /// Sine and cosine without fused multiply-add: each product is rounded before it is added.
-    UnfusedSin(u32),
-    UnfusedCos(u32),
     /// A mask, which is true where `a < b`.
     Less(u32, u32),
     /// `Select(mask, yes, no)`: `yes` where the mask is true, otherwise `no`.
@@ -47,7 +44,7 @@ impl Op {
         let (count, all) = match self {
             Op::Const(_) | Op::Input(_) => (0, [0; 3]),
             Op::Neg(a) | Op::Sqrt(a) | Op::Abs(a) => (1, [a, 0, 0]),
-            Op::Sin(a) | Op::Cos(a) | Op::UnfusedSin(a) | Op::UnfusedCos(a) => (1, [a, 0, 0]),
+            Op::Sin(a) | Op::Cos(a) => (1, [a, 0, 0]),
             Op::Add(a, b) | Op::Sub(a, b) | Op::Mul(a, b) | Op::Div(a, b) | Op::Max(a, b) | Op::Min(a, b) | Op::Less(a, b) => {
                 (2, [a, b, 0])
             }
@@ -73,8 +70,6 @@ impl Op {
             Op::Min(a, b) => Op::Min(f(a), f(b)),
             Op::Sin(a) => Op::Sin(f(a)),
             Op::Cos(a) => Op::Cos(f(a)),
-            Op::UnfusedSin(a) => Op::UnfusedSin(f(a)),
-            Op::UnfusedCos(a) => Op::UnfusedCos(f(a)),
             Op::Less(a, b) => Op::Less(f(a), f(b)),
             Op::Select(mask, yes, no) => Op::Select(f(mask), f(yes), f(no)),
         }
@@ -105,8 +100,6 @@ pub(super) struct Tape {
     pub inputs: u32,
     pub set_up: bool,
     pub failed: bool,
-    /// Whether products are rounded before they are added. If false, multiply-add operations are fused.
-    pub unfused: bool,
     pub moving: Moving,
     folds: bool,
 }
@@ -130,7 +123,6 @@ impl Tape {
             inputs: 0,
             set_up: true,
             failed: false,
-            unfused: false,
             moving: Moving::Nothing,
             folds,
         };
@@ -324,10 +316,6 @@ impl Tape {
     }
 
     pub fn fma(&mut self, a: u32, b: u32, c: u32) -> u32 {
-        if self.unfused {
-            let product = self.mul(a, b);
-            return self.add(product, c);
-        }
         if let Some(product) = self.exact_product(a, b) {
             return self.add(product, c);
         }
@@ -343,10 +331,6 @@ impl Tape {
     }
 
     pub fn fnma(&mut self, a: u32, b: u32, c: u32) -> u32 {
-        if self.unfused {
-            let product = self.mul(a, b);
-            return self.sub(c, product);
-        }
         if let Some(product) = self.exact_product(a, b) {
             return self.sub(c, product);
         }
@@ -360,8 +344,7 @@ impl Tape {
 
     /// Record sine and cosine of entry `a`, and return both entries.
     pub fn turn(&mut self, a: u32) -> (u32, u32) {
-        let (sin, cos) = if self.unfused { (Op::UnfusedSin(a), Op::UnfusedCos(a)) } else { (Op::Sin(a), Op::Cos(a)) };
-        (self.push(sin), self.push(cos))
+        (self.push(Op::Sin(a)), self.push(Op::Cos(a)))
     }
 
     pub fn div(&mut self, a: u32, b: u32) -> u32 {

@@ -12,8 +12,7 @@ use super::straight::{Part, Scratch, SlotTable, Straight, Stream};
 use super::sym::{self, Sym};
 use super::tape::Op;
 use crate::scalar::trig::REDUCTION_LIMIT;
-use crate::scalar::{Float, Real};
-use crate::scalar::{Isa, isa};
+use crate::scalar::{Array8, Isa, Real, isa};
 
 /// A small random generator (xorshift, Marsaglia 2003).
 pub struct Random(pub u64);
@@ -156,14 +155,12 @@ pub fn random_tape(random: &mut Random, inputs: usize, length: usize, back: usiz
             13 | 14 if mask.is_some() => ops.push(Op::Select(mask.unwrap(), a, b)),
             15 => ops.extend([Op::Abs(a), Op::Sqrt(i)]),
             // Angles in all quadrants. Some results are not read.
-            16 => {
+            kind @ (16 | 17) => {
                 ops.extend([Op::Mul(a, many), Op::Sin(i), Op::Cos(i)]);
-                numbers.extend([i + 1, i + 2]);
-                continue;
-            }
-            17 => {
-                ops.extend([Op::Mul(a, many), Op::UnfusedSin(i), Op::UnfusedCos(i)]);
-                numbers.push(i + 1 + random.below(2) as u32);
+                match kind {
+                    16 => numbers.extend([i + 1, i + 2]),
+                    _ => numbers.push(i + 1 + random.below(2) as u32),
+                }
                 continue;
             }
             _ => ops.push(Op::Add(b, c)),
@@ -258,30 +255,38 @@ fn simulated_machine_code_gives_the_bits_of_the_interpreter() {
     }
 }
 
+fn turned<S: Real>(x: S) -> (f64, f64) {
+    let (sin, cos) = x.sin_cos();
+    (sin.lane(0), cos.lane(0))
+}
+
 /// The interpreter is valid beyond the range of machine code, and does not report these angles.
 #[test]
 fn interpreter_reduces_every_angle_like_direct_evaluation() {
-    let ops = [Op::Input(0), Op::Sin(0), Op::Cos(0), Op::UnfusedSin(0), Op::UnfusedCos(0)];
-    let outputs: Vec<(u32, u32)> = (1..5).map(|k| (k, k)).collect();
+    let ops = [Op::Input(0), Op::Sin(0), Op::Cos(0)];
+    let outputs = [(1, 1), (2, 2)];
     for form in forms() {
         let part = Part { ops: &ops, start: 0, outputs: &outputs, places: &SlotTable::default() };
-        let program = Program::new(part, None, Scratch { reach: 5, free: 6 }, form, Engine::Interpreter);
+        let program = Program::new(part, None, Scratch { reach: 3, free: 4 }, form, Engine::Interpreter);
         let mut frame = Frame::new(program.slots(), form.lanes());
         let angles = [0.3, 1.0e6, -7.1e5, 4.0e8, -1.0e300, 999_999.9, f64::INFINITY, 2.0];
         frame.slot_mut(0).copy_from_slice(&angles[..form.lanes()]);
         for angle in angles {
             frame.slot_mut(0)[0] = angle;
-            frame.fill(5, 0.0);
+            frame.fill(3, 0.0);
             program.run(&mut frame);
             for lane in 0..form.lanes() {
                 let angle = frame.slot_mut(0)[lane];
-                let (fused, plain) = (Float(angle).sin_cos(), Real::sin_cos(angle));
-                let (sin, cos) = if form.has_fused() { (fused.0.0, fused.1.0) } else { plain };
-                for (k, expected) in [sin, cos, plain.0, plain.1].into_iter().enumerate() {
+                // On x86-64, an `Array8` never fuses, like `Set::Sse2`.
+                let (sin, cos) = match form.set {
+                    Set::Sse2 => turned(Array8::splat(angle)),
+                    _ => turned(angle),
+                };
+                for (k, expected) in [sin, cos].into_iter().enumerate() {
                     let found = frame.slot_mut(1 + k)[lane];
                     assert!(found.to_bits() == expected.to_bits() || angle.is_infinite() && found.is_nan(), "{form:?} {angle} {k}");
                 }
-                assert_eq!(frame.slot_mut(5)[lane], if angle.abs() < REDUCTION_LIMIT { angle.abs() } else { 0.0 });
+                assert_eq!(frame.slot_mut(3)[lane], if angle.abs() < REDUCTION_LIMIT { angle.abs() } else { 0.0 });
             }
         }
     }
@@ -299,21 +304,12 @@ fn computation<S: Real>(x: &[S], gain: S) -> [S; 5] {
 
 #[test]
 fn a_recording_has_the_bits_of_what_was_recorded() {
-    has_the_bits_of_what_was_recorded(false);
-}
-
-#[test]
-fn a_recording_without_fusing_has_the_bits_of_plain_numbers() {
-    has_the_bits_of_what_was_recorded(true);
-}
-
-fn has_the_bits_of_what_was_recorded(unfused: bool) {
     let mut random = Random(7);
     sym::begin();
     let gain = Sym::varying(3.0);
     assert_eq!(sym::end_set_up(), 1);
     let x: Vec<Sym> = (0..5).map(|_| sym::input()).collect();
-    let outputs = if unfused { sym::unfused(|| computation(&x, gain)) } else { computation(&x, gain) };
+    let outputs = computation(&x, gain);
     let recording = sym::finish();
     assert!(!recording.failed);
     assert_eq!(recording.values, [3.0]);
@@ -334,8 +330,11 @@ fn has_the_bits_of_what_was_recorded(unfused: bool) {
             program.run(&mut frame);
             for (lane, x) in x.iter().enumerate() {
                 let expected = match form.set {
-                    set if unfused || set == Set::Sse2 => computation(x, 3.0),
-                    _ => computation(Float::of(x), Float(3.0)).map(|x| x.lane(0)),
+                    Set::Sse2 => {
+                        let x: Vec<Array8> = x.iter().map(|&x| Array8::splat(x)).collect();
+                        computation(&x, Array8::splat(3.0)).map(|y| y.lane(0))
+                    }
+                    _ => computation(x, 3.0),
                 };
                 for (k, expected) in expected.iter().enumerate() {
                     let got = frame.slot_mut(6 + k)[lane];

@@ -1,4 +1,4 @@
-//! Tests of the chains in `oracle_g_regressor_public.json`, computed with mpmath, for the number types `f64`, `Float` and `Dual`.
+//! Tests of the chains in `oracle_g_regressor_public.json`, computed with mpmath, for the number types `f64` and `Dual`.
 
 use crate::arm_common::{chain, lift, numbers, on_every_number, sin_cos, vectors};
 use armlet_core::arm::Tree;

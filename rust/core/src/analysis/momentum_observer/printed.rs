@@ -1,7 +1,6 @@
 //! A momentum observer as C code: `init`, `update` and, if thresholds are known, `contact` (see [`crate::trace::c`]).
 //!
-//! The C code computes the same bits as [`MomentumObserver::update`], which uses plain `f64`. No product is fused with a sum, except within
-//! `I + K dt`.
+//! The C code computes the same bits as [`MomentumObserver::update`]. Within `I + K dt`, products and sums are always fused.
 
 use super::MomentumObserver;
 use super::momentum::{Gained, Momentum};
@@ -12,9 +11,9 @@ use crate::linalg::AnyGain;
 use crate::linalg::cholesky::factor_into;
 use crate::motion::array;
 use crate::scalar::Real;
+use crate::trace::Sym;
 use crate::trace::c::{CFile, COptions, CSource, Routine};
 use crate::trace::function::{Recorded, recorded};
-use crate::trace::{Sym, sym};
 
 /// The largest number of joints of an arm whose observer is printed.
 const MOST_JOINTS: usize = 60;
@@ -194,11 +193,11 @@ impl MomentumObserver {
     /// Record the momentum `p` and the drift `C' v - g - tau_f` as functions of `q` and `v`.
     fn recorded_look(&self) -> Option<Recorded> {
         let n = self.n();
-        let made = || sym::unfused(|| Momentum::<Sym>::new(&self.model, self.motors.as_ref(), &self.friction));
+        let made = || Momentum::<Sym>::new(&self.model, self.motors.as_ref(), &self.friction);
         recorded(2 * n, made, |mut sample, x| {
             let mut answer = vec![Sym::zero(); 2 * n];
             let (momentum, drift) = answer.split_at_mut(n);
-            sym::unfused(|| sample.look(&x[..n], &x[n..], momentum, drift));
+            sample.look(&x[..n], &x[n..], momentum, drift);
             answer
         })
     }
@@ -215,16 +214,14 @@ impl MomentumObserver {
             5 * n + 1 + sums,
             || AnyGain::<Sym>::new(&self.given),
             |gain, x| {
-                sym::unfused(|| {
-                    let part = |k: usize| &x[k * n..(k + 1) * n];
-                    let (dt, sum) = (x[5 * n], &x[5 * n + 1..]);
-                    let (mut residual, mut factor, mut work) = (part(0).to_vec(), sum.to_vec(), vec![Sym::zero(); n]);
-                    let definite = matches!(gain, AnyGain::Full(_)).then(|| factor_into(n, sum, &mut factor));
-                    let gained = Gained { momentum: part(1), drift: part(2), now: part(4) };
-                    gained.correct((&gain, &factor), (part(3), dt), &mut work, &mut residual);
-                    residual.extend(definite);
-                    residual
-                })
+                let part = |k: usize| &x[k * n..(k + 1) * n];
+                let (dt, sum) = (x[5 * n], &x[5 * n + 1..]);
+                let (mut residual, mut factor, mut work) = (part(0).to_vec(), sum.to_vec(), vec![Sym::zero(); n]);
+                let definite = matches!(gain, AnyGain::Full(_)).then(|| factor_into(n, sum, &mut factor));
+                let gained = Gained { momentum: part(1), drift: part(2), now: part(4) };
+                gained.correct((&gain, &factor), (part(3), dt), &mut work, &mut residual);
+                residual.extend(definite);
+                residual
             },
         )
     }

@@ -115,12 +115,17 @@ fn direction(argument: &str, x: [f64; 3]) -> Result<Vector3<f64>> {
     Ok(v.scale(1.0 / v.norm()))
 }
 
+/// Below this sine of the angle between them, two unit vectors with a negative scalar product are opposite up to rounding.
+const OPPOSITE: f64 = 1e-15;
+
 /// The shortest rotation vector that takes the unit vector `a` to `d`. If they are opposite, the axis of rotation is `across`.
 fn turn_between<S: Real>(a: Vector3<S>, d: Vector3<S>, across: Vector3<S>) -> Vector3<S> {
     let (axis, cosine) = (a.cross(d), a.dot(d));
     let sine = axis.dot(axis).sqrt();
     let angle = sine.atan2(cosine);
-    let turns = S::zero().lt(sine);
+    // The cross product of opposite vectors is zero up to rounding, and then has no meaningful direction.
+    let least = S::select(cosine.lt(S::zero()), S::splat(OPPOSITE), S::zero());
+    let turns = least.lt(sine);
     let part = angle / sine;
     Vector3::from(std::array::from_fn(|k| S::select(turns, axis[k] * part, across[k] * angle)))
 }

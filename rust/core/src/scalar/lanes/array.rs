@@ -1,4 +1,5 @@
-//! Eight lanes as a plain array, which the compiler vectorises. Multiply-add operations are never fused.
+//! Eight lanes as a plain array, which the compiler vectorises. Multiply-add operations are fused on AArch64 only, where every processor
+//! can do this.
 
 use super::super::{Kernel, Real, trig};
 use std::array::from_fn;
@@ -19,6 +20,9 @@ use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[repr(C, align(64))]
 pub struct Array8([f64; 8]);
+
+/// Whether multiply-add operations are fused.
+const FUSED: bool = cfg!(target_arch = "aarch64");
 
 macro_rules! operator {
     ($trait:ident, $method:ident, $op:tt) => {
@@ -94,11 +98,6 @@ impl Real for Array8 {
         Self::splat(x)
     }
     #[inline(always)]
-    fn choose(mask: bool, yes: Self, no: Self) -> Self {
-        if mask { yes } else { no }
-    }
-
-    #[inline(always)]
     fn splat(x: f64) -> Self {
         Array8([x; 8])
     }
@@ -113,14 +112,14 @@ impl Real for Array8 {
     #[inline(always)]
     fn mul_add(mut self, b: Self, c: Self) -> Self {
         for i in 0..8 {
-            self.0[i] = trig::fma::<false>(self.0[i], b.0[i], c.0[i]);
+            self.0[i] = trig::fma::<FUSED>(self.0[i], b.0[i], c.0[i]);
         }
         self
     }
     #[inline(always)]
     fn neg_mul_add(mut self, b: Self, c: Self) -> Self {
         for i in 0..8 {
-            self.0[i] = trig::fma::<false>(-self.0[i], b.0[i], c.0[i]);
+            self.0[i] = trig::fma::<FUSED>(-self.0[i], b.0[i], c.0[i]);
         }
         self
     }
@@ -148,7 +147,7 @@ impl Real for Array8 {
     fn sin_cos(self) -> (Self, Self) {
         let (mut s, mut c) = (self, self);
         for i in 0..8 {
-            (s.0[i], c.0[i]) = trig::sin_cos_near::<false>(self.0[i]);
+            (s.0[i], c.0[i]) = trig::sin_cos_near::<FUSED>(self.0[i]);
         }
         let mut far = false;
         for i in 0..8 {
@@ -162,6 +161,10 @@ impl Real for Array8 {
             }
         }
         (s, c)
+    }
+    #[inline(always)]
+    fn choose(mask: bool, yes: Self, no: Self) -> Self {
+        if mask { yes } else { no }
     }
     #[inline(always)]
     fn lt(self, other: Self) -> [u64; 8] {

@@ -4,7 +4,7 @@
 //! checks the processor.
 
 use super::super::instruction_set::{Isa, enter_avx2, isa};
-use super::super::{Float, Kernel, Real, trig};
+use super::super::{Kernel, Real, trig};
 use super::vector::{sin_cos_near, vector};
 use std::arch::x86_64::*;
 use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
@@ -14,7 +14,6 @@ vector!(
     __m256d,
     4,
     __m256d,
-    Float,
     _mm256_set1_pd,
     _mm256_add_pd,
     _mm256_sub_pd,

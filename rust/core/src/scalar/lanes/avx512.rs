@@ -7,7 +7,7 @@
 //! checks the processor.
 
 use super::super::instruction_set::{Isa, enter_avx512, isa};
-use super::super::{Float, Kernel, Real, trig};
+use super::super::{Kernel, Real, trig};
 use super::vector::{sin_cos_near, vector};
 use std::arch::x86_64::*;
 use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
@@ -17,7 +17,6 @@ vector!(
     __m512d,
     8,
     u8,
-    Float,
     _mm512_set1_pd,
     _mm512_add_pd,
     _mm512_sub_pd,

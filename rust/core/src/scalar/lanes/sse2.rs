@@ -12,7 +12,6 @@ vector!(
     __m128d,
     2,
     __m128d,
-    f64,
     _mm_set1_pd,
     _mm_add_pd,
     _mm_sub_pd,

@@ -6,7 +6,7 @@
 /// The calling file defines the remaining operations as functions. Numbers: `fma` (`a b + c`), `fnma` (`c - a b`), `recip`, `sin_cos`.
 /// Masks: `lt`, `select`, and `bits`, which is the mask as an integer with one bit per lane. The last function is `enter`.
 macro_rules! vector {
-    ($name:ident, $register:ident, $lanes:literal, $mask:ty, $one:ty, $set1:ident, $add:ident, $sub:ident, $mul:ident, $div:ident,
+    ($name:ident, $register:ident, $lanes:literal, $mask:ty, $set1:ident, $add:ident, $sub:ident, $mul:ident, $div:ident,
      $sqrt:ident, $max:ident, $min:ident, $xor:ident, $andnot:ident) => {
         #[derive(Clone, Copy, Debug)]
         #[repr(transparent)]
@@ -72,16 +72,16 @@ macro_rules! vector {
 
         impl Real for $name {
             type Mask = $mask;
-            type One = $one;
+            type One = f64;
             const LANES: usize = $lanes;
 
             #[inline(always)]
-            fn first(self) -> $one {
-                <$one>::splat(self.lane(0))
+            fn first(self) -> f64 {
+                self.lane(0)
             }
             #[inline(always)]
-            fn spread(x: $one) -> Self {
-                Self::splat(x.lane(0))
+            fn spread(x: f64) -> Self {
+                Self::splat(x)
             }
             #[inline(always)]
             fn choose(mask: bool, yes: Self, no: Self) -> Self {

@@ -130,14 +130,13 @@ impl Printer<'_> {
                 self.reads(i).into_iter().for_each(|a| needed[a as usize] = true);
             }
         }
-        let mut turns: HashMap<(u32, bool), usize> = HashMap::new();
+        let mut turns: HashMap<u32, usize> = HashMap::new();
         for i in (0..count as u32).filter(|&i| needed[i as usize]) {
             if !self.is_computed(i) {
                 continue;
             }
             let turn = match self.op(i) {
-                Op::Sin(a) | Op::Cos(a) => Some((self.folded.same[a as usize], false)),
-                Op::UnfusedSin(a) | Op::UnfusedCos(a) => Some((self.folded.same[a as usize], true)),
+                Op::Sin(a) | Op::Cos(a) => Some(self.folded.same[a as usize]),
                 _ => None,
             };
             if let Some(&at) = turn.and_then(|turn| turns.get(&turn)) {
@@ -244,7 +243,7 @@ impl Printer<'_> {
         let at = |a: u32| self.operand(a);
         let fused = self.routine.fused;
         let value = match self.op(entry) {
-            Op::Sin(a) | Op::Cos(a) | Op::UnfusedSin(a) | Op::UnfusedCos(a) => return self.turn(statement, &at(a), prefix, used),
+            Op::Sin(a) | Op::Cos(a) => return self.turn(statement, &at(a), prefix, used),
             Op::Const(_) | Op::Input(_) => return,
             Op::Add(a, b) => format!("{} + {}", at(a), at(b)),
             Op::Sub(a, b) => format!("{} - {}", at(a), at(b)),
@@ -274,15 +273,13 @@ impl Printer<'_> {
     /// Write a call that computes sine and cosine of an angle.
     fn turn(&self, statement: &Statement, angle: &str, prefix: &str, used: &mut Used) {
         let first = statement.makes[0];
-        let unfused = !self.routine.fused || matches!(self.op(first), Op::UnfusedSin(_) | Op::UnfusedCos(_));
         let of = |sine: bool| {
-            let is = |&&entry: &&u32| matches!(self.op(entry), Op::Sin(_) | Op::UnfusedSin(_)) == sine;
+            let is = |&&entry: &&u32| matches!(self.op(entry), Op::Sin(_)) == sine;
             statement.makes.iter().find(is).map_or(format!("{}{first}", if sine { "s" } else { "c" }), |entry| format!("t{entry}"))
         };
         let (sin, cos) = (of(true), of(false));
-        let function = if unfused { "sin_cos_unfused" } else { "sin_cos" };
         used.line(format_args!("double {sin}, {cos};"));
-        used.line(format_args!("{prefix}_{function}({angle}, &{sin}, &{cos});"));
+        used.line(format_args!("{prefix}_sin_cos({angle}, &{sin}, &{cos});"));
         used.line(format_args!("sound &= fabs({angle}) < {};", hex(REDUCTION_LIMIT)));
         used.turns = true;
     }

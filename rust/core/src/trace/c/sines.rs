@@ -3,9 +3,14 @@
 use crate::scalar::hex::hex;
 use crate::scalar::trig::{COS, PIO2, ROUND, SIN, TWO_OVER_PI};
 
+/// Return the expression `a b + c`.
+pub fn multiply_add(fused: bool, a: &str, b: &str, c: &str) -> String {
+    if fused { format!("fma({a}, {b}, {c})") } else { format!("{a} * {b} + {c}") }
+}
+
 /// Return the function `name`: sine and cosine of an angle whose magnitude is below `REDUCTION_LIMIT`. `fused`: whether it calls `fma`.
 pub fn sin_cos(name: &str, fused: bool) -> String {
-    let fma = |a: &str, b: &str, c: &str| if fused { format!("fma({a}, {b}, {c})") } else { format!("{a} * {b} + {c}") };
+    let fma = |a: &str, b: &str, c: &str| multiply_add(fused, a, b, c);
     let fnma = |a: &str, b: &str, c: &str| if fused { format!("fma(-{a}, {b}, {c})") } else { format!("{c} - {a} * {b}") };
     let number = |x: f64| if x < 0.0 { format!("({})", hex(x)) } else { hex(x) };
     let mut lines = vec![format!("const double rounded = {};", fma("x", &number(TWO_OVER_PI), &number(ROUND)))];

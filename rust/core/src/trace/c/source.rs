@@ -2,7 +2,7 @@
 
 use super::comment::comment;
 use super::routine::{Printed, Routine};
-use super::sines::sin_cos;
+use super::sines::{multiply_add, sin_cos};
 use crate::error::{Error, Result};
 use std::collections::HashSet;
 use std::fmt::Write;
@@ -63,7 +63,7 @@ impl COptions {
 
 /// Names of functions that a source file defines for internal use. In the file, the prefix and `_` precede each name. The functions of the
 /// caller must have other names.
-const OWN_NAMES: [&str; 5] = ["finite", "refuse", "answer", "sin_cos", "sin_cos_unfused"];
+const OWN_NAMES: [&str; 4] = ["finite", "refuse", "answer", "sin_cos"];
 
 /// Whether the name consists of a letter, followed by letters, digits and `_`.
 fn is_identifier(name: &str) -> bool {
@@ -133,6 +133,11 @@ impl CSource {
         self.options.fused
     }
 
+    /// Return the expression `a b + c`.
+    pub fn multiply_add(&self, a: &str, b: &str, c: &str) -> String {
+        multiply_add(self.options.fused, a, b, c)
+    }
+
     /// Add a constant to the header.
     pub fn define(&mut self, name: &str, value: impl std::fmt::Display, comment: &str) {
         let upper = &self.upper;
@@ -183,12 +188,8 @@ impl CSource {
 #ifndef {upper}_H\n#define {upper}_H\n\n#ifdef __cplusplus\nextern \"C\" {{\n#endif\n\n#define {upper}_ARMLET_VERSION \"{version}\"\n\n\
 /* What functions return. */\nenum {{\n{statuses}}};\n\n{declarations}\n#ifdef __cplusplus\n}}\n#endif\n\n#endif\n"
         );
-        let mut shared = String::new();
-        for (name, fused) in [("sin_cos", true), ("sin_cos_unfused", false)] {
-            if body.contains(&format!("{prefix}_{name}(")) {
-                shared += &sin_cos(&format!("{prefix}_{name}"), fused);
-            }
-        }
+        let name = format!("{prefix}_sin_cos");
+        let shared = if body.contains(&format!("{name}(")) { sin_cos(&name, fused) } else { String::new() };
         let source = format!("/* {stamp}: do not edit. {statements} statements. {rounding} */\n{}{shared}{body}", prologue(&prefix));
         vec![
             CFile { name: format!("{prefix}.h"), text: header },
