@@ -251,11 +251,6 @@ REFUSED: dict[str, tuple[Callable[[], Any], str]] = {
         lambda: al.loop_program(al.RigidArm(TWO), Own()),
         "law has the loop run directly, without a program: .*a function in Python",
     ),
-    "map": (lambda: al.loop_program(al.VelocityArm(TWO), sns()), "law has the loop run directly, .*map that branches"),
-    "priority": (
-        lambda: al.loop_program(*LOOPS["2R velocity"]()[:2], method="dopri5"),
-        "law has the loop run directly, .*a law without task priority for dopri5, got PriorityVelocity",
-    ),
     "force": (
         lambda: al.loop_program(al.RigidArm(TWO), pd(TWO), force=lambda t: np.zeros(3), force_frame="link2"),
         "force has the loop run directly",
@@ -286,6 +281,11 @@ def test_bad_arguments_are_refused_by_name(what: str) -> None:
     call, message = REFUSED[what]
     with pytest.raises(al.InputError, match=f"^loop_program: {message}"):
         call()
+
+
+def test_laws_that_decide_are_listed_as_formulas() -> None:
+    assert len(al.loop_program(al.VelocityArm(TWO), sns())) > 0
+    assert len(al.loop_program(*LOOPS["2R velocity"]()[:2], method="dopri5")) > 0
 
 
 def test_modes_of_contacts_are_inputs() -> None:

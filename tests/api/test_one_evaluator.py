@@ -10,10 +10,8 @@ CORE = ROOT / "rust" / "core" / "src"
 #: Numbers with one lane per run: the number types, the planners, the motions, and the batches of programs.
 LANES = ("scalar/", "plan/", "motion/", "trace/sym.rs")
 BATCHES = {
-    f"simulate/{name}.rs" for name in ("assembly", "declined_steps", "fixed_steps", "programs", "sampler", "torque_sensing", "world")
+    f"simulate/{name}.rs" for name in ("assembly", "fixed_steps", "programs", "sampler", "torque_sensing", "world")
 }
-#: A law with task priorities has one solver for `f64` and another one for recorded numbers.
-SOLVERS = {"Decided": {"L", "R"}, "PriorityAcceleration": {"P"}, "PriorityVelocity": {"P"}}
 IMPL = re.compile(r"^impl(?:<(?P<parameters>[^{]*?)>)? (?:Law|Plant)<[\w:]+> for (?P<type>\w+)", re.MULTILINE)
 
 
@@ -50,6 +48,6 @@ def test_laws_and_plants_have_no_type_parameter_except_the_number_type() -> None
             found |= type_parameters(text)
     print(f"laws and plants in a control loop: {len(found)}")
     assert len(found) > 12
-    assert {name: more for name, more in found.items() if more} == SOLVERS
+    assert {name: more for name, more in found.items() if more} == {}
     law = "impl<'a, S: Real, D, const TORQUE: bool> Law<S> for Tracking<'a, S, D, TORQUE>\nwhere\n"
     assert type_parameters(law) == {"Tracking": {"D"}}

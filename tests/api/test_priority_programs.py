@@ -62,6 +62,8 @@ LOOPS: dict[str, Callable[[], tuple[al.Plant, al.Law, Any]]] = {
     "4R stretched, thresholds": lambda: velocity(FOUR, BOTH, STRETCHED, eps=[0.1, 0.3]),
     "4R accelerations": lambda: acceleration(FOUR, BOTH, Q4),
     "4R accelerations, stretched": lambda: acceleration(FOUR, BOTH, STRETCHED),
+    "4R stretched, bounds": lambda: velocity(FOUR, BOTH, STRETCHED, "sns", v_max=2.0),
+    "4R accelerations, bounds": lambda: acceleration(FOUR, BOTH, Q4, "sns", v_max=2.0, a_max=5.0),
     "seven axes": lambda: velocity(SEVEN, POSE, Q7),
     "seven axes, other tasks": lambda: velocity(SEVEN, ODD, Q7),
     "seven axes, accelerations": lambda: acceleration(SEVEN, POSE, Q7),
@@ -73,7 +75,7 @@ OPTIONS: list[dict[str, Any]] = [{}, {"method": "euler"}, {"sample_time": 3 * DT
 
 
 def step_by_step(plant: al.Plant, law: al.Law, q0: Any, **options: Any) -> np.ndarray:
-    """Simulate the run directly, without a program. Return the final q, (n,)."""
+    """Simulate the run by single steps. Return the final q, (n,)."""
     simulator = al.Simulator(plant, law, q0, dt=DT, **options)
     for _ in range(STEPS):
         simulator.step()
@@ -94,7 +96,10 @@ def test_a_program_is_the_loop(name: str, options: dict[str, Any]) -> None:
 
 
 @pytest.mark.filterwarnings("ignore:.*commands pass the arm's speed limits")
-@pytest.mark.parametrize("name", ["4R stretched, exact", "4R stretched, clamp", "4R accelerations, stretched", "seven axes, accelerations"])
+@pytest.mark.parametrize(
+    "name",
+    ["4R stretched, exact", "4R stretched, clamp", "4R stretched, bounds", "4R accelerations, stretched", "seven axes, accelerations"],
+)
 def test_rows_of_a_batch_equal_single_runs(name: str) -> None:
     """A batch has singular and regular rows. Each row equals a single run, for every order and number of threads."""
     plant, law, singular = LOOPS[name]()
@@ -115,7 +120,7 @@ def test_rows_of_a_batch_equal_single_runs(name: str) -> None:
         np.testing.assert_array_equal(al.simulate_batch(plant, law, q0[order], threads=threads, **options).q, batch.q[order])
 
 
-def test_steps_that_are_declined_are_taken_directly() -> None:
+def test_singular_stages_are_decided_by_native_code() -> None:
     """The algorithm for regular steps would give NaN, or velocities far beyond the bound of the method "clamp"."""
     plant, bounded = al.VelocityArm(FOUR), al.PriorityVelocity(FOUR, BOTH, "clamp", eps=0.2)
     run = al.simulate(plant, bounded, [0.3, 0.0, 0.0, 0.0], t_end=STEPS * DT, dt=DT)
@@ -153,6 +158,20 @@ def test_walls_at_other_frames_are_other_plants() -> None:
         np.testing.assert_array_equal(batch.q[row], al.simulate(plant, law, [0.3, 0.5], **options).q, err_msg=f"row {row}")
 
 
-def test_a_map_with_bounds_runs_directly() -> None:
-    law = al.PriorityVelocity(FOUR, BOTH, "sns", v_max=2.0)
-    assert al.simulate(al.VelocityArm(FOUR), law, Q4, t_end=STEPS * DT, dt=DT).stats["engine"] == "direct"
+@pytest.mark.parametrize("v_max", [0.2, 20.0])
+def test_a_map_with_bounds_runs_as_a_program(v_max: float) -> None:
+    law = al.PriorityVelocity(FOUR, BOTH, "sns", v_max=v_max)
+    run = al.simulate(al.VelocityArm(FOUR), law, Q4, t_end=STEPS * DT, dt=DT)
+    assert run.stats["engine"] == PROGRAMS
+    most = np.abs(run.tau).max()
+    assert most == v_max if v_max < 1.0 else most < v_max
+    np.testing.assert_allclose(run.q[-1], step_by_step(al.VelocityArm(FOUR), law, Q4), rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("method", ["dopri5", "dop853"])
+def test_adaptive_methods_run_priority_as_a_program(method: str) -> None:
+    plant, law, q0 = LOOPS["4R stretched, clamp"]()
+    run = al.simulate(plant, law, q0, t_end=2.0, method=method, rtol=1e-10, atol=1e-12, t_eval=np.linspace(0.0, 2.0, 21))
+    assert run.stats["engine"] == PROGRAMS
+    fixed = al.simulate(plant, law, q0, t_end=2.0, dt=1e-5, t_eval=np.linspace(0.0, 2.0, 21))
+    np.testing.assert_allclose(run.q, fixed.q, rtol=0, atol=1e-7)

@@ -201,12 +201,6 @@ pub trait Law<S: Real> {
     /// Set the sample period of the loop, s, and the limits of the plant's input, `(n,)` or empty.
     fn configure(&mut self, _period: Option<f64>, _limits: &[S]) {}
 
-    /// Return 1 if the last evaluation is valid, and 0 if the law must be evaluated again without a program. The return value is `None` for
-    /// a law that is always valid.
-    fn stands(&self) -> Option<S> {
-        None
-    }
-
     /// The rate at which the law's Lyapunov function decreases at the last evaluation, W; zero for a law without such a function. It
     /// assumes a plant that differs from the law's model only in the estimated parameters. It also assumes a law without leakage, dead
     /// zone, composite and concurrent adaptation.
@@ -253,27 +247,29 @@ pub trait Shape {
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Route {
-    /// The law executes the same operations for every state. Such a law can be recorded, and evaluated on dual numbers.
+    /// The law executes the same operations for every state.
     Straight,
-    /// The law branches on its data, so it is evaluated on `f64`. The recorded law has no branch, and reports whether its result is valid.
+    /// The law is a formula with a decision near singularities ([`crate::scalar::decision`]). It has derivatives away from them.
     Guarded,
-    /// The law branches on its data, so it is evaluated on `f64`. Such a law cannot be recorded.
+    /// The law is a formula with a decision near singularities and at bounds. It has no derivatives of runs.
     Deciding,
     /// The law is a function of the caller, evaluated only at samples.
     Outside,
 }
 
 impl Route {
-    /// Whether direct evaluation of the law requires `f64`, not dual numbers.
+    /// Whether the law has no derivatives for implicit methods.
     pub fn is_scalar(self) -> bool {
         self != Route::Straight
     }
 
     /// Whether the law can be recorded.
     pub fn is_recordable(self) -> bool {
-        match self {
-            Route::Straight | Route::Guarded => true,
-            Route::Deciding | Route::Outside => false,
-        }
+        self != Route::Outside
+    }
+
+    /// Whether runs of the law have derivatives.
+    pub fn is_differentiable(self) -> bool {
+        matches!(self, Route::Straight | Route::Guarded)
     }
 }

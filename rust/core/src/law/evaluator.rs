@@ -7,7 +7,7 @@ use super::{Law, LawSpec, Route};
 use crate::motion::{Motion, sample_all};
 use crate::scalar::Real;
 use crate::trace::function::{self, CALLS, Evaluation, Recorded, record};
-use crate::trace::sym::Sym;
+use crate::trace::sym::{self, Sym};
 
 /// The largest number of joints for which this evaluator records a law. It limits the time of the recording.
 const MOST_JOINTS: usize = 12;
@@ -127,30 +127,18 @@ impl LawEvaluator {
     }
 }
 
-/// Record the law as a program. The result is `None` for a function of the caller, for a large arm, and for a law that decides ranks of
-/// projected Jacobians. The program of a law that decides ranks is not always valid.
+/// Record the law as a program. The result is `None` for a function of the caller, and for a large arm.
 fn recorded(spec: &LawSpec, widths: [usize; 3]) -> Option<Evaluation> {
     if spec.route() == Route::Outside || spec.model().n() > MOST_JOINTS {
         return None;
     }
-    let mut guarded = false;
-    let program = record(
-        false,
-        widths.iter().sum(),
-        || BufferedLaw::<Sym>::new(spec),
-        |mut law, inputs| {
-            let tau = law.input_of(inputs, widths).to_vec();
-            guarded = law.law.stands().is_some();
-            tau
-        },
-    );
-    program.filter(|_| !guarded)
+    record(false, widths.iter().sum(), || BufferedLaw::<Sym>::new(spec), |mut law, inputs| law.input_of(inputs, widths).to_vec())
 }
 
 /// Record the law as operations; `None` if the code branches on data.
 ///
 /// The inputs are the desired motion, the plant's state and the law's state, with the lengths `widths`. The results are the plant's input
-/// and the rate of the law's state, then whether both are valid, if the law reports this. `period` is the time between two calls, s, if it
+/// and the rate of the law's state, then whether both are valid, if the law has a decision. `period` is the time between two calls, s, if it
 /// is known. `limits` are the limits of the plant's input, `(n,)` or empty.
 pub(super) fn recording(spec: &LawSpec, widths: [usize; 3], period: Option<f64>, limits: &[f64]) -> Option<Recorded> {
     let limits_of = || limits.iter().map(|&limit| Sym::splat(limit)).collect::<Vec<Sym>>();
@@ -165,7 +153,7 @@ pub(super) fn recording(spec: &LawSpec, widths: [usize; 3], period: Option<f64>,
             *tau = tau.clamped(-limit, limit);
         }
         answer.extend(&law.dz);
-        answer.extend(law.law.stands());
+        answer.extend(sym::validity());
         answer
     })
 }

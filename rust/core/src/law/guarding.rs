@@ -214,10 +214,6 @@ impl<S: Real> Law<S> for Guarded<S> {
             own_rate[n + i] = self.residual[i];
         }
     }
-
-    fn stands(&self) -> Option<S> {
-        self.inner.stands()
-    }
 }
 
 /// The sampled gain `K_T = K (I + K T)^-1` for the sample time `period`, s.

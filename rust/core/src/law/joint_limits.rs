@@ -13,6 +13,7 @@
 use crate::dynamics::Model;
 use crate::error::{Error, Result, positive};
 use crate::priority::{PriorityMethod, PriorityOptions, joint_velocity_bounds};
+use crate::scalar::{Real, labelled_numbers};
 
 /// The default horizon `h`, s: the shortest time in which a joint may reach its limit.
 pub const HORIZON: f64 = 0.1;
@@ -27,7 +28,7 @@ pub const HORIZON: f64 = 0.1;
 ///
 /// let given = LimitOverrides { v_max: Some(vec![2.0]), ..LimitOverrides::default() };
 /// let (mut lower, mut upper) = ([0.0], [0.0]);
-/// MotionLimits::new(&model, &given)?.velocities(|_| 0.5, &mut lower, &mut upper);
+/// MotionLimits::new(&model, &given)?.velocities(|_| 0.5f64, &mut lower, &mut upper);
 /// assert_eq!((lower, upper), ([-2.0], [2.0]));
 /// // Only the method `Sns` accepts limits.
 /// assert!(given.require_sns(PriorityMethod::Sns).is_ok() && given.require_sns(PriorityMethod::Clamp).is_err());
@@ -80,18 +81,18 @@ impl LimitOverrides {
 /// let limits = MotionLimits::new(&model, &given)?;
 /// let (mut lower, mut upper) = ([0.0], [0.0]);
 /// // At 0.1 rad before the limit, the joint must be able to stop: v = sqrt(2 a_max d).
-/// limits.velocities(|_| 0.9, &mut lower, &mut upper);
+/// limits.velocities(|_| 0.9f64, &mut lower, &mut upper);
 /// assert!((upper[0] - (2.0 * 4.0 * 0.1f64).sqrt()).abs() < 1e-12 && lower == [-2.0]);
 /// # Ok::<(), armlet_core::error::Error>(())
 /// ```
 #[derive(Clone, Debug, PartialEq)]
-pub struct MotionLimits {
-    q_min: Vec<f64>,
-    q_max: Vec<f64>,
-    v_min: Vec<f64>,
-    v_max: Vec<f64>,
-    a_max: Vec<f64>,
-    horizon: f64,
+pub struct MotionLimits<S = f64> {
+    q_min: Vec<S>,
+    q_max: Vec<S>,
+    v_min: Vec<S>,
+    v_max: Vec<S>,
+    a_max: Vec<S>,
+    horizon: S,
 }
 
 impl MotionLimits {
@@ -155,23 +156,37 @@ impl MotionLimits {
         options
     }
 
+    /// The limits with another number type.
+    pub(crate) fn lift<S: Real>(&self) -> MotionLimits<S> {
+        MotionLimits {
+            q_min: labelled_numbers("q_min", &self.q_min),
+            q_max: labelled_numbers("q_max", &self.q_max),
+            v_min: labelled_numbers("v_min", &self.v_min),
+            v_max: labelled_numbers("v_max", &self.v_max),
+            a_max: labelled_numbers("a_max", &self.a_max),
+            horizon: S::labelled("horizon", 0, || S::varying(self.horizon)),
+        }
+    }
+}
+
+impl<S: Real> MotionLimits<S> {
     /// Compute bounds of the joint velocities, `(n,)`, at the joint positions `q(i)`.
-    pub fn velocities(&self, q: impl Fn(usize) -> f64, lower: &mut [f64], upper: &mut [f64]) {
+    pub fn velocities(&self, q: impl Fn(usize) -> S, lower: &mut [S], upper: &mut [S]) {
         for i in 0..lower.len() {
-            (lower[i], upper[i]) = self.velocity(i, q(i), self.horizon, 2.0 * self.a_max[i]);
+            (lower[i], upper[i]) = self.velocity(i, q(i), self.horizon, S::splat(2.0) * self.a_max[i]);
         }
     }
 
     /// Compute bounds of the joint accelerations, `(n,)`, at the joint positions `q(i)` and velocities `v(i)`.
-    pub fn accelerations(&self, q: impl Fn(usize) -> f64, v: impl Fn(usize) -> f64, lower: &mut [f64], upper: &mut [f64]) {
+    pub fn accelerations(&self, q: impl Fn(usize) -> S, v: impl Fn(usize) -> S, lower: &mut [S], upper: &mut [S]) {
         for i in 0..lower.len() {
-            let (slow, fast) = self.velocity(i, q(i), 4.0 * self.horizon, self.a_max[i]);
-            let bound = |to: f64| ((to - v(i)) / self.horizon).clamp(-self.a_max[i], self.a_max[i]);
+            let (slow, fast) = self.velocity(i, q(i), S::splat(4.0) * self.horizon, self.a_max[i]);
+            let bound = |to: S| ((to - v(i)) / self.horizon).clamped(-self.a_max[i], self.a_max[i]);
             (lower[i], upper[i]) = (bound(slow), bound(fast));
         }
     }
 
-    fn velocity(&self, i: usize, q: f64, time: f64, braking: f64) -> (f64, f64) {
+    fn velocity(&self, i: usize, q: S, time: S, braking: S) -> (S, S) {
         joint_velocity_bounds(q, (self.q_min[i], self.q_max[i]), (self.v_min[i], self.v_max[i]), time, braking)
     }
 }

@@ -81,11 +81,6 @@ pub(crate) fn stack<S: Real>(arm: &Arm, levels: &[Level]) -> TaskStack<S> {
     TaskStack::new(arm, levels.iter().map(|level| level.function.clone()).collect())
 }
 
-/// The number of values of the desired motions, including their rates and accelerations.
-pub(crate) fn desired_size(levels: &[Level]) -> usize {
-    levels.iter().map(|level| 3 * level.function.target_size()).sum()
-}
-
 pub(crate) fn require_levels(levels: &[Level]) -> Result<()> {
     if levels.is_empty() { Err(Error::input("tasks", "is empty: expected at least one task, got 0")) } else { Ok(()) }
 }

@@ -5,10 +5,9 @@
 //! task. Then `tau = M a + C v + g`. The method `sns` keeps `a` within bounds. `joint_limits` computes these bounds from the joint limits
 //! at every evaluation.
 
-use super::decided::{Decided, RecordedSolver, Solve};
 use super::definition::{Definition, Law, Route, Shape};
 use super::joint_limits::{LimitOverrides, MotionLimits};
-use super::level::{self, Level, desired_size, require_levels, same_tasks, stack};
+use super::level::{self, Level, require_levels, same_tasks, stack};
 use super::terms::{Instant, Term};
 use crate::dynamics::{AnyArm, Dynamics, Model, Workspace};
 use crate::error::{Error, Result};
@@ -16,7 +15,7 @@ use crate::kinematics::TaskStack;
 use crate::linalg::AnyGain;
 use crate::motion::Motion;
 use crate::plant::PlantKind;
-use crate::priority::{PriorityMethod, PriorityOptions, PrioritySolver};
+use crate::priority::{PriorityMethod, PriorityOptions, PrioritySolver, StackFormula};
 use crate::scalar::Real;
 
 /// Joint accelerations for tasks in order of priority, with validated parameters.
@@ -92,35 +91,26 @@ impl PriorityAccelerationSpec {
         PrioritySolver::new(n, &[self.rows(), vec![n]].concat(), &self.options)
     }
 
-    /// Create the law with a solver of the kind `P`; `None` if this kind does not support the law's method.
-    pub(crate) fn engine<P: Solve>(&self) -> Option<PriorityAcceleration<P>> {
-        P::of(self.solver().ok()?).map(|solver| self.with(solver))
-    }
-
-    /// Create the law on `f64`.
-    fn plain(&self) -> PriorityAcceleration {
-        let Some(law) = self.engine() else { unreachable!("refused when the law was made") };
-        law
-    }
-
-    fn with<P: Solve>(&self, solver: P) -> PriorityAcceleration<P> {
-        let Ok(arm) = self.model.tree("arm") else { unreachable!("refused when the law was made") };
+    /// Create the law for a control loop on the number type `S`.
+    pub(crate) fn build<S: Real>(&self) -> PriorityAcceleration<S> {
+        let (Ok(arm), Ok(solver)) = (self.model.tree("arm"), self.solver()) else { unreachable!("refused when the law was made") };
         let (n, total) = (self.model.n(), self.rows().iter().sum::<usize>());
         let model = AnyArm::new(&self.model);
-        let zeros = |k: usize| vec![P::Number::zero(); k];
+        let zeros = |k: usize| vec![S::zero(); k];
         PriorityAcceleration {
             stack: stack(arm, &self.levels),
-            solver,
+            solution: StackFormula::of(&solver),
             workspace: model.workspace(),
             arm: model,
             gains: self.levels.iter().map(|level| AnyGain::labelled("gain", &level.gain)).collect(),
             dampings: self.levels.iter().map(Level::rate_gain).map(|gain| AnyGain::labelled("rate_gain", &gain)).collect(),
-            joint_damping: P::Number::labelled("joint_damping", 0, || P::Number::varying(self.joint_damping)),
-            limits: self.limits.clone(),
-            bounds: (vec![0.0; n], vec![0.0; n]),
+            joint_damping: S::labelled("joint_damping", 0, || S::varying(self.joint_damping)),
+            limits: self.limits.as_ref().map(MotionLimits::lift),
             e: zeros(total),
             e_dot: zeros(total),
             rate: zeros(total * n),
+            jacobian: zeros((total + n) * n),
+            command: zeros(total + n),
         }
     }
 }
@@ -144,24 +134,23 @@ impl Definition for PriorityAccelerationSpec {
     /// `a` and the torque follow.
     fn terms(&self, at: &Instant) -> Vec<Term> {
         let n = self.model.n();
-        let mut law = self.plain();
+        let mut law = self.build::<f64>();
         let mut tau = vec![0.0; n];
         law.evaluate(at.desired, at.trig, at.x, &[], &mut tau, &mut []);
         let total = law.e.len();
-        let (jacobian, command) = law.solver.inputs();
-        let (jacobian, command) = (jacobian[..total * n].to_vec(), command[..total].to_vec());
-        let numbers = |counts: &[usize]| counts.iter().map(|&k| k as f64).collect::<Vec<f64>>();
+        let (jacobian, command) = (law.jacobian[..total * n].to_vec(), law.command[..total].to_vec());
+        let rows = self.rows().iter().map(|&rows| rows as f64).collect();
         let levels = self.levels.len();
         vec![
-            ("rows", vec![levels], numbers(&self.rows())),
-            ("e", vec![total], law.e.clone()),
-            ("e_dot", vec![total], law.e_dot.clone()),
+            ("rows", vec![levels], rows),
+            ("e", vec![total], law.e),
+            ("e_dot", vec![total], law.e_dot),
             ("J", vec![total, n], jacobian),
-            ("J_dot", vec![total, n], law.rate.clone()),
+            ("J_dot", vec![total, n], law.rate),
             ("command", vec![total], command),
-            ("residuals", vec![total], law.solver.residuals()[..total].to_vec()),
-            ("ranks", vec![levels], numbers(&law.solver.ranks()[..levels])),
-            ("a", vec![n], law.solver.v().to_vec()),
+            ("residuals", vec![total], law.solution.residuals()[..total].to_vec()),
+            ("ranks", vec![levels], law.solution.ranks()[..levels].to_vec()),
+            ("a", vec![n], law.solution.v().to_vec()),
             ("tau", vec![n], tau),
         ]
     }
@@ -174,49 +163,43 @@ impl Definition for PriorityAccelerationSpec {
     }
 }
 
-impl PriorityAccelerationSpec {
-    pub(super) fn build<S: Real>(&self) -> Decided<PriorityAcceleration, PriorityAcceleration<RecordedSolver>> {
-        let n = self.model.n();
-        Decided::new::<S>([desired_size(&self.levels), n, 2 * n], || self.plain(), || self.engine())
-    }
-}
-
 impl Shape for PriorityAccelerationSpec {
     fn same_shape(&self, other: &Self) -> bool {
         same_tasks((&self.levels, &self.options), (&other.levels, &other.options))
     }
 }
 
-/// The law in a control loop. Its buffers are kept between calls.
-pub struct PriorityAcceleration<P: Solve = PrioritySolver> {
-    stack: TaskStack<P::Number>,
-    solver: P,
-    arm: AnyArm<P::Number>,
-    workspace: Workspace<P::Number>,
-    gains: Vec<AnyGain<P::Number>>,
-    dampings: Vec<AnyGain<P::Number>>,
-    joint_damping: P::Number,
-    limits: Option<MotionLimits>,
-    bounds: (Vec<f64>, Vec<f64>),
-    e: Vec<P::Number>,
-    e_dot: Vec<P::Number>,
+/// The law in a control loop.
+pub struct PriorityAcceleration<S: Real> {
+    stack: TaskStack<S>,
+    solution: StackFormula<S>,
+    arm: AnyArm<S>,
+    workspace: Workspace<S>,
+    gains: Vec<AnyGain<S>>,
+    dampings: Vec<AnyGain<S>>,
+    joint_damping: S,
+    limits: Option<MotionLimits<S>>,
+    e: Vec<S>,
+    e_dot: Vec<S>,
     /// Rate of the Jacobians, `dJ/dt`, `(sum rows, n)`.
-    rate: Vec<P::Number>,
+    rate: Vec<S>,
+    /// The Jacobians of the tasks and of the joint damping.
+    jacobian: Vec<S>,
+    command: Vec<S>,
 }
 
-impl<P: Solve> PriorityAcceleration<P> {
+impl<S: Real> PriorityAcceleration<S> {
     /// Write two norms per level at the last evaluation: of the error (m or rad), and of the residual (m/s^2 or rad/s^2).
-    pub fn norms(&self, out: &mut [P::Number]) {
-        level::norms(self.stack.rows(), &self.e, self.solver.residuals(), out);
+    pub fn norms(&self, out: &mut [S]) {
+        level::norms(self.stack.rows(), &self.e, self.solution.residuals(), out);
     }
 
-    fn command(&mut self, desired: &[P::Number], q: &[P::Number], v: &[P::Number]) -> Result<()> {
-        let PriorityAcceleration { stack, solver, gains, dampings, limits, bounds: (lower, upper), e, e_dot, rate, joint_damping, .. } =
-            self;
+    /// Compute the joint accelerations.
+    fn command(&mut self, desired: &[S], q: &[S], v: &[S]) {
+        let PriorityAcceleration { stack, solution, gains, dampings, limits, e, e_dot, rate, joint_damping, jacobian, command, .. } = self;
         let (n, total) = (v.len(), e.len());
         stack.set_moving(v);
         stack.jacobians_dot(rate);
-        let (jacobian, command) = solver.inputs();
         stack.jacobians(&mut jacobian[..total * n]);
         let (mut at, mut from) = (0, 0);
         for k in 0..gains.len() {
@@ -234,18 +217,16 @@ impl<P: Solve> PriorityAcceleration<P> {
             from += width;
         }
         let (identity, rest) = (&mut jacobian[total * n..], &mut command[total..]);
-        identity.fill(P::Number::zero());
+        identity.fill(S::zero());
         for i in 0..n {
-            identity[i * n + i] = P::Number::splat(1.0);
+            identity[i * n + i] = S::splat(1.0);
             rest[i] = -*joint_damping * v[i];
         }
-        solver.solve(stack.rounding(), |solver| match limits {
-            Some(limits) => {
-                limits.accelerations(|i| q[i].lane(0), |i| v[i].lane(0), lower, upper);
-                solver.set_bounds(lower, upper)
-            }
-            None => Ok(()),
-        })
+        if let Some(limits) = limits {
+            let [lower, upper] = solution.bounds_mut();
+            limits.accelerations(|i| q[i], |i| v[i], lower, upper);
+        }
+        solution.solve(stack.rounding(), jacobian, command);
     }
 }
 
@@ -253,28 +234,11 @@ fn product<S: Real>(x: &[S], y: &[S]) -> S {
     x.iter().zip(y).fold(S::zero(), |sum, (&x, &y)| sum + x * y)
 }
 
-impl<P: Solve> Law<P::Number> for PriorityAcceleration<P> {
-    fn evaluate(
-        &mut self,
-        desired: &[P::Number],
-        trig: &[(P::Number, P::Number)],
-        x: &[P::Number],
-        _: &[P::Number],
-        tau: &mut [P::Number],
-        _: &mut [P::Number],
-    ) {
+impl<S: Real> Law<S> for PriorityAcceleration<S> {
+    fn evaluate(&mut self, desired: &[S], trig: &[(S, S)], x: &[S], _: &[S], tau: &mut [S], _: &mut [S]) {
         let (q, v) = x.split_at(tau.len());
         self.stack.place_at(q, trig);
-        match self.command(desired, q, v) {
-            Ok(()) => {
-                let PriorityAcceleration { arm, workspace, solver, .. } = self;
-                arm.inverse_dynamics(workspace, trig, q, v, solver.v(), tau);
-            }
-            Err(_) => tau.fill(P::Number::splat(f64::NAN)),
-        }
-    }
-
-    fn stands(&self) -> Option<P::Number> {
-        self.solver.stands()
+        self.command(desired, q, v);
+        self.arm.inverse_dynamics(&mut self.workspace, trig, q, v, self.solution.v(), tau);
     }
 }

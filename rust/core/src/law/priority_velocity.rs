@@ -6,13 +6,12 @@
 //! The method `sns` keeps `u` within bounds. `joint_limits` computes these bounds from the joint limits at every evaluation.
 //!
 //! The solver decides numerical ranks. For this, it assumes a relative error of `DEFAULT_ROUNDING (1 + sum|q|)` in the entries of the
-//! Jacobians. The methods branch on singular values, so direct evaluation requires `f64`. A recorded law uses an algorithm without
-//! branches, and reports whether its result is valid. A law with the method `sns` cannot be recorded.
+//! Jacobians. Away from singularities and bounds, the solution is a formula without branches. Elsewhere, native code decides the ranks and
+//! replaces its result (`priority::StackFormula`).
 
-use super::decided::{Decided, RecordedSolver, Solve};
 use super::definition::{Definition, Law, Route, Shape};
 use super::joint_limits::{LimitOverrides, MotionLimits};
-use super::level::{self, Level, desired_size, require_levels, same_tasks, stack};
+use super::level::{self, Level, require_levels, same_tasks, stack};
 use super::terms::{Instant, Term};
 use crate::dynamics::Model;
 use crate::error::{Error, Result};
@@ -20,7 +19,7 @@ use crate::kinematics::TaskStack;
 use crate::linalg::AnyGain;
 use crate::motion::Motion;
 use crate::plant::PlantKind;
-use crate::priority::{PriorityMethod, PriorityOptions, PrioritySolver};
+use crate::priority::{PriorityMethod, PriorityOptions, PrioritySolver, StackFormula};
 use crate::scalar::Real;
 
 /// Joint velocities for tasks in order of priority, with validated parameters.
@@ -95,27 +94,19 @@ impl PriorityVelocitySpec {
         PrioritySolver::new(self.model.n(), &self.rows(), &self.options)
     }
 
-    /// Create the law with a solver of the kind `P`; `None` if this kind does not support the law's method.
-    pub(crate) fn engine<P: Solve>(&self) -> Option<PriorityVelocity<P>> {
-        P::of(self.solver().ok()?).map(|solver| self.with(solver))
-    }
-
-    /// Create the law on `f64`.
-    fn plain(&self) -> PriorityVelocity {
-        let Some(law) = self.engine() else { unreachable!("refused when the law was made") };
-        law
-    }
-
-    fn with<P: Solve>(&self, solver: P) -> PriorityVelocity<P> {
-        let Ok(arm) = self.model.tree("arm") else { unreachable!("refused when the law was made") };
-        let (n, total) = (self.model.n(), self.rows().iter().sum());
+    /// Create the law for a control loop on the number type `S`.
+    pub(crate) fn build<S: Real>(&self) -> PriorityVelocity<S> {
+        let (Ok(arm), Ok(solver)) = (self.model.tree("arm"), self.solver()) else { unreachable!("refused when the law was made") };
+        let total: usize = self.rows().iter().sum();
+        let zeros = |k: usize| vec![S::zero(); k];
         PriorityVelocity {
             stack: stack(arm, &self.levels),
-            solver,
+            solution: StackFormula::of(&solver),
             gains: self.levels.iter().map(|level| AnyGain::labelled("gain", &level.gain)).collect(),
-            limits: self.limits.clone(),
-            bounds: (vec![0.0; n], vec![0.0; n]),
-            e: vec![P::Number::zero(); total],
+            limits: self.limits.as_ref().map(MotionLimits::lift),
+            e: zeros(total),
+            jacobian: zeros(total * self.model.n()),
+            command: zeros(total),
         }
     }
 }
@@ -151,19 +142,18 @@ impl Definition for PriorityVelocitySpec {
     /// number of rows of each level. The ranks and the joint velocity follow.
     fn terms(&self, at: &Instant) -> Vec<Term> {
         let n = self.model.n();
-        let mut law = self.plain();
+        let mut law = self.build::<f64>();
         let mut v = vec![0.0; n];
         law.evaluate(at.desired, at.trig, at.x, &[], &mut v, &mut []);
-        let (jacobian, command) = law.solver.inputs();
-        let (total, jacobian, command) = (command.len(), jacobian.to_vec(), command.to_vec());
-        let numbers = |counts: &[usize]| counts.iter().map(|&k| k as f64).collect::<Vec<f64>>();
+        let (total, jacobian, command) = (law.command.len(), law.jacobian, law.command);
+        let rows = self.rows().iter().map(|&rows| rows as f64).collect();
         vec![
-            ("rows", vec![self.levels.len()], numbers(&self.rows())),
-            ("e", vec![total], law.e.clone()),
+            ("rows", vec![self.levels.len()], rows),
+            ("e", vec![total], law.e),
             ("J", vec![total, n], jacobian),
             ("command", vec![total], command),
-            ("residuals", vec![total], law.solver.residuals().to_vec()),
-            ("ranks", vec![self.levels.len()], numbers(law.solver.ranks())),
+            ("residuals", vec![total], law.solution.residuals().to_vec()),
+            ("ranks", vec![self.levels.len()], law.solution.ranks().to_vec()),
             ("v", vec![n], v.clone()),
             ("tau", vec![n], v),
         ]
@@ -177,38 +167,34 @@ impl Definition for PriorityVelocitySpec {
     }
 }
 
-impl PriorityVelocitySpec {
-    pub(super) fn build<S: Real>(&self) -> Decided<PriorityVelocity, PriorityVelocity<RecordedSolver>> {
-        let n = self.model.n();
-        Decided::new::<S>([desired_size(&self.levels), n, n], || self.plain(), || self.engine())
-    }
-}
-
 impl Shape for PriorityVelocitySpec {
     fn same_shape(&self, other: &Self) -> bool {
         same_tasks((&self.levels, &self.options), (&other.levels, &other.options))
     }
 }
 
-/// The law in a control loop. Its buffers are kept between calls.
-pub struct PriorityVelocity<P: Solve = PrioritySolver> {
-    stack: TaskStack<P::Number>,
-    solver: P,
-    gains: Vec<AnyGain<P::Number>>,
-    limits: Option<MotionLimits>,
-    bounds: (Vec<f64>, Vec<f64>),
-    e: Vec<P::Number>,
+/// The law in a control loop.
+pub struct PriorityVelocity<S: Real> {
+    stack: TaskStack<S>,
+    solution: StackFormula<S>,
+    gains: Vec<AnyGain<S>>,
+    limits: Option<MotionLimits<S>>,
+    e: Vec<S>,
+    jacobian: Vec<S>,
+    command: Vec<S>,
 }
 
-impl<P: Solve> PriorityVelocity<P> {
+impl<S: Real> PriorityVelocity<S> {
     /// Write two norms per level at the last evaluation: `|e_i|` (m or rad) and `|v_i - J_i u|` (m/s or rad/s).
-    pub fn norms(&self, out: &mut [P::Number]) {
-        level::norms(self.stack.rows(), &self.e, self.solver.residuals(), out);
+    pub fn norms(&self, out: &mut [S]) {
+        level::norms(self.stack.rows(), &self.e, self.solution.residuals(), out);
     }
+}
 
-    fn command(&mut self, desired: &[P::Number], q: &[P::Number]) -> Result<()> {
-        let PriorityVelocity { stack, solver, gains, limits, bounds: (lower, upper), e } = self;
-        let (jacobian, command) = solver.inputs();
+impl<S: Real> Law<S> for PriorityVelocity<S> {
+    fn evaluate(&mut self, desired: &[S], trig: &[(S, S)], q: &[S], _: &[S], tau: &mut [S], _: &mut [S]) {
+        let PriorityVelocity { stack, solution, gains, limits, e, jacobian, command } = self;
+        stack.place_at(q, trig);
         stack.jacobians(jacobian);
         let (mut at, mut from) = (0, 0);
         for (k, gain) in gains.iter().enumerate() {
@@ -219,35 +205,11 @@ impl<P: Solve> PriorityVelocity<P> {
             at += m;
             from += width;
         }
-        solver.solve(stack.rounding(), |solver| match limits {
-            Some(limits) => {
-                limits.velocities(|i| q[i].lane(0), lower, upper);
-                solver.set_bounds(lower, upper)
-            }
-            None => Ok(()),
-        })
-    }
-}
-
-impl<P: Solve> Law<P::Number> for PriorityVelocity<P> {
-    fn evaluate(
-        &mut self,
-        desired: &[P::Number],
-        trig: &[(P::Number, P::Number)],
-        x: &[P::Number],
-        _: &[P::Number],
-        tau: &mut [P::Number],
-        _: &mut [P::Number],
-    ) {
-        self.stack.place_at(x, trig);
-        match self.command(desired, x) {
-            Ok(()) => tau.copy_from_slice(self.solver.v()),
-            // NaN ends the run with the status `Diverged`.
-            Err(_) => tau.fill(P::Number::splat(f64::NAN)),
+        if let Some(limits) = limits {
+            let [lower, upper] = solution.bounds_mut();
+            limits.velocities(|i| q[i], lower, upper);
         }
-    }
-
-    fn stands(&self) -> Option<P::Number> {
-        self.solver.stands()
+        solution.solve(stack.rounding(), jacobian, command);
+        tau.copy_from_slice(solution.v());
     }
 }

@@ -6,6 +6,7 @@
 //! `v_max`.
 
 use crate::error::{Error, Result, positive};
+use crate::scalar::Real;
 
 /// Compute the velocity bounds of each joint, rad/s or m/s, and write them to `lower` and `upper`. All slices have shape `(n,)`. `dt` is in
 /// s. An infinite `a_max` means no braking distance.
@@ -45,19 +46,18 @@ pub fn velocity_bounds(
 /// Return the velocity bounds of one joint, rad/s or m/s, within `(v_min, v_max)`. `q`, `q_min` and `q_max`: rad or m. `dt`: s. `k`: twice
 /// the deceleration, rad/s^2 or m/s^2. At the distance `d` from a limit, the bound towards the limit is `min(d/dt, sqrt(k d))`. Beyond the
 /// limit, the bound points back.
-pub fn joint_velocity_bounds(q: f64, (q_min, q_max): (f64, f64), (v_min, v_max): (f64, f64), dt: f64, k: f64) -> (f64, f64) {
-    let allowed_speed = |distance: f64| {
-        let speed = if distance > 0.0 { (k * distance).sqrt() } else { f64::INFINITY };
+pub fn joint_velocity_bounds<S: Real>(q: S, (q_min, q_max): (S, S), (v_min, v_max): (S, S), dt: S, k: S) -> (S, S) {
+    let zero = S::zero();
+    let allowed_speed = |distance: S| {
+        let speed = S::select(zero.lt(distance), (k * distance).sqrt(), S::splat(f64::INFINITY));
         (distance / dt).min(speed)
     };
     let down = q - q_min;
     let (lower, upper) = ((-allowed_speed(down)).max(v_min).min(v_max), allowed_speed(q_max - q).max(v_min).min(v_max));
-    match lower <= upper {
-        true => (lower, upper),
-        // Beyond one limit, the return speed is at most the speed from which the joint can stop before the other limit.
-        false if down < 0.0 => (upper, upper),
-        false => (lower, lower),
-    }
+    // Beyond one limit, the return speed is at most the speed from which the joint can stop before the other limit.
+    let back = S::select(down.lt(zero), upper, lower);
+    let crossed = upper.lt(lower);
+    (S::select(crossed, back, lower), S::select(crossed, back, upper))
 }
 
 #[cfg(test)]

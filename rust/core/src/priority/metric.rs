@@ -61,6 +61,16 @@ impl Metric {
 }
 
 impl<S: Real> Metric<S> {
+    /// The Cholesky factor, shape `(n, n)`, row-major.
+    pub fn factor(&self) -> &[S] {
+        &self.l
+    }
+
+    /// Replace the Cholesky factor.
+    pub fn set_factor(&mut self, factor: &[S]) {
+        self.l.copy_from_slice(factor);
+    }
+
     /// Replace the row `x` of a Jacobian by `x L^-T`, the solution of `L x' = row'`.
     pub fn row(&self, x: &mut [S]) {
         for i in 0..self.n {

@@ -11,11 +11,13 @@
 //! proven that every singular value is large and that no bound is met. For `clamp` and `damped`, `pairs` solves levels of at most two rows
 //! in closed form, also at singularities. `levels` is the general recursion with singular values, and `sns` adds bounds. `batch` solves
 //! many stacks with a program: the recorded and compiled algorithm `regular`. `solver` owns the memory and selects the route.
+//! `formula` is the solution within a recorded law.
 
 #[doc(hidden)]
 mod batch;
 mod bounds;
 mod diagnose;
+mod formula;
 mod levels;
 mod lq;
 mod matrices;
@@ -33,6 +35,7 @@ mod workspace;
 pub use batch::{FEW, StackAnswers, StackBatch, StackRows};
 pub use bounds::{joint_velocity_bounds, velocity_bounds};
 pub use diagnose::{Compatibility, Diagnosis, LevelDiagnosis, SingularityKind, diagnose};
+pub use formula::StackFormula;
 pub use matrices::solve_levels;
 pub use method::{DEFAULT_EPS, DEFAULT_ROUNDING, PriorityMethod, PriorityOptions};
 pub use regular::Regular;

@@ -262,6 +262,14 @@ impl SinglePairs {
         self.direct.set_eps(eps);
     }
 
+    /// Replace the factor of the metric, and discard the program, which contains the old factor.
+    pub fn set_metric(&mut self, factor: &[f64]) {
+        (self.program, self.solves) = (None, 0);
+        if let Some(metric) = &mut self.direct.metric {
+            metric.set_factor(factor);
+        }
+    }
+
     /// Whether a program should be made now, because of repeated calls.
     pub fn wants_program(&self) -> bool {
         self.program.is_none() && self.solves == CALLS_BEFORE_PROGRAM

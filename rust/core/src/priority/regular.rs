@@ -111,6 +111,21 @@ impl<S: Real> Regular<S> {
         }
     }
 
+    /// The lower and upper velocity bounds of `sns`, shape `(n,)` each, rad/s or m/s.
+    pub fn bounds_mut(&mut self) -> &mut [Vec<S>; 2] {
+        &mut self.bounds
+    }
+
+    pub(super) fn metric(&self) -> Option<&Metric<S>> {
+        self.metric.as_ref()
+    }
+
+    /// The numbers that differ between runs: the squares of the thresholds, the factor of the metric, and the bounds of `sns`.
+    pub(super) fn parameters(&self) -> impl Iterator<Item = &S> {
+        let bounds = if self.method.has_bounds() { &self.bounds[..] } else { &[] };
+        self.eps2.iter().flatten().chain(self.metric.iter().flat_map(Metric::factor)).chain(bounds.iter().flatten())
+    }
+
     /// Set the thresholds of the levels, shape `(levels,)`.
     pub fn set_eps(&mut self, eps: &[f64]) {
         // The existing memory is reused, because some searches set thresholds in every step.

@@ -36,7 +36,7 @@ pub struct PrioritySolver {
     work: Workspace,
     saturation: Option<Saturation>,
     /// The closed-form algorithm for levels of at most two rows, if it applies.
-    pairs: Option<SinglePairs>,
+    pub(super) pairs: Option<SinglePairs>,
     status: Status,
     uses: u64,
 }

@@ -3,17 +3,18 @@
 use super::key::Common;
 use super::problem::{Options, Problem};
 use super::recorded::{self, Recorded};
-use super::redo;
 use super::sampling::Sampling;
 use super::schedule::Times;
+use super::stepper::stepper;
 use crate::error::{Result, positive};
 use crate::integrate::Method;
 use crate::law::{ExternalSpec, LawSpec};
 use crate::parallel;
 use crate::plant::PlantSpec;
 use crate::scalar::trig::REDUCTION_LIMIT;
+use crate::status::Status;
 use crate::trace::rows::{self, Rows};
-use crate::trace::{Frame, form};
+use crate::trace::{Engine, Frame, form};
 use std::sync::Arc;
 
 /// The number of rows that a thread computes as one piece of work. The calling thread computes a batch of at most this number of rows,
@@ -40,8 +41,7 @@ pub struct BatchStepper {
     plant: PlantSpec,
     law: LawSpec,
     options: Options,
-    /// The program of a step, and the loop parameters, which are its first inputs. `None` means that the step is computed without a
-    /// program.
+    /// The program of a step, and the loop parameters, which are its first inputs. `None` for joints that stick and slip.
     recorded: Option<(Arc<Recorded>, Vec<f64>)>,
     lanes: usize,
 }
@@ -72,10 +72,7 @@ impl BatchStepper {
         if plant.sticks() {
             return Ok(made);
         }
-        let common = Common::of(&problem, packed);
-        let parameters = recorded::loop_parameters(&problem, 0, common);
-        let seen = recorded::of_run(&problem, 0, common, &parameters);
-        made.recorded = seen.recorded.clone().map(|recorded| (recorded, parameters.values));
+        made.recorded = recorded_step(&problem, Common::of(&problem, packed));
         Ok(made)
     }
 
@@ -111,14 +108,21 @@ impl BatchStepper {
     }
 
     fn chunk(&self, tau: &[f64], steps: usize, x: &mut [f64]) {
-        let (states, n) = (self.states(), self.plant.n());
-        let Some((recorded, values)) = &self.recorded else { return self.directly(tau, steps, x) };
+        match &self.recorded {
+            Some(recorded) => self.run(recorded, self.lanes, (tau, steps), x),
+            None => self.stick_and_slip(tau, steps, x),
+        }
+    }
+
+    /// Advance rows by a program for `lanes` rows.
+    fn run(&self, program: &(Arc<Recorded>, Vec<f64>), lanes: usize, (tau, steps): (&[f64], usize), x: &mut [f64]) {
+        let (states, n, (recorded, values)) = (self.states(), self.plant.n(), program);
         let (layout, programs) = (&recorded.layout, &recorded.programs);
-        let mut frame = Frame::new(programs.slots(), self.lanes);
+        let mut frame = Frame::new(programs.slots(), lanes);
         programs.prepare(&mut frame);
         values.iter().enumerate().for_each(|(slot, &value)| frame.fill(slot, value));
         frame.fill(layout.step(), self.options.grid());
-        for (x, tau) in x.chunks_mut(states * self.lanes).zip(tau.chunks(n * self.lanes)) {
+        for (x, tau) in x.chunks_mut(states * lanes).zip(tau.chunks(n * lanes)) {
             frame.fill(layout.reach(), 0.0);
             rows::read(&mut frame, layout.state(), &[Rows { numbers: x, width: states }], 0);
             rows::read(&mut frame, layout.tau(), &[Rows { numbers: tau, width: n }], 0);
@@ -126,28 +130,53 @@ impl BatchStepper {
                 Some(program) => program.run_along(&mut frame, &[], steps),
                 None => (0..steps).for_each(|_| programs.advance(&mut frame, |_, _| ())),
             }
-            if frame.slot_mut(layout.reach()).iter().all(|&reach| reach < REDUCTION_LIMIT) {
+            if recorded.engine() == Engine::Interpreter || frame.slot_mut(layout.reach()).iter().all(|&reach| reach < REDUCTION_LIMIT) {
                 rows::write(&frame, layout.state(), states, x);
                 continue;
             }
-            // A row in which an angle left the range of the program's sines is repeated without a program.
+            // A row in which an angle left the range of the program's sines is repeated by the interpreter.
             for (lane, (x, tau)) in x.chunks_exact_mut(states).zip(tau.chunks_exact(n)).enumerate() {
                 if frame.slot_mut(layout.reach())[lane] < REDUCTION_LIMIT {
                     (0..states).for_each(|k| x[k] = frame.slot_mut(layout.state() + k)[lane] + 0.0);
                 } else {
-                    self.directly(tau, steps, x);
+                    self.interpret(tau, steps, x);
                 }
             }
         }
     }
 
-    /// Advance rows without a program.
-    fn directly(&self, tau: &[f64], steps: usize, x: &mut [f64]) {
-        let (problem, h) = (self.problem(), self.options.grid());
-        let mut direct = redo::direct(&problem, 0, false);
+    /// Advance one row by the interpreter.
+    fn interpret(&self, tau: &[f64], steps: usize, x: &mut [f64]) {
+        let problem = self.problem();
+        let common = Common { engine: Engine::Interpreter, ..Common::of(&problem, false) };
+        match recorded_step(&problem, common) {
+            Some(recorded) => self.run(&recorded, 1, (tau, steps), x),
+            None => unreachable!("the step has been recorded for machine code"),
+        }
+    }
+
+    /// Advance rows of a plant whose joints stick and slip.
+    fn stick_and_slip(&self, tau: &[f64], steps: usize, x: &mut [f64]) {
+        let problem = self.problem();
+        let Ok(mut stepping) = stepper(&problem) else { unreachable!("refused when the stepper was made") };
+        let mut input = vec![0.0; self.plant.n()];
         for (x, tau) in x.chunks_exact_mut(self.states()).zip(tau.chunks_exact(self.plant.n())) {
-            (0..steps).for_each(|_| direct.step(0.0, h, h, Some((tau, &[])), x));
+            stepping.reset(x);
+            for _ in 0..steps {
+                stepping.step(Some(tau), None);
+            }
+            stepping.read(x, &mut input);
+            if stepping.status() != Status::Success {
+                x.fill(f64::NAN);
+            }
             x.iter_mut().for_each(|x| *x += 0.0);
         }
     }
+}
+
+/// Record a step, with its loop parameters.
+fn recorded_step(problem: &Problem, common: Common) -> Option<(Arc<Recorded>, Vec<f64>)> {
+    let parameters = recorded::loop_parameters(problem, 0, common);
+    let seen = recorded::of_run(problem, 0, common, &parameters);
+    seen.recorded.clone().map(|recorded| (recorded, parameters.values))
 }

@@ -54,8 +54,6 @@ pub struct ClosedLoop<'a, S: Real> {
     dz: Vec<S>,
     /// The size of the law's state.
     p: usize,
-    /// One if every result of the law since the last reset of this flag is valid, otherwise zero.
-    pub stands: S,
     now: Exogenous<S>,
     /// Memory for the results of the law that the sampler selects: `tau` and `dz`.
     acting: (Vec<S>, Vec<S>),
@@ -92,7 +90,6 @@ impl<'a, S: Real> ClosedLoop<'a, S> {
             tau: vec![S::zero(); n],
             dz: vec![S::zero(); answer],
             p,
-            stands: S::splat(1.0),
             now,
             acting: (vec![S::zero(); n], vec![S::zero(); answer]),
             truth: None,
@@ -127,7 +124,6 @@ impl<'a, S: Real> ClosedLoop<'a, S> {
             tau: self.tau,
             dz: self.dz,
             p: self.p,
-            stands: self.stands,
             now: self.now,
             acting: self.acting,
             truth: self.truth,
@@ -164,9 +160,6 @@ impl<'a, S: Real> ClosedLoop<'a, S> {
                 None => self.law.dissipation(),
                 Some(truth) => self.law.dissipation_of(truth, None, measured, z),
             };
-        }
-        if let Some(stands) = self.law.stands() {
-            self.stands = self.stands.min(stands);
         }
         self.saturate();
     }

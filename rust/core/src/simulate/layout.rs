@@ -20,14 +20,10 @@ pub struct Layout {
     pub inputs: usize,
     /// The number of results of the law in addition to the plant's input.
     pub answer: usize,
-    /// One if the law reports whether its result is valid, otherwise zero.
-    pub guards: usize,
     /// The number of reference values of the monitors, which are computed at the first record. It is zero without records.
     pub firsts: usize,
     /// The size of a record without the state. It is zero without records.
     pub noted: usize,
-    /// The number of norms of priority levels. The norms are the last numbers of a record.
-    pub norms: usize,
     /// The total number of inputs of the programs.
     pub all_inputs: usize,
     /// Whether all lanes have the same exogenous input.
@@ -57,13 +53,9 @@ impl Layout {
     pub fn law_rate(&self) -> usize {
         self.tau() + self.inputs
     }
-    /// The slot that is one if the law's results are valid, otherwise zero. Each step updates it.
-    pub fn stands(&self) -> usize {
-        self.law_rate() + self.answer
-    }
     /// The first slot of the reference values of the monitors.
     pub fn firsts(&self) -> usize {
-        self.stands() + self.guards
+        self.law_rate() + self.answer
     }
     /// The first slot of the state of a stage. The exogenous input of the stage follows.
     pub fn stage(&self) -> usize {
@@ -101,12 +93,8 @@ impl Layout {
     pub fn own_firsts(&self) -> usize {
         self.noted() + self.noted
     }
-    /// The slot that is one if the norms of priority levels in a record are valid, otherwise zero.
-    pub fn noted_stands(&self) -> usize {
-        self.own_firsts() + self.firsts
-    }
     pub fn slots(&self) -> usize {
-        self.noted_stands() + usize::from(self.norms > 0)
+        self.own_firsts() + self.firsts
     }
 }
 

@@ -155,21 +155,11 @@ fn require_recordable(problem: &Problem, fixed: bool) -> Result<()> {
     if law.route() == Route::Outside {
         return directly("law", "a law of armlet such as Adaptive".into(), "a function in Python".into());
     }
-    if fixed && !law.route().is_recordable() {
-        return directly(
-            "law",
-            "a map of task priority such as clamp".into(),
-            format!("{} with a map that branches on its data", law.name()),
-        );
-    }
     if fixed && problem.forces.iter().any(|force| matches!(force, Force::Signal(_))) {
         return directly("force", format!("None, a constant or [(t_start, F), ...] for {method}"), "a function in Python".into());
     }
     if let Some(sampling) = o.sampling.as_ref().filter(|sampling| fixed && sampling.jitter != 0.0) {
         return directly("sample_time", format!("samples without jitter for {method}"), format!("a jitter of {} s", sampling.jitter));
-    }
-    if !fixed && law.route().is_scalar() {
-        return directly("law", format!("a law without task priority for {method}"), law.name().into());
     }
     if !fixed && !rates_programs::is_recordable(problem) {
         return directly("plant", format!("no wall for {method}"), "a plant with one".into());

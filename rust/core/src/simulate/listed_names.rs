@@ -47,7 +47,6 @@ impl SlotNames {
         all.add("sum", (1..=layout.kept).map(|k| format!("sum{k}")));
         all.add("step", ["h".to_owned()]);
         all.held(layout.inputs, layout.answer);
-        all.add("guard", (0..layout.guards).map(|_| "valid".to_owned()));
         let suffix = if part == "rates" { "" } else { "_stage" };
         all.add("state", states.iter().map(|name| format!("{name}{suffix}")));
         all.instant(&exogenous, layout.desired, suffix);
@@ -57,7 +56,6 @@ impl SlotNames {
             }
             let suffix = if stage > 0 { format!("_stage{stage}") } else { String::new() };
             all.add("rate", states.iter().map(|name| format!("d{name}{suffix}")));
-            all.add("guard", (0..layout.guards).map(|_| format!("valid{suffix}_rates")));
         }
         all.add("largest angle", ["largest_angle".to_owned()]);
         all

@@ -7,13 +7,13 @@ use crate::trace::{Cut, Engine, Frame, Part, Program, Scratch, SlotTable, Stream
 
 /// The indices of the recorded operations that compute the results of the programs.
 pub struct Tracing {
-    /// The results of the law: the plant's input, the rate of the law's state, and a flag that is one if the results are valid.
+    /// The results of the law: the plant's input and the rate of the law's state.
     pub law: Vec<u32>,
     /// The rates and the plant's input in a stage, if the rates are a separate program.
     pub rates: Option<(Vec<u32>, Vec<u32>)>,
     /// The cuts that divide the recording of a step, one before each evaluation of the rates. Empty if the step is not divided.
     pub cuts: Vec<Cut>,
-    /// The next state, then a flag that is one if the step is valid, otherwise zero.
+    /// The next state.
     pub next: Vec<u32>,
     /// The results of the program that updates the metrics.
     pub sums: Option<Summing>,
@@ -29,10 +29,6 @@ pub struct Noting {
     pub along: Vec<u32>,
     /// The reference values of the monitors at the first record.
     pub firsts: Vec<u32>,
-    /// A flag that is one if the norms of priority levels are valid, otherwise zero.
-    pub stands: Vec<u32>,
-    /// A flag that is one if a step that begins with this record is valid, otherwise zero.
-    pub next: Vec<u32>,
 }
 
 /// The results of an update of the metrics.
@@ -173,8 +169,7 @@ pub fn make(ops: &[Op], layout: &Layout, tracing: Tracing, (lanes, engine): (boo
     let (form, reach) = (form(lanes), layout.reach() as u32);
     let to = |first: usize, entries: &[u32]| entries.iter().enumerate().map(|(k, &entry)| ((first + k) as u32, entry)).collect::<Vec<_>>();
     let mut cuts = tracing.cuts;
-    let (next, stands) = tracing.next.split_at(layout.states);
-    let outputs = [to(layout.state(), next), to(layout.stands(), stands)].concat();
+    let outputs = to(layout.state(), &tracing.next);
     let whole = outputs.clone();
     cuts.push(Cut { end: ops.len() as u32, outputs });
     let (places, mut free) = segments::join(ops, &mut cuts, layout.slots() as u32);
@@ -221,11 +216,10 @@ pub fn make(ops: &[Op], layout: &Layout, tracing: Tracing, (lanes, engine): (boo
     }
     let (mut notes, mut noted_step) = (None, None);
     if let Some(noting) = tracing.notes {
-        let stands = to(layout.noted_stands(), &noting.stands);
-        let alone = [to(layout.noted(), &noting.alone), to(layout.own_firsts(), &noting.firsts), stands].concat();
+        let alone = [to(layout.noted(), &noting.alone), to(layout.own_firsts(), &noting.firsts)].concat();
         notes = Some(program("notes".into(), 0, &alone, &none, None));
         if let Step::Whole(_) = step {
-            let next = [to(layout.state(), next), to(layout.stands(), &noting.next), to(layout.noted(), &noting.along)].concat();
+            let next = [whole, to(layout.noted(), &noting.along)].concat();
             noted_step = Some(program("noted_step".into(), 0, &next, &none, Some(stream)));
         }
     }

@@ -6,7 +6,6 @@ use super::monitors::{Checks, Monitored, Scope};
 use super::problem::Problem;
 use super::schedule::Times;
 use super::world::Exogenous;
-use crate::law::RecordedSolver;
 use crate::trace::Sym;
 
 /// The number of reference values: values of the first record that monitors read at later records.
@@ -17,22 +16,18 @@ pub struct Noted {
     pub numbers: Vec<Sym>,
     /// The reference values of the monitors, if this is the first record.
     pub firsts: Vec<Sym>,
-    /// One if the norms of priority levels are valid, zero if the solver requires another algorithm. `None` without levels.
-    pub stands: Option<Sym>,
 }
 
 /// The recorded operations that compute the part of a record that follows the state: the input and the monitors.
 pub struct Notes {
-    checks: Option<Checks<RecordedSolver>>,
+    checks: Option<Checks<Sym>>,
     monitors: usize,
 }
 
 impl Problem<'_> {
-    /// Whether programs can compute complete records. This requires records at the ends of steps, and no metrics. If the norms of priority
-    /// levels are monitored, their computation must not branch on data.
+    /// Whether programs can compute complete records. This requires records at the ends of steps, and no metrics.
     pub fn notes_in_programs(&self) -> bool {
-        let branches = self.options.monitors && self.laws.iter().any(|law| !law.route().is_recordable());
-        self.measures.is_none() && matches!(self.options.times, Times::Every(_)) && !branches
+        self.measures.is_none() && matches!(self.options.times, Times::Every(_))
     }
 }
 
@@ -43,23 +38,23 @@ impl Notes {
         Notes { checks: (monitors > 0).then(|| Checks::new(&Scope { problem, run, monitored })), monitors }
     }
 
-    /// Return the number of monitors, the number of norms of priority levels among them, and the number of reference values.
-    pub fn sizes(&self) -> (usize, usize, usize) {
+    /// Return the number of monitors, and the number of reference values.
+    pub fn sizes(&self) -> (usize, usize) {
         let norms = self.checks.as_ref().map_or(0, Checks::norms);
-        (self.monitors, norms, if self.monitors > norms { FIRSTS } else { 0 })
+        (self.monitors, if self.monitors > norms { FIRSTS } else { 0 })
     }
 
     /// Record the operations for state `x`, exogenous input `u` and input `tau`. `firsts`: the reference values. If `firsts` is empty, this
     /// record determines them.
     pub fn take(&mut self, u: &Exogenous<Sym>, x: &[Sym], tau: &[Sym], firsts: &[Sym]) -> Noted {
-        let mut noted = Noted { numbers: tau.to_vec(), firsts: Vec::new(), stands: None };
+        let mut noted = Noted { numbers: tau.to_vec(), firsts: Vec::new() };
         let Some(checks) = &mut self.checks else { return noted };
         let mut values = vec![Sym::default(); self.monitors];
         let count_from = |own: [Sym; 2]| {
             noted.firsts = own.to_vec();
             firsts.try_into().unwrap_or(own)
         };
-        noted.stands = checks.evaluate((&u.desired, &u.wrench), (x, tau), count_from, &mut values);
+        checks.evaluate((&u.desired, &u.wrench), (x, tau), count_from, &mut values);
         noted.numbers.extend(values);
         noted
     }

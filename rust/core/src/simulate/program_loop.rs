@@ -6,7 +6,6 @@ use super::force::Wrench;
 use super::layout::Layout;
 use super::log::{Log, MOST_LANES};
 use super::recorded::Recorded;
-use super::redo::Redo;
 use super::sampler::Sampler;
 use super::sink::Sink;
 use super::world::{Exogenous, World};
@@ -35,8 +34,6 @@ pub struct ProgramLoop<'a, S: Real> {
     seen: Vec<S>,
     /// The exogenous inputs of all whole steps from step 0 on, if they were evaluated before the run.
     pub(super) table: Option<&'a [f64]>,
-    /// Repeats the declined steps. A program declines a step if its results are not valid.
-    pub(super) redo: Redo<'a, S>,
     /// The log of the records that programs compute. `None` if programs compute no records.
     pub(super) log: Option<Log>,
 }
@@ -77,7 +74,6 @@ impl<'a, S: Real> ProgramLoop<'a, S> {
             dz: answer.1.clone(),
             acting: answer,
             seen: vec![S::zero(); recorded.layout.carried()],
-            redo: Redo::new(&recorded.layout),
             recorded,
             world,
             table,
@@ -88,16 +84,6 @@ impl<'a, S: Real> ProgramLoop<'a, S> {
     /// Let the programs compute and store a record every `steps` steps.
     pub fn note_every(&mut self, steps: usize) {
         self.log = Some(Log::new(&self.recorded.layout, steps, &self.frames));
-    }
-
-    /// Store the state at the start of step `step` in the log if a record is due.
-    pub(super) fn note_if_due(&mut self, step: usize, t: f64, x: &[S]) {
-        if let Some(log) = &self.log
-            && step.is_multiple_of(log.every)
-        {
-            let i = step / log.every;
-            self.note(i, t, x);
-        }
     }
 
     /// Write the exogenous input at time `t`, s, and the state `x` to the frames. Unless the input is held, also evaluate the law.
@@ -118,14 +104,9 @@ impl<'a, S: Real> ProgramLoop<'a, S> {
     }
 
     /// The number in slot `slot` of lane `lane`.
-    pub(super) fn number(&self, slot: usize, lane: usize) -> f64 {
+    fn number(&self, slot: usize, lane: usize) -> f64 {
         let lanes = self.frames[0].lanes();
         self.frames[lane / lanes].numbers()[slot * lanes + lane % lanes]
-    }
-
-    pub(super) fn set_number(&mut self, slot: usize, lane: usize, x: f64) {
-        let lanes = self.frames[0].lanes();
-        self.frames[lane / lanes].slot_mut(slot)[lane % lanes] = x;
     }
 
     /// Evaluate the law at time `t` and state `x = [plant, law, ..]`, and write its results to `self.tau` and the frames.
@@ -135,11 +116,9 @@ impl<'a, S: Real> ProgramLoop<'a, S> {
         self.world.sample(t, &mut self.now);
         write_instant(&mut self.frames, layout, layout.instant(0), &self.now);
         write(&mut self.frames, layout.state(), x);
-        self.remember(x);
         for frame in &mut self.frames {
             recorded.programs.answer(frame);
         }
-        self.answer_again(t);
         read(&self.frames, layout.tau(), &mut self.tau);
         read(&self.frames, layout.law_rate(), &mut self.dz);
     }
@@ -249,7 +228,6 @@ impl<S: Real> System<S> for ProgramLoop<'_, S> {
                 programs.note(frame);
             }
         }
-        self.norms_again(t, x);
         for (k, frame) in self.frames.iter().enumerate() {
             let Some(log) = &mut self.log else { return };
             log.note_state(i, k, frame);

@@ -10,7 +10,7 @@ use super::loop_programs::Programs;
 use super::program_loop::ProgramLoop;
 use super::recorded::Recorded;
 use super::world::World;
-use crate::integrate::{FixedStep, System};
+use crate::integrate::FixedStep;
 use crate::interrupt::look;
 use crate::memory;
 use crate::motion::Table;
@@ -126,12 +126,8 @@ impl<S: Real> ProgramStep<S> {
 }
 
 impl<S: Real> ProgramStep<S> {
-    /// Compute several steps in parts, while the state remains in the frames. Return false if programs may decline steps. Such steps are
-    /// computed one by one.
-    fn stride_in_parts(&mut self, system: &mut ProgramLoop<'_, S>, first: usize, count: usize, h: f64, x: &mut [S]) -> bool {
-        if !system.redo.is_empty() {
-            return false;
-        }
+    /// Compute several steps in parts, while the state remains in the frames.
+    fn stride_in_parts(&mut self, system: &mut ProgramLoop<'_, S>, first: usize, count: usize, h: f64, x: &mut [S]) {
         let recorded = system.recorded.clone();
         let layout = &recorded.layout;
         for from in (first..first + count).step_by(STREAM_STEPS) {
@@ -156,7 +152,6 @@ impl<S: Real> ProgramStep<S> {
             });
             system.log = log;
         }
-        true
     }
 }
 
@@ -209,7 +204,6 @@ impl<S: Real> FixedStep<S, ProgramLoop<'_, S>, Vec<S>> for ProgramStep<S> {
     fn step(&mut self, system: &mut ProgramLoop<'_, S>, t: f64, h: f64, end: f64, x: &mut Vec<S>) {
         let recorded = system.recorded.clone();
         self.sample(&recorded.layout, &system.world, std::iter::once([t, h, end]));
-        system.remember(x);
         let layout = &recorded.layout;
         system.advance(h, x, |frame, k| match recorded.programs.whole() {
             Some(program) => program.run_along(frame, self.stream(k), 1),
@@ -218,17 +212,18 @@ impl<S: Real> FixedStep<S, ProgramLoop<'_, S>, Vec<S>> for ProgramStep<S> {
                 recorded.programs.advance(frame, |_, _| ());
             }
         });
-        system.step_again(t, h, end, x);
     }
 
     fn stride(&mut self, system: &mut ProgramLoop<'_, S>, first: usize, count: usize, h: f64, x: &mut Vec<S>) -> bool {
         let recorded = system.recorded.clone();
-        let Some(program) = recorded.programs.repeated() else { return self.stride_in_parts(system, first, count, h, x) };
+        let Some(program) = recorded.programs.repeated() else {
+            self.stride_in_parts(system, first, count, h, x);
+            return true;
+        };
         let (table, mut done) = (system.table, 0);
-        let most = if table.is_some() && system.redo.is_empty() { count } else { STREAM_STEPS };
+        let most = if table.is_some() { count } else { STREAM_STEPS };
         while done < count {
             let (turns, from) = ((count - done).min(most), first + done);
-            system.remember(x);
             if table.is_none() {
                 self.sample(&recorded.layout, &system.world, equal(from, from + turns, h));
             }
@@ -243,17 +238,6 @@ impl<S: Real> FixedStep<S, ProgramLoop<'_, S>, Vec<S>> for ProgramStep<S> {
                 }
             });
             system.log = log;
-            if (0..S::LANES).any(|lane| system.declined(lane)) {
-                // Compute the steps of this block again, one by one. Lanes whose steps were valid repeat the same operations.
-                (0..S::LANES).for_each(|lane| system.back(lane));
-                x.copy_from_slice(system.redo.before());
-                for step in from..from + turns {
-                    let t = step as f64 * h;
-                    system.sum_up(t, h, x);
-                    system.note_if_due(step, t, x);
-                    self.step(system, t, h, (step + 1) as f64 * h, x);
-                }
-            }
             done += turns;
         }
         true

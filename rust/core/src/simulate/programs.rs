@@ -14,10 +14,8 @@ use super::problem::{Division, Ended, Fixed, Problem};
 use super::program_loop::ProgramLoop;
 use super::program_step::{ProgramStep, tabulate};
 use super::recorded::{self, Recorded, SeenLoop};
-use super::redo;
 use super::schedule::Within;
 use super::sink::Sink;
-use crate::law::Route;
 use crate::scalar::{Array8, Real};
 use crate::trace::Engine;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -50,9 +48,7 @@ impl Structures {
         let Division::Fixed(fixed) = division else { return None };
         // Programs require the same sample times in all lanes. With random jitter, each lane has different sample times.
         let late = problem.options.sampling.as_ref().is_some_and(|sampling| sampling.jitter != 0.0);
-        // A law with `Route::Guarded` branches on data. Its program and its direct evaluation use different algorithms, which round
-        // differently. So short runs of this law use programs, too.
-        let short = !lanes && fixed.schedule.steps < SHORT && problem.law(0).route() != Route::Guarded;
+        let short = !lanes && fixed.schedule.steps < SHORT;
         if short || late || !recorded::is_recordable(problem) {
             return None;
         }
@@ -197,11 +193,7 @@ fn loop_of<'a, 'b, S: Real>(
     given: impl Fn(usize) -> &'b [f64],
 ) -> ProgramLoop<'a, S> {
     let held = problem.options.sampling.is_some();
-    let mut closed = ProgramLoop::new(recorded.clone(), world(problem, S::LANES, row), held, sampler(problem, row), table, given);
-    if recorded.layout.guards > 0 {
-        closed.redo_by((0..S::LANES).map(|lane| redo::direct(problem, row(lane), recorded.layout.norms > 0)).collect());
-    }
-    closed
+    ProgramLoop::new(recorded.clone(), world(problem, S::LANES, row), held, sampler(problem, row), table, given)
 }
 
 /// Compute run `run` in lane `lane` of a group with the interpreter of its recording.

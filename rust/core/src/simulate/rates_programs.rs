@@ -117,7 +117,7 @@ pub fn is_recordable(problem: &Problem) -> bool {
     let method = problem.options.method;
     // With an implicit method of fixed steps, only plants without a wall have programs.
     let free = |plant: &PlantSpec| method.is_adaptive() || !method.is_implicit() || plant.wall().is_none();
-    problem.plants.iter().all(|plant| free(plant)) && !problem.laws.iter().any(|law| law.route().is_scalar())
+    problem.plants.iter().all(|plant| free(plant)) && problem.laws.iter().all(|law| law.route().is_recordable())
 }
 
 /// The number of contact modes that are inputs of the rates: two for each contact if the method is adaptive. An adaptive method keeps every

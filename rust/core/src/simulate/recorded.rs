@@ -25,7 +25,6 @@ use super::problem::Problem;
 use super::sums::Sums;
 use super::world::Exogenous;
 use crate::integrate::{Advance, ExplicitSteps, MethodKind, System, WithExplicitSteps};
-use crate::law::Route;
 use crate::linalg::Pairs;
 use crate::scalar::Real;
 use crate::trace::cache::Cache;
@@ -173,7 +172,7 @@ pub fn record_watched(problem: &Problem, run: usize, common: Common, plain: Opti
     let (closed, extras) = set_up(problem, run, common);
     let given = sym::end_set_up();
     let (kept, lasting) = extras.sums.as_ref().map_or((0, 0), Sums::sizes);
-    let (monitors, norms, firsts) = extras.notes.as_ref().map_or((0, 0, 0), Notes::sizes);
+    let (monitors, firsts) = extras.notes.as_ref().map_or((0, 0), Notes::sizes);
     let noted = extras.notes.as_ref().map_or(0, |_| closed.tau.len() + monitors);
     let MethodKind::ExplicitSteps(method) = problem.options.method.kind() else { return None };
     let instants = method.instants();
@@ -187,10 +186,8 @@ pub fn record_watched(problem: &Problem, run: usize, common: Common, plain: Opti
         lasting,
         inputs: closed.tau.len(),
         answer: closed.law_rate().len(),
-        guards: usize::from(problem.law(run).route() == Route::Guarded),
         firsts,
         noted,
-        norms,
         all_inputs: 0,
         shared: common.shared,
     };
@@ -240,16 +237,15 @@ fn trace(
     let u: Vec<Exogenous<Sym>> = layout.instants.iter().map(|_| one()).collect();
     let (x, kept, h) = (inputs(layout.states), inputs(layout.kept), sym::input());
     let (tau, dz) = (inputs(layout.inputs), inputs(layout.answer));
-    let (stood, firsts) = (inputs(layout.guards), inputs(layout.firsts));
+    let firsts = inputs(layout.firsts);
     let (stage, stage_input) = (inputs(layout.states), one());
-    let mut rates = inputs(layout.states + layout.guards);
+    let mut rates = inputs(layout.states);
     let mut closed = RecordedLoop { closed, layout, cuts: None };
     if with_law {
         closed.closed.turn_to(&x);
         closed.closed.answer(&u[0], &x);
     }
-    let mut law: Vec<Sym> = closed.closed.tau.iter().chain(closed.closed.law_rate()).copied().collect();
-    law.extend(stood.iter().map(|_| closed.closed.stands));
+    let law: Vec<Sym> = closed.closed.tau.iter().chain(closed.closed.law_rate()).copied().collect();
     let mut acting = closed.closed.tau.clone();
     if closed.closed.held().is_some() {
         closed.closed.hold_input(&tau, &dz);
@@ -267,27 +263,16 @@ fn trace(
     });
     let notes = extras.notes.map(|mut notes| [&acting, &tau].map(|tau| notes.take(&u[0], &x, tau, &firsts)));
     let before = sym::recorded().0;
-    closed.closed.stands = Sym::splat(1.0);
-    closed.rhs(&stage_input, &stage, &mut rates[..layout.states]);
-    rates[layout.states..].fill(closed.closed.stands);
+    closed.rhs(&stage_input, &stage, &mut rates);
     let stage_tau = if closed.closed.held().is_some() { Vec::new() } else { entries(closed.closed.tau.clone()) };
-    if let Some(&stood) = stood.first() {
-        closed.closed.stands = stood;
-    }
     if in_parts.unwrap_or(sym::recorded().0 - before > LARGE) {
         closed.cuts = Some(Vec::new());
     }
     let first = u[0].clone();
     let (next, cuts) = method.apply(closed, x, first, OneStep { u, h }).ok()?;
     let rates = cuts.is_some().then(|| (entries(rates), stage_tau));
-    // If the results of a record are not valid, the program also declines the step that begins with this record.
-    let notes = notes.map(|[along, alone]| Noting {
-        next: entries(next[layout.states..].iter().map(|&stands| along.stands.map_or(stands, |noted| stands.min(noted))).collect()),
-        along: entries(along.numbers),
-        alone: entries(alone.numbers),
-        firsts: entries(alone.firsts),
-        stands: entries(alone.stands.into_iter().collect()),
-    });
+    let notes =
+        notes.map(|[along, alone]| Noting { along: entries(along.numbers), alone: entries(alone.numbers), firsts: entries(alone.firsts) });
     Some(Tracing { law: entries(law), rates, cuts: cuts.unwrap_or_default(), next: entries(next), sums, notes })
 }
 
@@ -302,7 +287,7 @@ struct OneStep {
 }
 
 impl<'a> WithExplicitSteps<Sym, RecordedLoop<'a>> for OneStep {
-    /// The next state with a validity flag, and the cuts of a step that is divided into parts.
+    /// The next state, and the cuts of a step that is divided into parts.
     type Output = (Vec<Sym>, Option<Vec<Cut>>);
 
     fn with_explicit<M>(self, mut closed: RecordedLoop<'a>, mut x: Vec<Sym>, mut method: M) -> Self::Output
@@ -313,7 +298,6 @@ impl<'a> WithExplicitSteps<Sym, RecordedLoop<'a>> for OneStep {
             *method.input(k) = u;
         }
         method.advance(&mut closed, self.h, &mut x);
-        x.extend((0..closed.layout.guards).map(|_| closed.closed.stands));
         (x, closed.cuts)
     }
 }
@@ -344,9 +328,6 @@ impl System<Sym> for RecordedLoop<'_> {
         outputs.extend(of(self.layout.stage_input(), &mut input.into_iter()));
         cuts.push(Cut { end: sym::recorded().0, outputs });
         dx.fill_with(sym::input);
-        for _ in 0..self.layout.guards {
-            self.closed.stands = self.closed.stands.min(sym::input());
-        }
     }
     fn pairs(&self) -> Pairs {
         self.closed.pairs()

@@ -47,8 +47,8 @@ fn moves(ops: &[Op], moving: &[u32]) -> Vec<bool> {
     for (i, op) in ops.iter().enumerate() {
         moves[i] = match op {
             Op::Input(k) => inputs.contains(k),
-            // A mask has no derivative.
-            Op::Less(..) => false,
+            // A mask and a list of arguments have no derivative.
+            Op::Less(..) | Op::Argument(..) | Op::Decide(..) => false,
             _ => op.operands().any(|a| moves[a as usize]),
         };
     }
@@ -105,7 +105,8 @@ impl Reversal {
     fn pass_on(&mut self, i: u32, finite: bool) {
         let bar = self.bars[i as usize];
         match self.tape.ops[i as usize] {
-            Op::Const(_) | Op::Input(_) | Op::Less(..) => {}
+            Op::Const(_) | Op::Input(_) | Op::Less(..) | Op::Argument(..) | Op::Decide(..) => {}
+            Op::Decided(_, given, _) => self.add(given, bar),
             Op::Add(a, b) => {
                 self.add(a, bar);
                 self.add(b, bar);

@@ -71,8 +71,8 @@ pub(super) fn rate(tape: &mut Tape, op: Op, i: u32, at: impl Fn(u32) -> u32) -> 
         return 0;
     }
     match op {
-        // A mask has no derivative.
-        Op::Const(_) | Op::Input(_) | Op::Less(..) => 0,
+        // A mask and a list of arguments have no derivative.
+        Op::Const(_) | Op::Input(_) | Op::Less(..) | Op::Argument(..) | Op::Decide(..) => 0,
         Op::Add(a, b) => tape.add(at(a), at(b)),
         Op::Sub(a, b) => tape.sub(at(a), at(b)),
         Op::Neg(a) => tape.neg(at(a)),
@@ -124,5 +124,7 @@ pub(super) fn rate(tape: &mut Tape, op: Op, i: u32, at: impl Fn(u32) -> u32) -> 
             tape.neg(rate)
         }
         Op::Select(mask, yes, no) => tape.select(mask, at(yes), at(no)),
+        // The derivative is valid where the result of the formula is.
+        Op::Decided(_, given, _) => at(given),
     }
 }

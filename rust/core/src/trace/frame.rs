@@ -1,5 +1,7 @@
 //! The memory of a program. A frame is an array of slots, and a slot has one number per lane.
 
+use crate::scalar::decision::Decisions;
+
 /// A cache line. Slots of one, two, four or eight lanes are aligned in it.
 #[derive(Clone, Copy, Debug)]
 #[repr(C, align(64))]
@@ -11,16 +13,22 @@ struct CacheLine([f64; 8]);
 pub struct Frame {
     lines: Vec<CacheLine>,
     lanes: usize,
+    decisions: Decisions,
 }
 
 impl Frame {
     /// Return a frame of zeros.
     pub fn new(slots: usize, lanes: usize) -> Self {
-        Frame { lines: vec![CacheLine([0.0; 8]); (slots * lanes).div_ceil(8)], lanes }
+        Frame { lines: vec![CacheLine([0.0; 8]); (slots * lanes).div_ceil(8)], lanes, decisions: Decisions::default() }
     }
 
     pub fn lanes(&self) -> usize {
         self.lanes
+    }
+
+    /// The memory of native code at the cuts of programs.
+    pub(super) fn decisions(&mut self) -> &mut Decisions {
+        &mut self.decisions
     }
 
     /// All numbers of the frame. Slot `s` begins at index `s lanes`.

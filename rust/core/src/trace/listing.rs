@@ -66,7 +66,7 @@ pub fn recorded(part: Part, names: Names) -> Listing {
     outputs.iter().for_each(|&(_, entry)| needed[entry as usize] = true);
     for i in (0..ops.len()).rev().filter(|&i| !part.is_before(i as u32)) {
         if needed[i] {
-            ops[i].operands().for_each(|a| needed[a as usize] = true);
+            part.reads(ops[i], false).for_each(|a| needed[a as usize] = true);
         }
     }
     let (mut values, mut lines) = (Vec::<String>::with_capacity(ops.len()), Vec::new());
@@ -76,6 +76,8 @@ pub fn recorded(part: Part, names: Names) -> Listing {
             Op::Input(slot) => names(slot),
             _ if part.is_before(i as u32) => places.get(&(i as u32)).map_or(String::new(), |&slot| names(slot)),
             _ if !needed[i] => String::new(),
+            // The lines are those of the formula. Native code is not listed.
+            Op::Decided(_, given, _) => values[given as usize].clone(),
             _ => line(&mut lines, op.kind(), op.operands().map(|a| values[a as usize].clone()), None),
         });
     }
@@ -116,6 +118,7 @@ impl Op {
             Op::Cos(_) => "cos",
             Op::Less(..) => "less",
             Op::Select(..) => "select",
+            Op::Argument(..) | Op::Decide(..) | Op::Decided(..) => "cut",
         }
     }
 }

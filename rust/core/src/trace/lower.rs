@@ -115,6 +115,8 @@ impl Lowering<'_> {
             Op::Min(a, b) => I::Min(self.at(a), self.at(b)),
             Op::Less(a, b) => I::Less(self.at(a), self.at(b)),
             Op::Select(mask, yes, no) => I::Select(self.at(mask), self.at(yes), self.at(no)),
+            Op::Decided(_, given, _) => return self.at(given),
+            Op::Argument(..) | Op::Decide(..) => unreachable!("a cut is a boundary of parts"),
             Op::Sin(a) | Op::Cos(a) => return self.turn(top, a),
         };
         self.push(lowered)

@@ -5,7 +5,8 @@
 //! A *frame* is the memory of a running program. A *slot* of a frame has one number per lane. A program can repeat its code. The inputs
 //! that change from one iteration to the next are in an array outside of the frame, the *stream*.
 //!
-//! Files: `sym`, `tape` and `memo` record and fold. `segments` divides a recording. `differentiate`, `tangents` and `adjoint` compute
+//! Files: `sym`, `tape`, `operation` and `memo` record and fold. `segments` divides a recording, and `pieces` divides its parts at
+//! cuts, where native code may replace results. `differentiate`, `tangents` and `adjoint` compute
 //! derivatives of a recording, and `branches` finds its comparisons. `interpreter` computes a recording, with the steps that `steps` makes.
 //! `straight` and `lower` have the straight-line instructions. `lifetimes`, `emit`, `instruction`, `opcode`, `x86`, `aarch64` and `memory`
 //! make machine code. `c` prints a recording as C code. `frame` is the memory of a running program, and `pages` requests large pages. `rows`
@@ -40,7 +41,9 @@ pub mod memo;
 pub mod memory;
 #[cfg(any(test, not(target_arch = "aarch64")))]
 mod opcode;
+mod operation;
 pub mod pages;
+mod pieces;
 pub mod program;
 pub mod rows;
 pub mod segments;

@@ -11,6 +11,7 @@ use super::instruction::{Form, Set};
 use super::interpreter::Interpreter;
 use super::lower::lower;
 use super::memory::Code;
+use super::pieces::{self, Call, Pieces};
 use super::straight::{Part, Scratch, Straight, Stream};
 #[cfg(not(target_arch = "aarch64"))]
 use super::x86::Assembler;
@@ -65,9 +66,16 @@ enum Backend {
     Interpreter(Interpreter),
 }
 
-/// A straight-line computation on the slots of a frame.
-pub struct Program {
+/// Straight-line code, and the native code that is called after it.
+struct Piece {
     backend: Backend,
+    call: Option<Call>,
+}
+
+/// A computation on the slots of a frame. It is straight-line code, unless the recording has cuts.
+pub struct Program {
+    /// The code between the cuts of the recording.
+    pieces: Vec<Piece>,
     form: Form,
     slots: usize,
     operations: usize,
@@ -79,16 +87,37 @@ impl Program {
     /// Make a program from a part of a recording. The inputs of the stream are read from an array outside of the frame. Any other input `k`
     /// is in slot `k` of the frame.
     pub fn new(part: Part, stream: Option<Stream>, scratch: Scratch, form: Form, engine: Engine) -> Self {
-        if engine == Engine::Machine && HAS_EMITTER {
-            let straight = Straight { stream, ..lower(part, scratch.reach, form.has_fused()) };
-            if let Some((code, constants, slots)) = machine(&straight, scratch.free, form) {
-                let (operations, turns) = (straight.operations(), straight.reach.is_some());
-                return Program { backend: Backend::Machine { code, constants }, form, slots, operations, turns, stream };
+        let mut program = Program { pieces: Vec::new(), form, slots: scratch.free, operations: 0, turns: false, stream };
+        match pieces::divide(part, scratch.free) {
+            None => program.add(part, scratch.reach, None, engine),
+            Some(Pieces { all, places, free }) => {
+                program.slots = free;
+                for pieces::Piece { start, outputs, call } in all {
+                    program.add(Part { ops: part.ops, start, outputs: &outputs, places: &places }, scratch.reach, call, engine);
+                }
             }
         }
-        let interpreter = Interpreter::new(part, stream, scratch, form);
-        let (slots, operations, turns) = (interpreter.slots(), interpreter.operations(), interpreter.turns());
-        Program { backend: Backend::Interpreter(interpreter), form, slots, operations, turns, stream }
+        program
+    }
+
+    /// Add straight-line code, and the native code that is called after it.
+    fn add(&mut self, part: Part, reach: u32, call: Option<Call>, engine: Engine) {
+        let (form, free, stream) = (self.form, self.slots, self.stream);
+        let machine = if engine == Engine::Machine && HAS_EMITTER {
+            let straight = Straight { stream, ..lower(part, reach, form.has_fused()) };
+            machine(&straight, free, form).map(|(code, constants, slots)| {
+                (Backend::Machine { code, constants }, slots, straight.operations(), straight.reach.is_some())
+            })
+        } else {
+            None
+        };
+        let (backend, slots, operations, turns) = machine.unwrap_or_else(|| {
+            let interpreter = Interpreter::new(part, stream, Scratch { reach, free }, form);
+            let (slots, operations, turns) = (interpreter.slots(), interpreter.operations(), interpreter.turns());
+            (Backend::Interpreter(interpreter), slots, operations, turns)
+        });
+        (self.slots, self.operations, self.turns) = (slots, self.operations + operations, self.turns || turns);
+        self.pieces.push(Piece { backend, call });
     }
 
     /// The number of slots that a frame of the program requires.
@@ -109,16 +138,21 @@ impl Program {
 
     /// The engine that runs the program.
     pub fn engine(&self) -> Engine {
-        match self.backend {
+        match self.pieces[0].backend {
             Backend::Machine { .. } => Engine::Machine,
             Backend::Interpreter(_) => Engine::Interpreter,
         }
     }
 
-    /// Write the constants of the program into a new frame.
+    /// Write the constants of the program into a new frame, and allocate the memory of its native code.
     pub fn prepare(&self, frame: &mut Frame) {
-        if let Backend::Interpreter(interpreter) = &self.backend {
-            interpreter.prepare(frame);
+        for Piece { backend, call } in &self.pieces {
+            if let Backend::Interpreter(interpreter) = backend {
+                interpreter.prepare(frame);
+            }
+            if let Some(call) = call {
+                call.prepare(frame);
+            }
         }
     }
 
@@ -126,7 +160,7 @@ impl Program {
     #[inline]
     pub fn run(&self, frame: &mut Frame) {
         assert!(self.stream.is_none(), "the program has a stream");
-        self.repeat(frame, &[], 1);
+        self.repeat(frame, &[], 1, 0);
     }
 
     /// Run `turns` iterations along the stream. The stream has slots with one number per lane, or single numbers that are broadcast.
@@ -137,16 +171,35 @@ impl Program {
             turns > 0 && stream.len() >= inputs.slots(turns) * lanes && stream.as_ptr().addr().is_multiple_of(8 * lanes),
             "the stream is of another program"
         );
-        self.repeat(frame, stream, turns);
+        self.repeat(frame, stream, turns, inputs.advance as usize * lanes);
     }
 
+    /// Run `turns` iterations. The stream advances by `width` numbers in each.
     #[inline]
-    fn repeat(&self, frame: &mut Frame, stream: &[f64], turns: usize) {
+    fn repeat(&self, frame: &mut Frame, stream: &[f64], turns: usize, width: usize) {
         assert!(
             frame.lanes() == self.form.lanes() && frame.numbers().len() >= self.slots * frame.lanes(),
             "the frame is of another program"
         );
-        match &self.backend {
+        if let [Piece { backend, call: None }] = &self.pieces[..] {
+            return backend.run(frame, stream, turns);
+        }
+        for turn in 0..turns {
+            for Piece { backend, call } in &self.pieces {
+                backend.run(frame, &stream[turn * width..], 1);
+                if let Some(call) = call {
+                    call.run(frame);
+                }
+            }
+        }
+    }
+}
+
+impl Backend {
+    /// Run `turns` iterations. `Program::repeat` and its callers have checked the frame and the stream.
+    #[inline]
+    fn run(&self, frame: &mut Frame, stream: &[f64], turns: usize) {
+        match self {
             // SAFETY: this processor has the instruction set of the code, and the frame and constants fit the code. The assertions check
             // that every slot is in the frame, and the length and alignment of the stream. Frames are aligned to 64 bytes.
             Backend::Machine { code, constants } => unsafe {

@@ -17,10 +17,18 @@ pub struct Cut {
 /// Assign a slot, from `free` on, to each value that a later segment reads. Add the value to the outputs of its segment. Return all
 /// assigned slots and the first slot after them.
 pub fn join(ops: &[Op], cuts: &mut [Cut], free: u32) -> (SlotTable, u32) {
-    let (mut places, mut next) = (SlotTable::default(), free);
+    join_from(ops, 0, SlotTable::default(), cuts, free)
+}
+
+/// Assign slots like [`join`] to the values of a recording from entry `first` on. `places` are the slots of the values before it, and of the
+/// results of cuts.
+pub(super) fn join_from(ops: &[Op], first: u32, mut places: SlotTable, cuts: &mut [Cut], free: u32) -> (SlotTable, u32) {
+    let mut next = free;
+    let given: Vec<u32> = places.keys().copied().collect();
     for k in (0..cuts.len()).rev() {
-        let start = if k > 0 { cuts[k - 1].end } else { 0 };
-        let crossing: Vec<u32> = places.keys().copied().filter(|&entry| (start..cuts[k].end).contains(&entry)).collect();
+        let start = if k > 0 { cuts[k - 1].end } else { first };
+        let crosses = |entry: &u32| (start..cuts[k].end).contains(entry) && !given.contains(entry);
+        let crossing: Vec<u32> = places.keys().copied().filter(crosses).collect();
         for entry in crossing {
             cuts[k].outputs.push((places[&entry], entry));
         }

@@ -234,7 +234,8 @@ impl<'a> Assignment<'a> {
             Op::Less(..) => Action::Less,
             Op::Select(..) => Action::Select,
             Op::Sin(..) | Op::Cos(..) => Action::Turn,
-            Op::Const(_) | Op::Input(_) => Action::Copy,
+            // A cut is a boundary of parts, so that only the results of the formula are computed here.
+            Op::Const(_) | Op::Input(_) | Op::Decided(..) | Op::Decide(..) | Op::Argument(..) => Action::Copy,
         }
     }
 }

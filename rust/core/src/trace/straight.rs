@@ -156,9 +156,13 @@ pub struct Scratch {
 pub type SlotTable = Memo<u32>;
 
 impl Part<'_> {
-    /// Whether an earlier part computes this entry.
+    /// Whether an earlier part computes this entry, or native code at a cut before this part.
     pub(super) fn is_before(&self, entry: u32) -> bool {
-        entry < self.start && !matches!(self.ops[entry as usize], Op::Const(_) | Op::Input(_))
+        match self.ops[entry as usize] {
+            Op::Const(_) | Op::Input(_) => false,
+            Op::Decided(cut, ..) => cut < self.start,
+            _ => entry < self.start,
+        }
     }
 
     /// Return `x` if entry `c` is `-x` and a fused instruction can subtract `x` instead of adding `c`. `fused`: whether the instruction set
@@ -176,8 +180,13 @@ impl Part<'_> {
             Op::Fma(_, _, c) | Op::Fnma(_, _, c) => self.negated(c, fused),
             _ => None,
         };
-        let added = if subtracted.is_some() { 2 } else { 3 };
-        op.operands().take(added).chain(subtracted)
+        let (first, added) = match op {
+            // Within one part, the result of a cut is that of the formula.
+            Op::Decided(..) => (1, 1),
+            _ if subtracted.is_some() => (0, 2),
+            _ => (0, 3),
+        };
+        op.operands().skip(first).take(added).chain(subtracted)
     }
 
     /// Return, for each entry, whether the outputs depend on it. Entries that only earlier parts read are not included.

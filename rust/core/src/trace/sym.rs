@@ -74,6 +74,11 @@ pub fn recorded() -> (u32, u32) {
     on_tape(|tape| (tape.ops.len() as u32, tape.inputs))
 }
 
+/// Return a number that is one if the results of all cuts so far are valid without native code, otherwise zero. It is `None` without a cut.
+pub fn validity() -> Option<Sym> {
+    on_tape(|tape| tape.validities()).into_iter().map(Sym).reduce(Sym::min)
+}
+
 /// End the recording of this thread and return it.
 pub fn finish() -> Recording {
     let tape = on_tape(|tape| std::mem::replace(tape, Tape::new()));
@@ -214,6 +219,12 @@ impl Real for Sym {
                 (Sym(sin), Sym(cos))
             }
         })
+    }
+    fn decide(kind: u32, arguments: &[Sym], results: &mut [Sym]) {
+        let entries = |values: &[Sym]| values.iter().map(|value| value.0).collect::<Vec<u32>>();
+        let (arguments, given) = (entries(arguments), entries(results));
+        let decided = on_tape(|tape| tape.decide(kind, &arguments, &given));
+        results.iter_mut().zip(decided).for_each(|(to, entry)| *to = Sym(entry));
     }
     fn lt(self, other: Sym) -> Sym {
         on_tape(|tape| Sym(tape.less(self.0, other.0)))

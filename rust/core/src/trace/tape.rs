@@ -8,73 +8,7 @@
 
 use super::label::Labels;
 use super::memo::Memo;
-
-/// An operation. Its operands are indices of earlier entries of the tape.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Op {
-    /// A constant, stored as the bits of a number.
-    Const(u64),
-    Input(u32),
-    Add(u32, u32),
-    Sub(u32, u32),
-    Mul(u32, u32),
-    Div(u32, u32),
-    Neg(u32),
-    /// `a b + c`
-    Fma(u32, u32, u32),
-    /// `c - a b`
-    Fnma(u32, u32, u32),
-    Sqrt(u32),
-    Abs(u32),
-    /// `b` if `a < b`, otherwise `a`.
-    Max(u32, u32),
-    /// `b` if `b < a`, otherwise `a`.
-    Min(u32, u32),
-    Sin(u32),
-    Cos(u32),
-    /// A mask, which is true where `a < b`.
-    Less(u32, u32),
-    /// `Select(mask, yes, no)`: `yes` where the mask is true, otherwise `no`.
-    Select(u32, u32, u32),
-}
-
-impl Op {
-    /// The indices of the operands.
-    pub fn operands(self) -> impl Iterator<Item = u32> {
-        let (count, all) = match self {
-            Op::Const(_) | Op::Input(_) => (0, [0; 3]),
-            Op::Neg(a) | Op::Sqrt(a) | Op::Abs(a) => (1, [a, 0, 0]),
-            Op::Sin(a) | Op::Cos(a) => (1, [a, 0, 0]),
-            Op::Add(a, b) | Op::Sub(a, b) | Op::Mul(a, b) | Op::Div(a, b) | Op::Max(a, b) | Op::Min(a, b) | Op::Less(a, b) => {
-                (2, [a, b, 0])
-            }
-            Op::Fma(a, b, c) | Op::Fnma(a, b, c) | Op::Select(a, b, c) => (3, [a, b, c]),
-        };
-        all.into_iter().take(count)
-    }
-
-    /// Return the operation with operands `f(operand)`.
-    pub fn on(self, f: impl Fn(u32) -> u32) -> Self {
-        match self {
-            Op::Const(_) | Op::Input(_) => self,
-            Op::Add(a, b) => Op::Add(f(a), f(b)),
-            Op::Sub(a, b) => Op::Sub(f(a), f(b)),
-            Op::Mul(a, b) => Op::Mul(f(a), f(b)),
-            Op::Div(a, b) => Op::Div(f(a), f(b)),
-            Op::Neg(a) => Op::Neg(f(a)),
-            Op::Fma(a, b, c) => Op::Fma(f(a), f(b), f(c)),
-            Op::Fnma(a, b, c) => Op::Fnma(f(a), f(b), f(c)),
-            Op::Sqrt(a) => Op::Sqrt(f(a)),
-            Op::Abs(a) => Op::Abs(f(a)),
-            Op::Max(a, b) => Op::Max(f(a), f(b)),
-            Op::Min(a, b) => Op::Min(f(a), f(b)),
-            Op::Sin(a) => Op::Sin(f(a)),
-            Op::Cos(a) => Op::Cos(f(a)),
-            Op::Less(a, b) => Op::Less(f(a), f(b)),
-            Op::Select(mask, yes, no) => Op::Select(f(mask), f(yes), f(no)),
-        }
-    }
-}
+pub use super::operation::Op;
 
 /// Selects the varying set-up parameters. Each of them is a separate input, even if other parameters have the same value.
 #[derive(Clone, Debug)]
@@ -361,6 +295,30 @@ impl Tape {
             (Some(x), Some(y)) => self.constant(f64::from(u8::from(x < y))),
             _ => self.push(Op::Less(a, b)),
         }
+    }
+
+    /// Record a cut, and return the entries of the results after it. Results of a formula that are always valid are not replaced.
+    pub fn decide(&mut self, kind: u32, arguments: &[u32], given: &[u32]) -> Vec<u32> {
+        if self.known(arguments[0]) == Some(1.0) {
+            return given.to_vec();
+        }
+        let list = arguments.iter().fold(0, |before, &x| self.push(Op::Argument(before, x)));
+        let cut = self.push(Op::Decide(list, kind));
+        given.iter().zip(0..).map(|(&given, k)| self.push(Op::Decided(cut, given, k))).collect()
+    }
+
+    /// The entries that are one if the results of a cut are valid, for all cuts so far.
+    pub fn validities(&self) -> Vec<u32> {
+        let first = |mut list: u32| {
+            while let Op::Argument(before, x) = self.ops[list as usize] {
+                if before == 0 {
+                    return x;
+                }
+                list = before;
+            }
+            list
+        };
+        self.ops.iter().filter_map(|op| if let Op::Decide(list, _) = *op { Some(first(list)) } else { None }).collect()
     }
 
     pub fn select(&mut self, mask: u32, yes: u32, no: u32) -> u32 {

@@ -30,7 +30,7 @@ impl Random {
 }
 
 /// The forms of code that this machine can run.
-fn forms() -> Vec<Form> {
+pub fn forms() -> Vec<Form> {
     let sets: &[Set] = match isa() {
         _ if cfg!(target_arch = "aarch64") => &[Set::Neon],
         Isa::Baseline => &[Set::Sse2],

@@ -9,6 +9,7 @@ use crate::integrate::System;
 use crate::interrupt::look;
 use crate::law::Route;
 use crate::plant::Touch;
+use crate::scalar::Real;
 use crate::simulate::assembly::assemble;
 use crate::simulate::closed_loop::ClosedLoop;
 use crate::simulate::problem::Problem;
@@ -185,7 +186,9 @@ impl LoopRecorder<'_> {
         let acting = inputs(if held { sizes.answer } else { 0 });
         let read = [sizes.width, sizes.states, acting.len()];
         let mut answer = body(&mut closed, u, x, acting);
-        answer.extend((0..sizes.guards).map(|_| closed.stands));
+        if sizes.guards > 0 {
+            answer.push(sym::validity().unwrap_or_else(|| Sym::splat(1.0)));
+        }
         drop(closed);
         let recording = sym::finish();
         if recording.failed {

@@ -74,7 +74,7 @@ impl<'a> Loop<'a> {
         let refused = |argument: &str, expected: &str, got: &str| {
             Err(Error::input(argument, format!("has no derivatives of runs: expected {expected}, got {got}")))
         };
-        if !law.route().is_recordable() {
+        if !law.route().is_differentiable() {
             return refused("law", "a law that is recorded as a program", law.name());
         }
         if o.sampling.as_ref().is_some_and(|sampling| sampling.torque_sensor.is_some()) {

@@ -1,7 +1,6 @@
-//! Norms of error and residual for each level of a law with task priorities. The law is evaluated again at the records. A *stack* is the
-//! list of the tasks of all levels. It is *regular* if no level is near a singularity.
+//! Norms of error and residual for each level of a law with task priorities. The law is evaluated again at the records.
 
-use crate::law::{Law, LawSpec, PriorityAcceleration, PriorityVelocity, Solve};
+use crate::law::{Law, LawSpec, PriorityAcceleration, PriorityVelocity};
 use crate::scalar::Real;
 
 /// The names of the norms. Levels after the eighth have no norms.
@@ -32,50 +31,33 @@ pub fn names(law: &LawSpec) -> &'static [&'static str] {
     }
 }
 
-/// Computes the norms of error and residual of each level. With plain numbers, the solver has all its algorithms. With recorded values, it
-/// has only the algorithm for regular stacks.
-pub struct LevelNorms<P: Solve> {
-    law: PriorityLaw<P>,
-    u: Vec<P::Number>,
+/// Computes the norms of error and residual of each level.
+pub enum LevelNorms<S: Real> {
+    Velocity(Box<PriorityVelocity<S>>, Vec<S>),
+    Acceleration(Box<PriorityAcceleration<S>>, Vec<S>),
 }
 
-enum PriorityLaw<P: Solve> {
-    Velocity(Box<PriorityVelocity<P>>),
-    Acceleration(Box<PriorityAcceleration<P>>),
-}
-
-impl<P: Solve> LevelNorms<P> {
-    /// Return the computation of the norms of error and residual of a law's levels. The result is `None` without levels, or if the solver
-    /// of type `P` does not exist for this law.
+impl<S: Real> LevelNorms<S> {
+    /// Return the computation of the norms of error and residual of a law's levels. The result is `None` without levels.
     pub fn of(law: &LawSpec) -> Option<Self> {
-        let engine = match law {
-            LawSpec::PriorityVelocity(spec) => PriorityLaw::Velocity(Box::new(spec.engine()?)),
-            LawSpec::PriorityAcceleration(spec) => PriorityLaw::Acceleration(Box::new(spec.engine()?)),
-            _ => return None,
-        };
-        Some(LevelNorms { law: engine, u: vec![P::Number::zero(); law.model().n()] })
+        let u = vec![S::zero(); law.model().n()];
+        match law {
+            LawSpec::PriorityVelocity(spec) => Some(LevelNorms::Velocity(Box::new(spec.build()), u)),
+            LawSpec::PriorityAcceleration(spec) => Some(LevelNorms::Acceleration(Box::new(spec.build()), u)),
+            _ => None,
+        }
     }
 
-    /// Compute as many norms as `out` has elements, at plant state `x` with the sines and cosines `trig`. The result is one if the norms
-    /// are valid, and zero if the solver requires another algorithm. It is `None` if the norms are always valid.
-    pub fn evaluate(
-        &mut self,
-        desired: &[P::Number],
-        trig: &[(P::Number, P::Number)],
-        x: &[P::Number],
-        out: &mut [P::Number],
-    ) -> Option<P::Number> {
-        let LevelNorms { law, u } = self;
-        match law {
-            PriorityLaw::Velocity(law) => {
+    /// Compute as many norms as `out` has elements, at plant state `x` with the sines and cosines `trig`.
+    pub fn evaluate(&mut self, desired: &[S], trig: &[(S, S)], x: &[S], out: &mut [S]) {
+        match self {
+            LevelNorms::Velocity(law, u) => {
                 law.evaluate(desired, trig, x, &[], u, &mut []);
                 law.norms(out);
-                law.stands()
             }
-            PriorityLaw::Acceleration(law) => {
+            LevelNorms::Acceleration(law, u) => {
                 law.evaluate(desired, trig, x, &[], u, &mut []);
                 law.norms(out);
-                law.stands()
             }
         }
     }

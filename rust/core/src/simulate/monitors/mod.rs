@@ -32,9 +32,8 @@ pub use kind::{Flow, Moment, Monitor, MonitorKind, Monitored, Scope};
 
 use super::force::{Force, Wrench};
 use super::problem::Problem;
-use crate::law::{ProjectionLoss, Solve};
+use crate::law::ProjectionLoss;
 use crate::motion::{Motion, sample_all};
-use crate::priority::PrioritySolver;
 use crate::scalar::Real;
 use identities::Theory;
 use level_norms::LevelNorms;
@@ -106,13 +105,12 @@ pub fn names(problem: &Problem) -> Vec<&'static str> {
     all
 }
 
-/// The monitors of one run. With plain numbers, the priority solver has all its algorithms. With recorded values, it has only the algorithm
-/// for tasks that are not near a singularity.
-pub struct Checks<P: Solve> {
-    theory: Theory<P::Number>,
-    monitors: Series<P::Number>,
-    levels: Option<LevelNorms<P>>,
-    loss: Option<ProjectionLoss<P::Number>>,
+/// The monitors of one run.
+pub struct Checks<S: Real> {
+    theory: Theory<S>,
+    monitors: Series<S>,
+    levels: Option<LevelNorms<S>>,
+    loss: Option<ProjectionLoss<S>>,
     /// The number of plant states that a law reads.
     states: usize,
     /// The number of bristles, which follow these states.
@@ -123,7 +121,7 @@ pub struct Checks<P: Solve> {
     norms: usize,
 }
 
-impl<P: Solve> Checks<P> {
+impl<S: Real> Checks<S> {
     /// Create the monitors of a run.
     pub fn new(scope: &Scope) -> Self {
         let (plant, law) = (scope.plant(), scope.law());
@@ -145,27 +143,23 @@ impl<P: Solve> Checks<P> {
         self.norms
     }
 
-    /// Compute only the norms of priority levels, like [`LevelNorms::evaluate`].
-    pub fn evaluate_norms(&mut self, desired: &[P::Number], x: &[P::Number], out: &mut [P::Number]) -> Option<P::Number> {
-        let arm = &mut self.theory.arm;
-        arm.move_to(&x[..arm.trig().len()]);
-        self.levels.as_mut()?.evaluate(desired, arm.trig(), &x[..self.states], out)
-    }
-
     /// Compute the monitors at state `x = [plant, z, integrals]` and input `tau`, and write them to `out`. The function `first` receives
-    /// `E - int P dt` and `V1 + int D dt` at this record, and returns their values at the first record. The result is the flag that
-    /// [`LevelNorms::evaluate`] returns.
+    /// `E - int P dt` and `V1 + int D dt` at this record, and returns their values at the first record.
     pub fn evaluate(
         &mut self,
-        (desired, wrench): (&[P::Number], &[P::Number; 6]),
-        (x, tau): (&[P::Number], &[P::Number]),
-        first: impl FnOnce([P::Number; 2]) -> [P::Number; 2],
-        out: &mut [P::Number],
-    ) -> Option<P::Number> {
+        (desired, wrench): (&[S], &[S; 6]),
+        (x, tau): (&[S], &[S]),
+        first: impl FnOnce([S; 2]) -> [S; 2],
+        out: &mut [S],
+    ) {
         let (mut out, norms) = out.split_at_mut(out.len() - self.norms);
-        let stands = self.evaluate_norms(desired, x, norms);
+        let arm = &mut self.theory.arm;
+        arm.move_to(&x[..arm.trig().len()]);
+        if let Some(levels) = &mut self.levels {
+            levels.evaluate(desired, arm.trig(), &x[..self.states], norms);
+        }
         if self.monitors.is_empty() {
-            return stands;
+            return;
         }
         let identities = self.theory.identities(desired, x);
         let [dissipated, put_in] = identities.quadratures;
@@ -180,7 +174,6 @@ impl<P: Solve> Checks<P> {
             monitor.evaluate(&mut at, own);
             out = rest;
         }
-        stands
     }
 }
 
@@ -188,7 +181,7 @@ impl<P: Solve> Checks<P> {
 pub struct Monitors<'a> {
     motions: Vec<&'a Motion>,
     force: Option<&'a Force>,
-    checks: Checks<PrioritySolver>,
+    checks: Checks<f64>,
     desired: Vec<f64>,
     /// `E - int P dt` and `V1 + int D dt` at the first record. `None` before the first record.
     first: Option<[f64; 2]>,
@@ -211,11 +204,5 @@ impl<'a> Monitors<'a> {
         let wrench: Wrench = self.force.map_or([0.0; 6], |force| force.at(t));
         let first = |own| *self.first.get_or_insert(own);
         self.checks.evaluate((&self.desired, &wrench), (x, tau), first, out);
-    }
-
-    /// Compute only the norms of priority levels, at time `t`, s, and state `x`.
-    pub fn evaluate_norms(&mut self, t: f64, x: &[f64], out: &mut [f64]) {
-        sample_all(self.motions.iter().copied(), t, &mut self.desired);
-        self.checks.evaluate_norms(&self.desired, x, out);
     }
 }

@@ -23,6 +23,12 @@ impl Folded {
                 folded.value[i] = folded.at(folded.same[i]);
                 continue;
             }
+            // The code has no cut: where its results are not valid, the caller reports it.
+            if let Op::Decided(_, given, _) = op {
+                folded.same[i] = folded.same[given as usize];
+                folded.value[i] = folded.at(folded.same[i]);
+                continue;
+            }
             // NaN is not folded, so that the routine reports it at run time.
             folded.value[i] = folded.compute(op, given, fused).filter(|x| !x.is_nan());
         }
@@ -52,6 +58,7 @@ impl Folded {
             Op::Min(a, b) => pick(at(a)?, at(b)?, |a, b| b < a),
             Op::Less(a, b) => f64::from(u8::from(at(a)? < at(b)?)),
             Op::Select(..) | Op::Sin(_) | Op::Cos(_) => return None,
+            Op::Argument(..) | Op::Decide(..) | Op::Decided(..) => return None,
         })
     }
 }

@@ -245,6 +245,8 @@ impl Printer<'_> {
         let value = match self.op(entry) {
             Op::Sin(a) | Op::Cos(a) => return self.turn(statement, &at(a), prefix, used),
             Op::Const(_) | Op::Input(_) => return,
+            // Folding replaces the results of cuts, so that nothing reads a cut.
+            Op::Argument(..) | Op::Decide(..) | Op::Decided(..) => return,
             Op::Add(a, b) => format!("{} + {}", at(a), at(b)),
             Op::Sub(a, b) => format!("{} - {}", at(a), at(b)),
             Op::Mul(a, b) => format!("{} * {}", at(a), at(b)),

@@ -1,0 +1,145 @@
+//! The solution of a stack within a formula: the algorithm `regular`, and native code where its result is not valid.
+//!
+//! Near a singularity, and at a bound, a decomposition must branch on its numbers. So the formula has a decision
+//! ([`crate::scalar::decision`]): native code with all algorithms of the module replaces the result of `regular`.
+
+use super::method::{PriorityMethod, PriorityOptions};
+use super::regular::{Regular, regular_ranks};
+use super::solver::PrioritySolver;
+use crate::error::Result;
+use crate::scalar::Real;
+use crate::scalar::decision::{Decision, kind};
+
+/// The solution of stacks of one size as a formula, with its memory.
+///
+/// ```
+/// use armlet_core::priority::{PriorityMethod, PriorityOptions, PrioritySolver, StackFormula};
+///
+/// let solver = PrioritySolver::new(2, &[1, 1], &PriorityOptions::new(PriorityMethod::Clamp))?;
+/// let mut formula = StackFormula::<f64>::of(&solver);
+/// // Both levels have the same row. The second level is singular, and native code solves the stack.
+/// formula.solve(1e-15, &[1.0, 0.0, 1.0, 0.0], &[0.5, 2.0]);
+/// assert_eq!((formula.v(), formula.ranks()), (&[0.5, 0.0][..], &[1.0, 0.0][..]));
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
+#[derive(Debug, Clone)]
+pub struct StackFormula<S> {
+    n: usize,
+    rows: Vec<usize>,
+    regular: Regular<S>,
+    /// The number of the kind of native code.
+    kind: u32,
+    arguments: Vec<S>,
+    /// The joint velocities, the residuals and the ranks.
+    results: Vec<S>,
+}
+
+impl<S: Real> StackFormula<S> {
+    /// Create the formula with the sizes and options of `solver`.
+    pub fn of(solver: &PrioritySolver) -> Self {
+        let (n, rows) = (solver.n(), solver.rows().to_vec());
+        let regular: Regular<S> = solver.regular();
+        let flags = [solver.eps().is_some(), regular.metric().is_some()].map(usize::from);
+        let sizes = [&[n, solver.method() as usize], &flags[..], &rows].concat();
+        let kind = kind("priority", sizes, |sizes| Box::new(NativeStack::new(sizes)));
+        let results = vec![S::zero(); n + rows.iter().sum::<usize>() + rows.len()];
+        StackFormula { n, rows, regular, kind, arguments: Vec::new(), results }
+    }
+
+    /// The lower and upper bounds of the joint velocities for the next solves, shape `(n,)` each, which the caller writes.
+    pub fn bounds_mut(&mut self) -> &mut [Vec<S>; 2] {
+        self.regular.bounds_mut()
+    }
+
+    /// Solve the stack `jacobian`, shape `(sum rows, n)`, for the command `command`. `rounding` is the relative error of the entries of
+    /// `jacobian`. The results are NaN if the solver has none.
+    pub fn solve(&mut self, rounding: S, jacobian: &[S], command: &[S]) {
+        let StackFormula { n, rows, regular, kind, arguments, results } = self;
+        let valid = regular.solve(rounding, jacobian, command);
+        arguments.clear();
+        arguments.extend([valid, rounding]);
+        arguments.extend(jacobian.iter().chain(command).chain(regular.parameters()));
+        let ranks = regular_ranks(*n, rows).map(|rank| S::splat(rank as f64));
+        let given = regular.v.iter().chain(&regular.residual).copied().chain(ranks);
+        results.iter_mut().zip(given).for_each(|(to, given)| *to = given);
+        S::decide(*kind, arguments, results);
+    }
+
+    /// The joint velocities, shape `(n,)`, rad/s or m/s.
+    pub fn v(&self) -> &[S] {
+        &self.results[..self.n]
+    }
+
+    /// The residuals of all levels, stacked, in the units of the tasks.
+    pub fn residuals(&self) -> &[S] {
+        &self.results[self.n..self.results.len() - self.rows.len()]
+    }
+
+    /// The number of realised directions of each level.
+    pub fn ranks(&self) -> &[S] {
+        &self.results[self.results.len() - self.rows.len()..]
+    }
+}
+
+/// The native code of a stack.
+#[derive(Debug)]
+struct NativeStack {
+    solver: PrioritySolver,
+    has_eps: bool,
+    has_metric: bool,
+    has_bounds: bool,
+    eps: Vec<f64>,
+}
+
+impl NativeStack {
+    /// Allocate the memory for `sizes = [n, method, whether there are thresholds, whether there is a metric, rows..]`.
+    fn new(sizes: &[usize]) -> Self {
+        let &[n, method, has_eps, has_metric, ref rows @ ..] = sizes else { unreachable!("the sizes of `StackFormula::of`") };
+        let method = PriorityMethod::ALL[method];
+        let (has_eps, has_metric, has_bounds) = (has_eps > 0, has_metric > 0, method.has_bounds());
+        let bound = has_bounds.then(|| vec![f64::INFINITY; n]);
+        let options = PriorityOptions {
+            eps: has_eps.then(|| vec![1.0]),
+            weight: has_metric.then(|| (0..n * n).map(|k| if k % (n + 1) == 0 { 1.0 } else { 0.0 }).collect()),
+            v_max: bound,
+            ..PriorityOptions::new(method)
+        };
+        let Ok(solver) = PrioritySolver::new(n, rows, &options) else { unreachable!("the sizes are those of a solver") };
+        NativeStack { solver, has_eps, has_metric, has_bounds, eps: vec![1.0; if has_eps { rows.len() } else { 0 }] }
+    }
+
+    fn solve(&mut self, arguments: &[f64]) -> Result<()> {
+        let (n, total) = (self.solver.n(), self.solver.rows().iter().sum::<usize>());
+        let (stack, parameters) = arguments[2..].split_at(total * (n + 1));
+        let (jacobian, command) = self.solver.inputs();
+        jacobian.copy_from_slice(&stack[..total * n]);
+        command.copy_from_slice(&stack[total * n..]);
+        let (eps2, parameters) = parameters.split_at(self.eps.len());
+        if self.has_eps {
+            self.eps.iter_mut().zip(eps2).for_each(|(eps, eps2)| *eps = eps2.sqrt());
+            self.solver.set_eps(&self.eps)?;
+        }
+        let (factor, bounds) = parameters.split_at(if self.has_metric { n * n } else { 0 });
+        if self.has_metric {
+            let NativeStack { solver, .. } = self;
+            solver.workspace().metric.iter_mut().for_each(|metric| metric.set_factor(factor));
+            solver.pairs.iter_mut().for_each(|pairs| pairs.set_metric(factor));
+        }
+        if self.has_bounds {
+            self.solver.set_bounds(&bounds[..n], &bounds[n..])?;
+        }
+        self.solver.set_rounding(arguments[1])?;
+        self.solver.run_declined().map(|_| ())
+    }
+}
+
+impl Decision for NativeStack {
+    fn decide(&mut self, arguments: &[f64], results: &mut [f64]) {
+        if self.solve(arguments).is_err() {
+            return results.fill(f64::NAN);
+        }
+        let ranks = self.solver.ranks().iter().map(|&rank| rank as f64);
+        let found = self.solver.v().iter().chain(self.solver.residuals()).copied().chain(ranks);
+        results.iter_mut().zip(found).for_each(|(to, found)| *to = found);
+    }
+}

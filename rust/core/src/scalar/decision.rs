@@ -1,0 +1,111 @@
+//! Decisions: native code between two parts of a formula, such as a decomposition that branches on its numbers.
+//!
+//! A formula computes results that are valid in most cases, and a number that is one if they are valid. Where they are not, the native code
+//! replaces them. A recording (`trace`) is divided at this place.
+
+use std::cell::RefCell;
+use std::fmt::Debug;
+use std::sync::{Mutex, PoisonError};
+
+/// Native code with its memory. It keeps nothing from one call to the next that could change its results.
+pub trait Decision: Debug + Send + Sync {
+    /// Replace the `results`. They are those of the formula, which are not valid for these `arguments`. The first argument is the number
+    /// that is one for valid results.
+    fn decide(&mut self, arguments: &[f64], results: &mut [f64]);
+}
+
+/// A kind of native code, with the sizes that determine its memory.
+#[derive(Debug, Clone, PartialEq, Eq)]
+struct Kind {
+    name: &'static str,
+    sizes: Vec<usize>,
+}
+
+/// A function that allocates the memory of native code for some sizes.
+pub type Make = fn(&[usize]) -> Box<dyn Decision>;
+
+/// All kinds so far. The index of a kind is its number.
+static KINDS: Mutex<Vec<(Kind, Make)>> = Mutex::new(Vec::new());
+
+/// Return the number of a kind of native code. `name` is unique for `make`.
+pub fn kind(name: &'static str, sizes: Vec<usize>, make: Make) -> u32 {
+    let kind = Kind { name, sizes };
+    let mut kinds = KINDS.lock().unwrap_or_else(PoisonError::into_inner);
+    let known = kinds.iter().position(|(known, _)| *known == kind);
+    known.unwrap_or_else(|| {
+        kinds.push((kind, make));
+        kinds.len() - 1
+    }) as u32
+}
+
+/// The memory of native code in one thread or one run.
+#[derive(Debug, Default)]
+pub struct Decisions(Vec<Allocated>);
+
+#[derive(Debug)]
+struct Allocated {
+    kind: u32,
+    decision: Box<dyn Decision>,
+    arguments: Vec<f64>,
+    results: Vec<f64>,
+}
+
+impl Clone for Decisions {
+    fn clone(&self) -> Self {
+        let mut copy = Decisions::default();
+        for Allocated { kind, arguments, results, .. } in &self.0 {
+            copy.allocate(*kind, arguments.len(), results.len());
+        }
+        copy
+    }
+}
+
+impl Decisions {
+    /// Allocate the memory of native code of a kind with this many arguments and results, unless it exists.
+    pub fn allocate(&mut self, kind: u32, arguments: usize, results: usize) -> usize {
+        if let Some(at) = self.0.iter().position(|known| known.kind == kind) {
+            let known = &mut self.0[at];
+            known.arguments.resize(known.arguments.len().max(arguments), 0.0);
+            known.results.resize(known.results.len().max(results), 0.0);
+            return at;
+        }
+        let (Kind { sizes, .. }, make) = KINDS.lock().unwrap_or_else(PoisonError::into_inner)[kind as usize].clone();
+        let decision = make(&sizes);
+        self.0.push(Allocated { kind, decision, arguments: vec![0.0; arguments], results: vec![0.0; results] });
+        self.0.len() - 1
+    }
+
+    /// Run the native code `at` of [`Decisions::allocate`] with these numbers of arguments and results. `read` writes the arguments and the
+    /// results of the formula, and `write` receives the new results.
+    pub fn run(
+        &mut self,
+        at: usize,
+        (arguments, results): (usize, usize),
+        read: impl FnOnce(&mut [f64], &mut [f64]),
+        write: impl FnOnce(&[f64]),
+    ) {
+        let memory = &mut self.0[at];
+        let (arguments, results) = (&mut memory.arguments[..arguments], &mut memory.results[..results]);
+        let decision = &mut memory.decision;
+        read(arguments, results);
+        decision.decide(arguments, results);
+        write(results);
+    }
+}
+
+thread_local! {
+    static OF_THREAD: RefCell<Decisions> = RefCell::default();
+}
+
+/// Run native code of the kind `kind` in this thread, with the memory of earlier calls: see [`Decisions::run`].
+pub(super) fn run_in_thread(
+    kind: u32,
+    (arguments, results): (usize, usize),
+    read: impl FnOnce(&mut [f64], &mut [f64]),
+    write: impl FnOnce(&[f64]),
+) {
+    OF_THREAD.with_borrow_mut(|decisions| {
+        let at = decisions.allocate(kind, arguments, results);
+        decisions.run(at, (arguments, results), read, write);
+    });
+}
