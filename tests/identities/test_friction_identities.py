@@ -200,3 +200,13 @@ def test_a_stuck_joint_is_exactly_at_rest_under_every_adaptive_method(method: st
     held = run.t > run.t[arrives] + 10.0
     np.testing.assert_allclose(run.friction[held, 2], kp[2] * (goal - run.q[held])[:, 2], atol=1e-6)
     assert np.all(np.abs(run.friction[held, 2]) < static[2])
+
+
+def test_an_arm_that_rests_on_its_bristles_does_not_stop_newton() -> None:
+    """At rest, Newton's increments are rounding errors, and one may be larger than the one before."""
+    arm = al.planar_arm([0.5, 0.4])
+    friction = al.LuGre(coulomb=[2.0, 1.0], static=[3.0, 1.5], stribeck_speed=0.05, stiffness=1e5, damping=300.0, viscous=0.5)
+    law = al.PDGravity(arm, [0.5, -0.3], kp=60.0, kd=8.0)
+    starts = [[0.001 * k, 0.0] for k in range(40)]
+    batch = al.simulate_batch(al.RigidArm(arm, friction=friction), law, starts, t_end=60.0, method="radau5", keep="final")
+    assert (batch.status == al.Status.SUCCESS).all()

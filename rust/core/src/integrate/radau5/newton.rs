@@ -9,6 +9,9 @@ use crate::integrate::{Buffer, Differentiable};
 use crate::linalg::lu::Complex;
 use crate::scalar::Real;
 
+/// An increment below this fraction of Newton's tolerance ends the iteration. Rounding errors may make it larger than the increment before.
+const NEGLIGIBLE: f64 = 1e-6;
+
 /// The result of a Newton iteration.
 pub(super) struct Newton {
     pub converged: bool,
@@ -73,8 +76,10 @@ impl<S: Real, B: Buffer<S>, U: Clone, A: Accuracy> Radau5<S, B, U, A> {
             let norm = (parts.iter().map(|p| p * p).sum::<f64>() / 3.0).sqrt();
             rate = norm / norm_old;
             let left = (ITERATIONS - k) as i32;
+            let negligible = k > 0 && norm <= NEGLIGIBLE * self.newton_tolerance;
             // In the first iteration, `rate` is NaN, and both comparisons with `rate` are false.
-            if !norm.is_finite() || rate >= 1.0 || rate.powi(left) / (1.0 - rate) * norm > self.newton_tolerance {
+            let slow = rate >= 1.0 || rate.powi(left) / (1.0 - rate) * norm > self.newton_tolerance;
+            if !norm.is_finite() || slow && !negligible {
                 return Newton { converged: false, iterations: k + 1, rate };
             }
             for c in 0..n {
@@ -83,7 +88,7 @@ impl<S: Real, B: Buffer<S>, U: Clone, A: Accuracy> Radau5<S, B, U, A> {
                 self.w[2].as_mut()[c] += self.pair[c].1;
             }
             transform(&T, &self.w, &mut self.z);
-            if norm == 0.0 || rate / (1.0 - rate) * norm < self.newton_tolerance {
+            if norm == 0.0 || negligible || rate / (1.0 - rate) * norm < self.newton_tolerance {
                 return Newton { converged: true, iterations: k + 1, rate };
             }
             norm_old = norm;
