@@ -12,7 +12,7 @@
 //! motors has its equilibrium where `tau(q, theta) = K (theta - q) = tau_E`.
 
 use super::loop_slope::{Modes, loop_modes};
-use super::rest::Rest;
+use super::rest::{Rest, Unbalanced};
 use crate::dynamics::ArmAt;
 use crate::error::{Error, Result, finite};
 use crate::interrupt::look;
@@ -243,8 +243,7 @@ pub fn equilibrium(plant: &PlantSpec, law: &LawSpec, wrench: &[f64; 6], force_fr
     }
     let rest = Rest { plant, law: &held, wrench: *wrench, frame: force_frame };
     let (q, integral) = search(&rest, task.is_none_or(|task| task.options().has_potential()), q0)?;
-    let (residual, balanced) = Rest { plant, law, wrench: *wrench, frame: force_frame }.unbalanced(&q, &integral);
-    let (tau, wall_force) = rest.load(&q);
+    let Unbalanced { torque: residual, balanced, load: tau, wall_force } = Rest { law, ..rest }.unbalanced(&q, &integral)?;
     let pressed = wall_force.iter().any(|&f| f != 0.0) || plant.stops().is_some_and(|stops| stops.energy(&q) > 0.0);
     let mut state = q.clone();
     state.resize(2 * n, 0.0);

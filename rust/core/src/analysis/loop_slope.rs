@@ -1,14 +1,15 @@
-//! The closed loop linearised about a state `x = [plant, law]`: `d x_dot = A d x`. Each column of `A` is one evaluation of plant and law on
-//! dual numbers, so `A` is exact up to rounding.
+//! The closed loop linearised about a state `x = [plant, law]`: `d x_dot = A d x`. `A` is the derivative of the recorded plant and law, so it
+//! is exact up to rounding.
 
-use crate::error::Result;
-use crate::interrupt::look;
+use crate::error::{Error, Result};
 use crate::law::LawSpec;
 use crate::linalg::dot;
 use crate::linalg::eigenvalues::eigenvalues;
 use crate::linalg::svd::Svd;
 use crate::plant::PlantSpec;
-use crate::scalar::{Dual, Real};
+use crate::scalar::Real;
+use crate::trace::function::recorded;
+use crate::trace::{Jacobian, Sym};
 
 /// Compute the matrix `A` of the linearised loop, `(s, s)`, row-major, at time `t` (s), the plant's state `x` and the law's state `z`.
 ///
@@ -21,28 +22,19 @@ pub fn loop_slope(
     z: &[f64],
     wrench: &[f64; 6],
     force_frame: Option<usize>,
-) -> Vec<f64> {
-    let (n, states, s) = (plant.n(), x.len(), x.len() + z.len());
-    let mut plant = plant.build::<Dual>(force_frame);
-    let desired = law.desired(t);
-    let mut law = law.build::<Dual>();
-    let wrench: Vec<Dual> = wrench.iter().map(|&w| Dual::splat(w)).collect();
-    let mut moving: Vec<Dual> = x.iter().chain(z).map(|&x| Dual::splat(x)).collect();
-    let (mut tau, mut dx) = (vec![Dual::default(); n], vec![Dual::default(); s]);
-    let mut slope = vec![0.0; s * s];
-    for j in 0..s {
-        moving[j].rate = 1.0;
-        let trig: Vec<(Dual, Dual)> = moving[..n].iter().map(|q| q.sin_cos()).collect();
-        let (x, z) = moving.split_at(states);
-        let (dx_plant, dz) = dx.split_at_mut(states);
-        law.evaluate(&desired, &trig, x, z, &mut tau, dz);
-        plant.rates(&trig, x, &tau, &wrench, dx_plant);
-        for i in 0..s {
-            slope[i * s + j] = dx[i].rate;
-        }
-        moving[j].rate = 0.0;
-    }
-    slope
+) -> Result<Vec<f64>> {
+    let (n, states) = (plant.n(), x.len());
+    let set_up = || (plant.build::<Sym>(force_frame), law.build::<Sym>(), law.desired(t));
+    let slope = slope(&[x, z].concat(), n, set_up, |(mut plant, mut law, desired), trig, state| {
+        let (x, z) = state.split_at(states);
+        let (mut tau, mut rates) = (vec![Sym::zero(); n], vec![Sym::zero(); state.len()]);
+        let (x_dot, z_dot) = rates.split_at_mut(states);
+        law.evaluate(&desired, trig, x, z, &mut tau, z_dot);
+        plant.rates(trig, x, &tau, &wrench.map(Sym::splat), x_dot);
+        rates
+    });
+    let problem = || format!("branches on its data: expected a law with derivatives, got {}", law.name());
+    slope.ok_or_else(|| Error::input("law", problem()))
 }
 
 /// Compute the derivative of `[tau, z_dot]` with respect to `[x, z]`, `(n + p, states + p)`, row-major, at time `t` (s). `tau` is the output
@@ -51,22 +43,33 @@ pub fn law_slope(law: &LawSpec, t: f64, x: &[f64], z: &[f64]) -> Option<Vec<f64>
     if law.route().is_scalar() {
         return None;
     }
-    let (n, s, rows) = (law.model().n(), x.len() + z.len(), law.model().n() + z.len());
-    let desired = law.desired(t);
-    let mut law = law.build::<Dual>();
-    let mut moving: Vec<Dual> = x.iter().chain(z).map(|&x| Dual::splat(x)).collect();
-    let mut results = vec![Dual::default(); rows];
-    let mut slope = vec![0.0; rows * s];
-    for j in 0..s {
-        look();
-        moving[j].rate = 1.0;
-        let trig: Vec<(Dual, Dual)> = moving[..n].iter().map(|q| q.sin_cos()).collect();
-        let (x, z) = moving.split_at(x.len());
-        let (tau, dz) = results.split_at_mut(n);
-        law.evaluate(&desired, &trig, x, z, tau, dz);
-        results.iter().enumerate().for_each(|(i, result)| slope[i * s + j] = result.rate);
-        moving[j].rate = 0.0;
-    }
+    let (n, states) = (law.model().n(), x.len());
+    let set_up = || (law.build::<Sym>(), law.desired(t));
+    slope(&[x, z].concat(), n, set_up, |(mut law, desired), trig, state| {
+        let (x, z) = state.split_at(states);
+        let mut results = vec![Sym::zero(); n + z.len()];
+        let (tau, z_dot) = results.split_at_mut(n);
+        law.evaluate(&desired, trig, x, z, tau, z_dot);
+        results
+    })
+}
+
+/// The Jacobian at `state` of a function of the state, row-major. The function also receives (sin, cos) of the `n` joint positions. The
+/// result is `None` if the function branches on its data.
+fn slope<T>(
+    state: &[f64],
+    n: usize,
+    set_up: impl FnOnce() -> T,
+    function: impl FnOnce(T, &[(Sym, Sym)], &[Sym]) -> Vec<Sym>,
+) -> Option<Vec<f64>> {
+    let columns = state.len();
+    let recorded = recorded(columns, set_up, |made, state| {
+        let trig: Vec<(Sym, Sym)> = state[..n].iter().map(|q| q.sin_cos()).collect();
+        function(made, &trig, state)
+    })?;
+    let rows = recorded.answer.len();
+    let mut slope = vec![0.0; rows * columns];
+    Jacobian::new(recorded, rows).slopes(state, |i, j, rate| slope[i * columns + j] = rate);
     Some(slope)
 }
 
@@ -105,7 +108,7 @@ pub fn loop_modes(plant: &PlantSpec, law: &LawSpec, x: &[f64], z: &[f64], wrench
     /// A real part below this fraction of the largest absolute eigenvalue counts as a rounding error.
     const ROUNDED_REAL_PART: f64 = 1e-9;
     let (n, s) = (plant.n(), x.len() + z.len());
-    let slope = loop_slope(plant, law, 0.0, x, z, wrench, force_frame);
+    let slope = loop_slope(plant, law, 0.0, x, z, wrench, force_frame)?;
     let whole = eigenvalues(&slope, s)?;
     let fastest = whole.iter().fold(0.0f64, |most, (re, im)| most.max(re.hypot(*im)));
     let left = |modes: &[(f64, f64)]| modes.iter().all(|(re, _)| *re < ROUNDED_REAL_PART * fastest);

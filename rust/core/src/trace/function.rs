@@ -7,7 +7,7 @@
 
 use super::cache::Cache;
 use super::frame::Frame;
-use super::program::{Program, engine, form};
+use super::program::{Engine, Program, engine, form};
 use super::rows::{self, Rows};
 use super::straight::{Part, Scratch, SlotTable};
 use super::sym::{self, Sym};
@@ -61,6 +61,7 @@ impl std::fmt::Debug for Evaluation {
 
 /// A recorded function. `values` are the set-up parameters, which are the first inputs. `inputs` is the number of other inputs. `answer`
 /// has the indices of the results in `ops`.
+#[derive(Clone)]
 pub struct Recorded {
     pub ops: Vec<Op>,
     pub values: Vec<f64>,
@@ -91,6 +92,13 @@ impl Recorded {
         let Recorded { ops, values, inputs, answer } = self;
         let layout = FunctionLayout { given: values.len(), inputs, lanes };
         Evaluation::new(StoredFunction::of(ops, answer, layout), &values)
+    }
+
+    /// Prepare this function for the interpreter, for one row of inputs or for one row per lane. The interpreter is valid for all angles.
+    pub fn interpreted(self, lanes: bool) -> Evaluation {
+        let Recorded { ops, values, inputs, answer } = self;
+        let layout = FunctionLayout { given: values.len(), inputs, lanes };
+        Evaluation::new(Arc::new(StoredFunction::new(ops, answer, layout, Engine::Interpreter)), &values)
     }
 }
 
@@ -203,20 +211,20 @@ impl StoredFunction {
         if let Some(found) = KNOWN.find(|known| known.layout == layout && known.answer == answer && known.ops == ops) {
             return found;
         }
-        let function = Arc::new(StoredFunction::new(ops, answer, layout));
+        let function = Arc::new(StoredFunction::new(ops, answer, layout, engine()));
         let fits =
             |known: &VecDeque<Arc<StoredFunction>>| known.iter().map(|function| function.ops.len()).sum::<usize>() <= KEPT_OPERATIONS;
         KNOWN.keep(function.clone(), fits);
         function
     }
 
-    fn new(ops: Vec<Op>, answer: Vec<u32>, layout: FunctionLayout) -> Self {
+    fn new(ops: Vec<Op>, answer: Vec<u32>, layout: FunctionLayout, engine: Engine) -> Self {
         let is_known = |entry: u32| matches!(ops[entry as usize], Op::Const(_));
         let slots = (layout.answer() as u32..).zip(answer.iter().copied());
         let outputs: Vec<(u32, u32)> = slots.filter(|&(_, entry)| !is_known(entry)).collect();
         let part = Part { ops: &ops, start: 0, outputs: &outputs, places: &SlotTable::default() };
         let scratch = Scratch { reach: layout.reach() as u32, free: layout.answer() + answer.len() };
-        let program = Program::new(part, None, scratch, form(layout.lanes), engine());
+        let program = Program::new(part, None, scratch, form(layout.lanes), engine);
         StoredFunction { program, ops, answer, layout }
     }
 }
@@ -224,7 +232,6 @@ impl StoredFunction {
 #[cfg(test)]
 mod tests {
     use super::super::cache::KEPT;
-    use super::super::program::Engine;
     use super::*;
     use crate::scalar::Real;
 

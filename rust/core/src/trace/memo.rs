@@ -8,6 +8,7 @@ use std::hash::{BuildHasherDefault, Hasher};
 pub struct Multiplicative(u64);
 
 impl Hasher for Multiplicative {
+    #[inline]
     fn finish(&self) -> u64 {
         self.0
     }
@@ -16,12 +17,15 @@ impl Hasher for Multiplicative {
             self.write_u64(u64::from(byte));
         }
     }
+    #[inline]
     fn write_u64(&mut self, x: u64) {
         self.0 = (self.0.rotate_left(5) ^ x).wrapping_mul(0x9e37_79b9_7f4a_7c15);
     }
+    #[inline]
     fn write_u32(&mut self, x: u32) {
         self.write_u64(u64::from(x));
     }
+    #[inline]
     fn write_isize(&mut self, x: isize) {
         self.write_u64(x as u64);
     }

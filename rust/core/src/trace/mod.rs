@@ -6,8 +6,9 @@
 //! that change from one iteration to the next are in an array outside of the frame, the *stream*.
 //!
 //! Files: `sym`, `tape`, `operation` and `memo` record and fold. `segments` divides a recording, and `pieces` divides its parts at
-//! cuts, where native code may replace results. `differentiate`, `tangents` and `adjoint` compute
-//! derivatives of a recording, and `branches` finds its comparisons. `interpreter` computes a recording, with the steps that `steps` makes.
+//! cuts, where native code may replace results. `differentiate`, `tangents` and `adjoint` compute derivatives of a recording, and
+//! `branches` finds its comparisons. `interpreter` computes a recording, with the steps that `steps` makes. `jacobian` computes a recording
+//! and its Jacobian with the interpreter.
 //! `straight` and `lower` have the straight-line instructions. `lifetimes`, `emit`, `instruction`, `opcode`, `x86`, `aarch64` and `memory`
 //! make machine code. `c` prints a recording as C code. `frame` is the memory of a running program, and `pages` requests large pages. `rows`
 //! copies between the caller's rows and a frame. `function` makes programs of recorded functions, and `cache` stores them. `program` is the
@@ -32,6 +33,7 @@ pub mod function;
 mod harness;
 pub mod instruction;
 mod interpreter;
+pub mod jacobian;
 pub mod label;
 mod lifetimes;
 pub mod listing;
@@ -63,6 +65,7 @@ pub mod x86;
 
 pub use frame::Frame;
 pub use function::Evaluation;
+pub use jacobian::Jacobian;
 pub use program::{Engine, Program, engine, form};
 pub use segments::Cut;
 pub use straight::{Part, Scratch, SlotTable, Stream};

@@ -38,6 +38,7 @@ pub enum Op {
 
 impl Op {
     /// The indices of the operands.
+    #[inline]
     pub fn operands(self) -> impl Iterator<Item = u32> {
         let (count, all) = match self {
             Op::Const(_) | Op::Input(_) => (0, [0; 3]),

@@ -157,6 +157,7 @@ pub type SlotTable = Memo<u32>;
 
 impl Part<'_> {
     /// Whether an earlier part computes this entry, or native code at a cut before this part.
+    #[inline]
     pub(super) fn is_before(&self, entry: u32) -> bool {
         match self.ops[entry as usize] {
             Op::Const(_) | Op::Input(_) => false,
@@ -167,6 +168,7 @@ impl Part<'_> {
 
     /// Return `x` if entry `c` is `-x` and a fused instruction can subtract `x` instead of adding `c`. `fused`: whether the instruction set
     /// has fused multiply-add.
+    #[inline]
     pub(super) fn negated(&self, c: u32, fused: bool) -> Option<u32> {
         match self.ops[c as usize] {
             Op::Neg(x) if fused && !self.is_before(c) => Some(x),
@@ -175,18 +177,16 @@ impl Part<'_> {
     }
 
     /// The entries that the instruction of `op` reads.
+    #[inline]
     pub(super) fn reads(&self, op: Op, fused: bool) -> impl Iterator<Item = u32> + use<> {
         let subtracted = match op {
-            Op::Fma(_, _, c) | Op::Fnma(_, _, c) => self.negated(c, fused),
+            Op::Fma(a, b, c) => self.negated(c, fused).map(|x| Op::Fma(a, b, x)),
+            Op::Fnma(a, b, c) => self.negated(c, fused).map(|x| Op::Fnma(a, b, x)),
             _ => None,
         };
-        let (first, added) = match op {
-            // Within one part, the result of a cut is that of the formula.
-            Op::Decided(..) => (1, 1),
-            _ if subtracted.is_some() => (0, 2),
-            _ => (0, 3),
-        };
-        op.operands().skip(first).take(added).chain(subtracted)
+        // Within one part, the result of a cut is that of the formula.
+        let skipped = usize::from(matches!(op, Op::Decided(..)));
+        subtracted.unwrap_or(op).operands().skip(skipped)
     }
 
     /// Return, for each entry, whether the outputs depend on it. Entries that only earlier parts read are not included.

@@ -49,7 +49,7 @@ impl Tape {
     pub fn that(folds: bool) -> Self {
         let mut tape = Tape {
             ops: Vec::new(),
-            memo: Memo::with_capacity_and_hasher(4096, Default::default()),
+            memo: Memo::with_capacity_and_hasher(1024, Default::default()),
             by_value: Memo::default(),
             values: Vec::new(),
             labels: Labels::default(),
