@@ -3,6 +3,7 @@
 
 use super::differentiate::needed;
 use super::tape::{Op, Tape};
+use std::ops::Range;
 
 /// A recording with the margins of its branches as outputs, and the same recording with given results of all comparisons.
 pub struct Branches {
@@ -16,14 +17,14 @@ pub struct Branches {
     pub outputs: Vec<u32>,
 }
 
-/// Return the branches of `ops` on which `outputs` depend, and whose comparison depends on an input from number `first` on. `ops` has
+/// Return the branches of `ops` on which `outputs` depend, and whose comparison depends on an input with a number in `moving`. `ops` has
 /// `inputs` inputs. The result is `None` without such a branch.
-pub fn branches(ops: &[Op], inputs: usize, outputs: &[u32], first: usize) -> Option<Branches> {
+pub fn branches(ops: &[Op], inputs: usize, outputs: &[u32], moving: Range<usize>) -> Option<Branches> {
     let needed = needed(ops, outputs);
     let mut varies = vec![false; ops.len()];
     for (i, op) in ops.iter().enumerate() {
         varies[i] = match *op {
-            Op::Input(input) => input as usize >= first,
+            Op::Input(input) => moving.contains(&(input as usize)),
             _ => op.operands().any(|a| varies[a as usize]),
         };
     }
@@ -65,7 +66,7 @@ mod tests {
         };
         let Recorded { ops, inputs, answer, values } =
             recorded(1, || Sym::varying(2.5), |k, x| vec![f(k, x[0])]).expect("it does not branch");
-        let found = branches(&ops, 1 + inputs, &answer, 1).expect("two branches");
+        let found = branches(&ops, 1 + inputs, &answer, 1..2).expect("two branches");
         assert_eq!(found.margins.len(), 2);
         let call = |ops: &[Op], answer: &[u32], given: &[f64]| {
             let function = Recorded { ops: ops.to_vec(), values: values.clone(), inputs: given.len(), answer: answer.to_vec() };
@@ -80,6 +81,6 @@ mod tests {
         for (masks, y) in [([-1.0, 1.0], 5.0), ([1.0, 1.0], 3.0), ([1.0, -1.0], 7.0)] {
             assert_eq!(call(&found.held, &found.outputs, &[2.0, masks[0], masks[1]]), [y]);
         }
-        assert!(branches(&ops, 1 + inputs, &answer, 2).is_none());
+        assert!(branches(&ops, 1 + inputs, &answer, 2..2).is_none());
     }
 }

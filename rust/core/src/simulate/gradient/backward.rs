@@ -7,7 +7,7 @@
 //! computed again (Griewank and Walther 2008, chapter 12).
 
 use super::combine::add;
-use super::functions::{Call, Function};
+use super::functions::Call;
 use super::prepared::Prepared;
 use super::switch::Jump;
 use super::timeline::{Acting, Operation};
@@ -34,7 +34,9 @@ struct Backward<'a> {
     prepared: &'a Prepared<'a>,
     walker: Walker<'a>,
     /// For each contact mode, the adjoint of the state rates.
-    rates: Vec<Call>,
+    rates: Call,
+    /// Memory for the modes of contacts.
+    modes: Vec<f64>,
     law: Call,
     /// The weights of the present state.
     bar: Vec<f64>,
@@ -105,7 +107,8 @@ impl<'a> Backward<'a> {
         let (functions, directions) = (&prepared.functions, &prepared.directions);
         let (walker, sizes) = (Walker::new(prepared), &functions.sizes);
         Backward {
-            rates: functions.rates.iter().map(|function| function.adjoint(prepared.given())).collect(),
+            rates: functions.rates.adjoint(prepared.given()),
+            modes: Vec::new(),
             law: functions.law.adjoint(prepared.given()),
             bar: vec![0.0; walker.places.size()],
             aside: vec![0.0; walker.places.size()],
@@ -114,7 +117,7 @@ impl<'a> Backward<'a> {
             u: vec![0.0; sizes.width],
             looked: f64::NAN,
             scratch: vec![0.0; 2 * sizes.width],
-            answer: vec![0.0; functions.rates.iter().chain([&functions.law]).map(Function::answers).max().unwrap_or(0)],
+            answer: vec![0.0; functions.rates.answers().max(functions.law.answers())],
             slopes: vec![0.0; prepared.tableau.b.len() * sizes.states],
             passed: vec![0.0; sizes.states + sizes.answer],
             followers: followers(sizes),
@@ -193,9 +196,10 @@ impl<'a> Backward<'a> {
         let (directions, sizes) = (&self.prepared.directions, &self.prepared.functions.sizes);
         let call = match of {
             AdjointOf::Law => &mut self.law,
-            AdjointOf::Rates(mode) => &mut self.rates[mode],
+            AdjointOf::Rates => &mut self.rates,
         };
-        call.give([&self.u, x, held]);
+        let modes = if let AdjointOf::Rates = of { &self.modes[..] } else { &[] };
+        call.give([&self.u, x, held, modes]);
         let answers = call.answers().len();
         call.more(0, answers).copy_from_slice(&self.answer[..answers]);
         call.run(t)?;
@@ -277,6 +281,8 @@ impl<'a> Backward<'a> {
     /// Apply the adjoint of a step whose stages have the states `points`. `tau` are the weights of the input recorded at its start.
     fn step(&mut self, (t, h, end): (f64, f64, f64), mode: usize, before: &[f64], points: &[f64], tau: &[f64]) -> Result<()> {
         let (tableau, size, places) = (&self.prepared.tableau, self.prepared.functions.sizes.states, self.walker.places);
+        self.modes.clear();
+        self.modes.extend(self.prepared.timeline.contacts.numbers(mode));
         if tableau.follows {
             for &(position, rate) in &self.followers {
                 self.bar[rate] += h * self.bar[position];
@@ -297,7 +303,7 @@ impl<'a> Backward<'a> {
             if i == 0 {
                 self.answer[size..size + tau.len()].copy_from_slice(tau);
             }
-            self.pass(AdjointOf::Rates(mode), (instant, side_of(tableau.c[i])), [point, &before[places.acting()]])?;
+            self.pass(AdjointOf::Rates, (instant, side_of(tableau.c[i])), [point, &before[places.acting()]])?;
             let (x, held) = self.passed.split_at(size);
             for (j, &a) in tableau.a[i].iter().enumerate().filter(|(_, a)| **a != 0.0) {
                 add(&mut self.slopes[j * size..(j + 1) * size], h * a, x);
@@ -324,8 +330,8 @@ impl<'a> Backward<'a> {
 #[derive(Clone, Copy)]
 enum AdjointOf {
     Law,
-    /// The state rates in a contact mode.
-    Rates(usize),
+    /// The state rates.
+    Rates,
 }
 
 #[cfg(test)]

@@ -23,7 +23,7 @@ const CHECKS_PER_STEP: usize = 4;
 
 /// Divide the steps of a run where a branch changes and the state rates jump. The result is `None` if the state rates have no branches.
 pub fn divided(prepared: &Prepared) -> Result<Option<Divided>> {
-    if prepared.functions.branches.iter().all(Option::is_none) {
+    if prepared.functions.branches.is_none() {
         return Ok(None);
     }
     let mut walker = Walker::new(prepared);
@@ -34,7 +34,7 @@ pub fn divided(prepared: &Prepared) -> Result<Option<Divided>> {
         before.copy_from_slice(&state);
         walker.apply(operation, &mut state)?;
         match operation {
-            Operation::Step { t, h, end, mode } if prepared.functions.branches[mode].is_some() => {
+            Operation::Step { t, h, end, mode } => {
                 points.clone_from(&walker.points);
                 Division { walker: &mut walker, all: &mut all, mode, fixed, end }.divide((t, h), &mut before, &state, &points)?;
             }
@@ -187,19 +187,21 @@ impl Division<'_, '_> {
 impl Walker<'_> {
     /// Return the margins of the branches at time `t` and state `state`.
     pub fn margins(&mut self, mode: usize, t: f64, state: &[f64]) -> Result<Vec<f64>> {
-        let Some([margins, _, _]) = &mut self.branches[mode] else { return Ok(Vec::new()) };
+        self.hold(mode);
+        let Some([margins, _, _]) = &mut self.branches else { return Ok(Vec::new()) };
         self.prepared.directions.input(t, &mut self.u);
-        margins.give([&self.u, &state[self.places.x()], &state[self.places.acting()]]);
+        margins.give([&self.u, &state[self.places.x()], &state[self.places.acting()], &self.modes]);
         margins.run(t)?;
         Ok(margins.answers().to_vec())
     }
 
     /// Return the state rates at time `t` with given results of all comparisons.
     fn held_rates(&mut self, mode: usize, t: f64, state: &[f64], masks: &[f64]) -> Result<Vec<f64>> {
-        let Some([_, _, rates]) = &mut self.branches[mode] else { return Ok(Vec::new()) };
-        let held: Vec<f64> = state[self.places.acting()].iter().chain(masks).copied().collect();
+        self.hold(mode);
+        self.modes.extend(masks);
+        let Some([_, _, rates]) = &mut self.branches else { return Ok(Vec::new()) };
         self.prepared.directions.input(t, &mut self.u);
-        rates.give([&self.u, &state[self.places.x()], &held]);
+        rates.give([&self.u, &state[self.places.x()], &state[self.places.acting()], &self.modes]);
         rates.run(t)?;
         Ok(rates.answers().to_vec())
     }
@@ -221,9 +223,10 @@ impl Walker<'_> {
         let (rates, u_dot) = (self.held_rates(mode, t, state, masks)?, self.input_rate(t));
         let (sizes, acting) = (&self.prepared.functions.sizes, self.places.acting());
         let mut found = MarginRate { rates, ..MarginRate::default() };
-        let Some([_, margins, _]) = &mut self.branches[mode] else { return Ok(found) };
+        self.hold(mode);
+        let Some([_, margins, _]) = &mut self.branches else { return Ok(found) };
         self.prepared.directions.input(t, &mut self.u);
-        margins.give([&self.u, &state[self.places.x()], &state[acting.clone()]]);
+        margins.give([&self.u, &state[self.places.x()], &state[acting.clone()], &self.modes]);
         let weights = margins.more(0, masks.len());
         weights.fill(0.0);
         weights[branch] = 1.0;

@@ -22,7 +22,9 @@ pub struct Forward<'a> {
     tableau: &'a Tableau,
     walker: Walker<'a>,
     /// For each contact mode, the state rates with their tangents.
-    rates: Vec<TangentCall>,
+    rates: TangentCall,
+    /// Memory for the modes of contacts.
+    modes: Vec<f64>,
     law: TangentCall,
     lanes: usize,
     /// The number of groups in a block.
@@ -64,7 +66,7 @@ impl<'a> Forward<'a> {
     /// Return a run with its tangents along a block of directions of `mixture`, by steps with the stages of `tableau`.
     pub fn new(prepared: &'a Prepared<'a>, mixture: &'a Mixture<'a>, tableau: &'a Tableau) -> Result<Self> {
         let (functions, sizes) = (&prepared.functions, &prepared.functions.sizes);
-        let rates: Vec<TangentCall> = functions.rates.iter().map(|function| TangentCall::of(function, prepared)).collect();
+        let rates = TangentCall::of(&functions.rates, prepared);
         let law = TangentCall::of(&functions.law, prepared);
         let (lanes, groups, walker, stages) = (law.call.lanes(), sizes.groups, Walker::new(prepared), tableau.b.len());
         let size = walker.places.size();
@@ -74,6 +76,7 @@ impl<'a> Forward<'a> {
             tableau,
             walker,
             rates,
+            modes: Vec::new(),
             law,
             lanes,
             groups,
@@ -98,7 +101,7 @@ impl<'a> Forward<'a> {
         self.tangent.fill(0.0);
         self.u_rates.fill(0.0);
         (self.first, self.looked) = (first, (f64::NAN, Side::Moving));
-        self.rates.iter_mut().for_each(|rates| rates.set_up(self.mixture, first, self.groups));
+        self.rates.set_up(self.mixture, first, self.groups);
         self.law.set_up(self.mixture, first, self.groups);
         for (number, rates) in self.mixture.start.chunks_exact(self.mixture.count).enumerate() {
             for (k, &rate) in rates[first..].iter().take(self.groups * self.lanes).enumerate() {
@@ -245,7 +248,7 @@ impl<'a> Forward<'a> {
         let (size, driven) = (places.size() * lanes, self.prepared.functions.sizes.driven() * lanes);
         self.walker.sample(k, t, &mut self.state)?;
         self.look_outside(t, Side::Moving);
-        self.law.call.give([&self.u, &self.walker.shown, &[]]);
+        self.law.call.give([&self.u, &self.walker.shown, &[], &[]]);
         let (from, z) = (places.measured(seen(&self.prepared.timeline, k)), places.z());
         for (g, tangent) in self.tangent.chunks_exact_mut(size).enumerate() {
             // A derivative ignores the rounding of a measurement, and noise does not depend on the state. So the tangent of a measurement
@@ -295,12 +298,14 @@ impl<'a> Forward<'a> {
         let (tableau, places, lanes, size) = (self.tableau, self.walker.places, self.lanes, self.prepared.functions.sizes.states);
         let (rows, acting) = (size * lanes, places.acting());
         let (all, stages, driven) = (places.size() * lanes, tableau.b.len() * rows, self.prepared.functions.sizes.driven() * lanes);
+        self.modes.clear();
+        self.modes.extend(self.prepared.timeline.contacts.numbers(mode));
         for i in 0..tableau.b.len() {
             let (a, instant) = (&tableau.a[i], (t + tableau.c[i] * h).min(end));
             add_slopes(&self.state[places.x()], h, a, &self.slopes[..i * size], &mut self.point);
             self.look_outside(instant, side_of(tableau.c[i]));
-            let rates = &mut self.rates[mode];
-            rates.call.give([&self.u, &self.point, &self.state[acting.clone()]]);
+            let rates = &mut self.rates;
+            rates.call.give([&self.u, &self.point, &self.state[acting.clone()], &self.modes]);
             for (g, (tangent, slopes)) in self.tangent.chunks_exact(all).zip(self.slope_rates.chunks_exact(stages)).enumerate() {
                 let (x, held) = rates.rates_of(g, &self.u_rates[g * driven..(g + 1) * driven], size);
                 add_slopes(&tangent[..rows], h, a, &slopes[..i * rows], x);
@@ -334,7 +339,7 @@ impl<'a> Forward<'a> {
         let (all, driven, acting) = (places.size() * lanes, sizes.driven() * lanes, places.acting().start * lanes);
         if !sizes.sampled {
             self.look_outside(t, Side::Moving);
-            self.law.call.give([&self.u, &self.state[places.x()], &[]]);
+            self.law.call.give([&self.u, &self.state[places.x()], &[], &[]]);
             for (g, tangent) in self.tangent.chunks_exact(all).enumerate() {
                 let (x, _) = self.law.rates_of(g, &self.u_rates[g * driven..(g + 1) * driven], sizes.states);
                 x.copy_from_slice(&tangent[..rows]);

@@ -8,7 +8,6 @@ use crate::error::{Error, Result};
 use crate::integrate::System;
 use crate::interrupt::look;
 use crate::law::Route;
-use crate::plant::Touch;
 use crate::scalar::Real;
 use crate::simulate::assembly::assemble;
 use crate::simulate::closed_loop::ClosedLoop;
@@ -82,14 +81,14 @@ impl Sizes {
     }
 }
 
-/// A recorded function `y = f(c, u, x, held)` of the loop parameters `c`, the exogenous input `u`, the state `x` and the held input. Runs
-/// with the same structure share the function, so it does not store values of `c`.
+/// A recorded function `y = f(c, u, x, held, modes)` of the loop parameters `c`, the exogenous input `u`, the state `x` and the held input.
+/// The modes of contacts are 0 or 1, and do not vary. Runs with the same structure share the function, so it does not store values of `c`.
 pub struct Function {
     ops: Vec<Op>,
     /// The number of loop parameters that are inputs.
     given: usize,
-    /// The sizes of `u`, `x` and the held input.
-    read: [usize; 3],
+    /// The sizes of `u`, `x` and the held input, and the number of modes of contacts.
+    read: [usize; 4],
     answer: Vec<u32>,
     /// The number of validity flags after the results. A flag is positive if the results are valid.
     guards: usize,
@@ -103,15 +102,15 @@ pub struct Function {
 /// The recorded functions of a loop.
 pub struct LoopFunctions {
     pub sizes: Sizes,
-    /// The state rates, one function for each contact mode. In a continuous loop, the result of the function ends with the plant's input.
-    /// In a sampled loop, the input is an argument.
-    pub rates: Vec<Function>,
+    /// The state rates. In a continuous loop, the result of the function ends with the plant's input. In a sampled loop, the input is an
+    /// argument.
+    pub rates: Function,
     /// The plant's input and the rate of the law's state.
     pub law: Function,
     /// One function for each condition that ends a contact mode. The function is zero at the instant at which the mode changes.
     pub guards: Vec<Function>,
-    /// For each contact mode, the branches of the state rates ([`Function::branches`]).
-    pub branches: Vec<Option<[Function; 2]>>,
+    /// The branches of the state rates ([`Function::branches`]).
+    pub branches: Option<[Function; 2]>,
 }
 
 impl LoopFunctions {
@@ -124,9 +123,8 @@ impl LoopFunctions {
         let all = |run: usize| {
             look();
             let of = LoopRecorder { problem, run, directions, sizes: &sizes };
-            let rates: Option<Vec<Function>> = contacts.modes.iter().map(|mode| of.rates(mode)).collect();
             let guards: Option<Vec<Function>> = contacts.guards.iter().map(|&guard| of.guard(guard)).collect();
-            Some(LoopFunctions { sizes, rates: rates?, law: of.law()?, guards: guards?, branches: Vec::new() })
+            Some(LoopFunctions { sizes, rates: of.rates(contacts.held())?, law: of.law()?, guards: guards?, branches: None })
         };
         let mut own = all(0).ok_or_else(refusal)?;
         for (k, &(p, run)) in directions.runs.iter().enumerate() {
@@ -140,12 +138,12 @@ impl LoopFunctions {
                 return Err(refused(p, "is a constant of the loop's program"));
             }
         }
-        own.branches = own.rates.iter().map(|rates| rates.branches(sizes.states)).collect();
+        own.branches = own.rates.branches(sizes.states);
         Ok(own)
     }
 
     fn all(&self) -> impl Iterator<Item = &Function> {
-        self.rates.iter().chain([&self.law]).chain(&self.guards)
+        [&self.rates, &self.law].into_iter().chain(&self.guards)
     }
 
     /// Whether both recordings have the same operations.
@@ -159,7 +157,7 @@ impl LoopFunctions {
             let calls = function.calls.iter().filter_map(OnceLock::get);
             calls.map(|call| call.evaluation.operations()).sum::<usize>()
         };
-        self.all().chain(self.branches.iter().flatten().flatten()).map(|function| function.ops.len() + compiled(function)).sum()
+        self.all().chain(self.branches.iter().flatten()).map(|function| function.ops.len() + compiled(function)).sum()
     }
 }
 
@@ -174,7 +172,7 @@ struct LoopRecorder<'a> {
 impl LoopRecorder<'_> {
     fn record(
         &self,
-        held: bool,
+        (held, modes): (bool, usize),
         body: impl FnOnce(&mut ClosedLoop<Sym>, crate::simulate::Exogenous<Sym>, Vec<Sym>, Vec<Sym>) -> Vec<Sym>,
     ) -> Option<Function> {
         let LoopRecorder { problem, run, directions, sizes } = *self;
@@ -184,7 +182,10 @@ impl LoopRecorder<'_> {
         let u = instant(sizes.desired, sizes.width - sizes.desired);
         let x = inputs(sizes.states);
         let acting = inputs(if held { sizes.answer } else { 0 });
-        let read = [sizes.width, sizes.states, acting.len()];
+        if modes > 0 {
+            closed.hold_modes(&inputs(modes));
+        }
+        let read = [sizes.width, sizes.states, acting.len(), modes];
         let mut answer = body(&mut closed, u, x, acting);
         if sizes.guards > 0 {
             answer.push(sym::validity().unwrap_or_else(|| Sym::splat(1.0)));
@@ -198,18 +199,17 @@ impl LoopRecorder<'_> {
         let mut moving: Vec<u32> =
             directions.moving.iter().zip(&recording.structure).filter(|(moves, _)| **moves).filter_map(entry).collect();
         let first = given + if sizes.drives { 0 } else { sizes.width as u32 };
-        moving.extend(first..given + read.iter().sum::<usize>() as u32);
+        moving.extend(first..given + read[..3].iter().sum::<usize>() as u32);
         let answer = answer.into_iter().map(Sym::index).collect();
         let (ops, given, calls) = (recording.ops, given as usize, Default::default());
         debug_assert_eq!(recording.values.len(), given, "loop parameters are numbers of the set-up");
         Some(Function { ops, given, read, answer, guards: sizes.guards, moving, groups: sizes.groups, calls })
     }
 
-    /// Record the state rates for contacts held in `mode`. If `mode` is empty, the state determines the contacts.
-    fn rates(&self, mode: &[Touch]) -> Option<Function> {
+    /// Record the state rates with `contacts` held contacts. Without held contacts, the state determines their modes.
+    fn rates(&self, contacts: usize) -> Option<Function> {
         let sizes = self.sizes;
-        self.record(sizes.sampled, |closed, u, x, acting| {
-            closed.hold_contacts(mode);
+        self.record((sizes.sampled, 2 * contacts), |closed, u, x, acting| {
             if sizes.sampled {
                 let (tau, dz) = acting.split_at(sizes.n);
                 closed.hold_input(tau, dz);
@@ -224,7 +224,7 @@ impl LoopRecorder<'_> {
     }
 
     fn law(&self) -> Option<Function> {
-        self.record(false, |closed, u, x, _| {
+        self.record((false, 0), |closed, u, x, _| {
             closed.turn_to(&x);
             closed.answer(&u, &x);
             closed.tau.iter().chain(closed.law_rate()).copied().collect()
@@ -232,7 +232,7 @@ impl LoopRecorder<'_> {
     }
 
     fn guard(&self, Guard { contact, by_push }: Guard) -> Option<Function> {
-        self.record(false, |closed, _, x, _| {
+        self.record((false, 0), |closed, _, x, _| {
             closed.turn_to(&x);
             vec![closed.contact(contact, &x)[usize::from(by_push)]]
         })
@@ -254,14 +254,15 @@ impl Function {
     }
 
     /// Return the branches of the first `count` results: the margins, and the results with one more held input for the result of each
-    /// comparison ([`crate::trace::branches`]). All inputs of the margins vary but the loop parameters that are constant.
+    /// comparison ([`crate::trace::branches`]). All inputs of the margins vary but the modes and the loop parameters that are constant.
     fn branches(&self, count: usize) -> Option<[Function; 2]> {
-        let (given, [u, x, held]) = (self.given as u32, self.read);
+        let ([u, x, held, modes], given) = (self.read, self.given as u32);
+        let varying = self.given..self.given + u + x + held;
         let Branches { ops, margins, held: rates, outputs } =
-            branches(&self.ops, self.given + self.inputs(), &self.answer[..count], self.given)?;
+            branches(&self.ops, self.given + self.inputs(), &self.answer[..count], varying.clone())?;
         let parameters = self.moving.iter().copied().filter(|&input| input < given);
-        let moving = parameters.chain(given..given + self.inputs() as u32).collect();
-        let read = [u, x, held + margins.len()];
+        let moving = parameters.chain(given..varying.end as u32).collect();
+        let read = [u, x, held, modes + margins.len()];
         let function = |ops, read, answer, moving| Function {
             ops,
             read,
@@ -320,7 +321,7 @@ impl Function {
 }
 
 /// Write each number to `L` consecutive places, one for each lane.
-fn spread<const L: usize>(parts: [&[f64]; 3], to: &mut [f64]) {
+fn spread<const L: usize>(parts: [&[f64]; 4], to: &mut [f64]) {
     let mut to = to.as_chunks_mut::<L>().0.iter_mut();
     for part in parts {
         part.iter().zip(&mut to).for_each(|(&x, to)| *to = [x; L]);
@@ -331,7 +332,7 @@ fn spread<const L: usize>(parts: [&[f64]; 3], to: &mut [f64]) {
 #[derive(Clone)]
 pub struct Call {
     evaluation: Evaluation,
-    read: [usize; 3],
+    read: [usize; 4],
     answers: usize,
     guards: usize,
 }
@@ -345,8 +346,8 @@ impl Call {
         self.evaluation.lanes()
     }
 
-    /// Write the arguments `parts`, which are `u`, `x` and the held input. All lanes receive the same values.
-    pub fn give(&mut self, parts: [&[f64]; 3]) {
+    /// Write the arguments `parts`, which are `u`, `x`, the held input and the modes. All lanes receive the same values.
+    pub fn give(&mut self, parts: [&[f64]; 4]) {
         let (lanes, count) = (self.lanes(), self.read.iter().sum());
         let numbers = self.evaluation.inputs(0, count);
         match lanes {

@@ -12,7 +12,6 @@ use super::functions::{LoopFunctions, Sizes};
 use super::set_ups::{SetUp, SetUps};
 use super::timeline::Contacts;
 use crate::error::Result;
-use crate::plant::Touch;
 use crate::simulate::key::{Key, MOST_NUMBERS};
 use crate::simulate::problem::Problem;
 use crate::simulate::run_observer::Guard;
@@ -25,7 +24,8 @@ struct KnownFunctions {
     sizes: Sizes,
     /// For each loop parameter, whether it varies.
     moving: Vec<bool>,
-    modes: Vec<Vec<Touch>>,
+    /// The number of contacts that are held in their modes.
+    held: usize,
     guards: Vec<Guard>,
     /// The key and the set-up of run 0 and of each compared run.
     runs: Vec<(Key, SetUp)>,
@@ -38,7 +38,7 @@ impl KnownFunctions {
         let alike =
             |((key, set_up), (run, other)): (&(Key, SetUp), &(usize, SetUp))| set_up == other && key.is_of(problem, *run, set_ups.common);
         self.sizes == Sizes::of(problem, directions)
-            && (&self.moving, &self.modes, &self.guards) == (&directions.moving, &contacts.modes, &contacts.guards)
+            && (&self.moving, self.held, &self.guards) == (&directions.moving, contacts.held(), &contacts.guards)
             && self.runs.len() == set_ups.runs.len()
             && self.runs.iter().zip(&set_ups.runs).all(alike)
     }
@@ -72,7 +72,7 @@ impl FunctionStore {
             Arc::new(KnownFunctions {
                 sizes: Sizes::of(problem, directions),
                 moving: directions.moving.clone(),
-                modes: contacts.modes.clone(),
+                held: contacts.held(),
                 guards: contacts.guards.clone(),
                 runs: runs.collect(),
                 made: OnceLock::new(),

@@ -83,14 +83,14 @@ impl Walker<'_> {
         let (x, acting) = (&state[self.places.x()], &state[self.places.acting()]);
         self.prepared.directions.input(t, &mut self.u);
         let mut rates = |mode: usize| -> Result<Vec<f64>> {
-            let call = &mut self.rates[mode];
-            call.give([&self.u, x, acting]);
-            call.run(t)?;
-            Ok(call.answers()[..size].to_vec())
+            self.hold(mode);
+            self.rates.give([&self.u, x, acting, &self.modes]);
+            self.rates.run(t)?;
+            Ok(self.rates.answers()[..size].to_vec())
         };
         let (before, after) = (rates(switch.before)?, rates(switch.after)?);
         let guard = &mut self.guards[switch.guard];
-        guard.give([&self.u, x, &[]]);
+        guard.give([&self.u, x, &[], &[]]);
         guard.more(0, 1).fill(1.0);
         guard.run(t)?;
         let (of_set_up, rest) = guard.behind(0, moved + sizes.driven() + size).split_at(moved);

@@ -89,6 +89,18 @@ pub struct Contacts {
     pub switches: Vec<Switch>,
 }
 
+impl Contacts {
+    /// The number of contacts that the run holds in their modes.
+    pub fn held(&self) -> usize {
+        self.modes.first().map_or(0, Vec::len)
+    }
+
+    /// The numbers of mode `k`, two for each contact.
+    pub fn numbers(&self, k: usize) -> impl Iterator<Item = f64> {
+        self.modes[k].iter().flat_map(|touch| touch.numbers())
+    }
+}
+
 /// Return the index of `element` in `all`. A missing element is appended.
 fn place<T: PartialEq>(all: &mut Vec<T>, element: T) -> usize {
     all.iter().position(|known| *known == element).unwrap_or_else(|| {

@@ -94,13 +94,15 @@ pub fn followers(sizes: &Sizes) -> Vec<(usize, usize)> {
 pub struct Walker<'a> {
     pub(super) prepared: &'a Prepared<'a>,
     pub places: Places,
-    /// The state rates, one function per contact mode.
-    pub(super) rates: Vec<Call>,
+    /// The state rates.
+    pub(super) rates: Call,
     law: Call,
     /// The adjoints of the guard functions.
     pub(super) guards: Vec<Call>,
-    /// For each contact mode: the margins of the branches, their adjoint, and the state rates with given results of all comparisons.
-    pub(super) branches: Vec<Option<[Call; 3]>>,
+    /// The margins of the branches, their adjoint, and the state rates with given results of all comparisons.
+    pub(super) branches: Option<[Call; 3]>,
+    /// Memory for the modes of contacts and the results of comparisons.
+    pub(super) modes: Vec<f64>,
     pub(super) u: Vec<f64>,
     /// The states at the stages of the last step.
     pub points: Vec<f64>,
@@ -118,16 +120,15 @@ pub struct Walker<'a> {
 impl<'a> Walker<'a> {
     pub fn new(prepared: &'a Prepared<'a>) -> Self {
         let (sizes, stages, given) = (&prepared.functions.sizes, prepared.tableau.b.len(), prepared.given());
-        let calls = |of: &Option<[Function; 2]>| {
-            of.as_ref().map(|[margins, held]| [margins.value(given), margins.adjoint(given), held.value(given)])
-        };
+        let calls = |[margins, held]: &[Function; 2]| [margins.value(given), margins.adjoint(given), held.value(given)];
         Walker {
             prepared,
             places: Places::of(sizes, &prepared.timeline),
-            rates: prepared.functions.rates.iter().map(|function| function.value(given)).collect(),
+            rates: prepared.functions.rates.value(given),
             law: prepared.functions.law.value(given),
             guards: prepared.functions.guards.iter().map(|function| function.adjoint(given)).collect(),
-            branches: prepared.functions.branches.iter().map(calls).collect(),
+            branches: prepared.functions.branches.as_ref().map(calls),
+            modes: Vec::new(),
             u: vec![0.0; sizes.width],
             points: vec![0.0; stages * sizes.states],
             slopes: vec![0.0; stages * sizes.states],
@@ -191,7 +192,7 @@ impl<'a> Walker<'a> {
         plant.copy_from_slice(&state[places.measured(seen(&self.prepared.timeline, k))]);
         law.copy_from_slice(&state[places.z()]);
         self.prepared.directions.input(t, &mut self.u);
-        self.law.give([&self.u, &self.shown, &[]]);
+        self.law.give([&self.u, &self.shown, &[], &[]]);
         self.law.run(t)?;
         state[places.answer(k)].copy_from_slice(self.law.answers());
         add_output(&places, places.answer(k).start, -1.0, state, 1);
@@ -210,20 +211,26 @@ impl<'a> Walker<'a> {
         Ok(())
     }
 
+    /// Hold the contacts in mode `mode` of the timeline.
+    pub fn hold(&mut self, mode: usize) {
+        self.modes.clear();
+        self.modes.extend(self.prepared.timeline.contacts.numbers(mode));
+    }
+
     /// Compute the states and the state rates at the stages of a step.
     pub fn stages(&mut self, (t, h, end): (f64, f64, f64), mode: usize, state: &[f64]) -> Result<()> {
         let Tableau { c, a, b, .. } = &self.prepared.tableau;
         let (x, size) = (&state[self.places.x()], self.places.states);
+        self.hold(mode);
         for i in 0..b.len() {
             let (earlier, later) = self.slopes.split_at_mut(i * size);
             let point = &mut self.points[i * size..(i + 1) * size];
             add_slopes(x, h, &a[i], earlier, point);
             let instant = (t + c[i] * h).min(end);
             self.prepared.directions.input(instant, &mut self.u);
-            let rates = &mut self.rates[mode];
-            rates.give([&self.u, point, &state[self.places.acting()]]);
-            rates.run(instant)?;
-            later[..size].copy_from_slice(&rates.answers()[..size]);
+            self.rates.give([&self.u, point, &state[self.places.acting()], &self.modes]);
+            self.rates.run(instant)?;
+            later[..size].copy_from_slice(&self.rates.answers()[..size]);
         }
         Ok(())
     }
