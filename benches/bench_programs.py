@@ -1,8 +1,6 @@
-"""Loops as compiled programs compared with direct runs, on arms of two to seven joints, a chain of 20 and a tree of 48 joints.
+"""Loops as machine code, on arms of two to seven joints, a chain of 20 and a tree of 48 joints.
 
-A *program* is the machine code that armlet compiles for one loop. A run of 19 steps is direct, and a run of 2,000 steps is a program. Both
-times include the start of the run. Batches are always programs. Adaptive and implicit methods use programs in runs of 20 s, but not in
-short runs. Results are compared first.
+The times include the start of the run. Each loop is first interpreted and then compiled, and both results are compared.
 
     python -P benches/bench_programs.py              the table
     python -P benches/bench_programs.py --readme     the table, written into benches/README.md
@@ -26,7 +24,7 @@ from large_arms import branched, chain
 from timing import Case
 
 DT, ROWS = 1e-3, 256
-DIRECT, PROGRAM, BATCH = 19, 2000, 200
+PROGRAM, BATCH = 2000, 200
 LONG = 20.0
 ARMS = {
     "planar 2R": al.planar_arm([0.5] * 2),
@@ -72,12 +70,12 @@ def large_loops() -> Iterator[tuple[str, al.RigidArm, Any]]:
 
 
 def require_equal(name: str, plant: al.RigidArm, law: Any) -> None:
-    """Assert that a program and a direct run agree to rounding after 18 steps."""
+    """Assert that machine code and the interpreter agree after 18 steps. The last step of a run may differ from `dt` by rounding."""
     q0 = np.full(plant.arm.n, 0.15)
+    interpreted = al.simulate(plant, law, q0, t_end=0.018, dt=DT, record_every=18, monitors=False)
     program = al.simulate(plant, law, q0, t_end=0.18, dt=DT, record_every=18, monitors=False)
-    direct = al.simulate(plant, law, q0, t_end=0.018, dt=DT, record_every=18, monitors=False)
-    assert program.stats["engine"] != "direct" and direct.stats["engine"] == "direct", name
-    assert np.abs(program.q[1] - direct.q[1]).max() < 1e-11, name
+    assert (interpreted.stats["engine"], program.stats["engine"]) == ("interpreter", al.build_info()["programs"]), name
+    assert np.abs(program.q[1] - interpreted.q[1]).max() < 1e-11, name
 
 
 def cases_of(name: str, plant: al.RigidArm, law: Any) -> list[Case]:
@@ -93,7 +91,6 @@ def cases_of(name: str, plant: al.RigidArm, law: Any) -> list[Case]:
     alone, many = f"{name}: ns per step of one run", f"{name}: ns per run and step, {ROWS} runs"
     return [
         Case(alone, f"program, {name}", lambda: one(PROGRAM), PROGRAM),
-        Case(alone, f"direct, {name}", lambda: [one(DIRECT) for _ in range(10)], 10 * DIRECT, against=f"program, {name}"),
         Case(many, f"program in lanes, {name}", lambda: batch(BATCH), BATCH * ROWS),
         Case(many, f"one run, {name}", lambda: one(PROGRAM), PROGRAM, against=f"program in lanes, {name}"),
     ]
@@ -105,16 +102,8 @@ def free_cases(name: str, plant: al.Plant, law: Any, method: str) -> list[Case]:
     def one(t_end: float) -> Any:
         return al.simulate(plant, law, q0, t_end=t_end, method=method, rtol=1e-7, atol=1e-9, t_eval=[t_end], monitors=False)
 
-    short = LONG
-    while one(short).stats["engine"] != "direct":
-        short *= 0.8
-    work = {t_end: one(t_end).stats["evaluations"] for t_end in (short, LONG)}
-    repeats = max(1, work[LONG] // work[short] // 4)
-    group, program = f"{name}, {method}: ns per evaluation of one run", f"program, {name}, {method}"
-    return [
-        Case(group, program, lambda: one(LONG), work[LONG]),
-        Case(group, f"direct, {name}, {method}", lambda: [one(short) for _ in range(repeats)], repeats * work[short], against=program),
-    ]
+    group = f"{name}, {method}: ns per evaluation of one run"
+    return [Case(group, f"program, {name}, {method}", lambda: one(LONG), one(LONG).stats["evaluations"])]
 
 
 def free_loops() -> Iterator[list[Case]]:
@@ -126,7 +115,7 @@ def free_loops() -> Iterator[list[Case]]:
 
 
 def main() -> None:
-    options = reporting.arguments("loops as programs beside the same loops run directly").parse_args()
+    options = reporting.arguments("loops as machine code").parse_args()
     reporting.require_release("bench_programs")
     share = timing.busy()
     cases: list[Case] = []

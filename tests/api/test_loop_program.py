@@ -251,18 +251,6 @@ REFUSED: dict[str, tuple[Callable[[], Any], str]] = {
         lambda: al.loop_program(al.RigidArm(TWO), Own()),
         "law has the loop run directly, without a program: .*a function in Python",
     ),
-    "force": (
-        lambda: al.loop_program(al.RigidArm(TWO), pd(TWO), force=lambda t: np.zeros(3), force_frame="link2"),
-        "force has the loop run directly",
-    ),
-    "jitter": (
-        lambda: al.loop_program(al.RigidArm(TWO), pd(TWO), sample_time=al.Sampling(1e-2, jitter=1e-3)),
-        "sample_time has the loop run directly, .*a jitter of 0.001 s",
-    ),
-    "wall": (
-        lambda: al.loop_program(al.RigidArm(TWO, wall=al.Wall("link2", [0.8, 0, 0], [-1, 0, 0], stiffness=1e3)), pd(TWO), method="ros2"),
-        "plant has the loop run directly",
-    ),
     "part": (lambda: al.loop_program(al.RigidArm(TWO), pd(TWO), part="rates"), "part is unknown: expected one of step, law, got rates"),
     "stage": (lambda: al.loop_program(al.RigidArm(TWO), pd(TWO), stage="x"), "stage is unknown: expected one of recorded, simplified"),
     "method": (lambda: al.loop_program(al.RigidArm(TWO), pd(TWO), method="x"), "method is unknown"),

@@ -67,7 +67,7 @@ def test_records_of_a_batch_are_those_taken_one_by_one(case: str, every: int) ->
 @pytest.mark.parametrize("extra", [{}, {"sample_time": 4e-3}, {"method": "euler"}, {"method": "semi_implicit", "tau_max": 9.0}], ids=str)
 def test_records_of_one_run_are_those_taken_one_by_one(extra: dict[str, Any], monitors: bool, every: int) -> None:
     for arm in (PR, TWO):
-        law, options = al.Adaptive(arm, SWING, 60.0, 12.0, 0.3), {"t_end": 0.06, "dt": 1e-3, "monitors": monitors} | extra
+        law, options = al.Adaptive(arm, SWING, 60.0, 12.0, 0.3), {"t_end": 0.3, "dt": 1e-3, "monitors": monitors} | extra
         within = al.simulate(al.RigidArm(arm), law, [0.1, 0.2], **options, record_every=every)
         assert within.stats["engine"] == al.build_info()["programs"]
         require_same(within, al.simulate(al.RigidArm(arm), law, [0.1, 0.2], **options, t_eval=within.t))

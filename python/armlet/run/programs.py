@@ -215,7 +215,7 @@ def loop_program(
         numbered, such as `c17`.
 
     Raises:
-        InputError: an argument is not valid, or the loop runs without a program; the message states the reason.
+        InputError: an argument is not valid, or the law is not recorded; the message states the reason.
 
     Source: docs/programs.md.
 

@@ -195,9 +195,6 @@ pub trait Law<S: Real> {
     /// Initialise the filters in the law's state `z` from the plant's state `x`. `_trig` has (sin, cos) of each joint position.
     fn restart(&mut self, _trig: &[(S, S)], _x: &[S], _z: &mut [S]) {}
 
-    /// Set the time of the next evaluation, s. Only a law that is a function of the caller uses it.
-    fn at(&mut self, _t: f64) {}
-
     /// Set the sample period of the loop, s, and the limits of the plant's input, `(n,)` or empty.
     fn configure(&mut self, _period: Option<f64>, _limits: &[S]) {}
 

@@ -64,6 +64,13 @@ impl ExternalSpec {
     pub fn idle(model: &Model, plant: PlantKind) -> Self {
         ExternalSpec { model: model.clone(), plant, call: Arc::new(|_, _, _| false) }
     }
+
+    /// Compute the plant's input `tau`, `(n,)`, at time `t`, s, and the plant's state `x`. It is NaN if the function fails.
+    pub(crate) fn evaluate(&self, t: f64, x: &[f64], tau: &mut [f64]) {
+        if !(self.call)(t, x, tau) {
+            tau.fill(f64::NAN);
+        }
+    }
 }
 
 impl Definition for ExternalSpec {
@@ -86,9 +93,7 @@ impl Definition for ExternalSpec {
     /// The plant's input `tau` is the only term.
     fn terms(&self, at: &Instant) -> Vec<Term> {
         let mut tau = vec![0.0; self.model.n()];
-        if !(self.call)(at.t, at.x, &mut tau) {
-            tau.fill(f64::NAN);
-        }
+        self.evaluate(at.t, at.x, &mut tau);
         vec![("tau", vec![tau.len()], tau)]
     }
 }
@@ -97,33 +102,15 @@ impl Shape for ExternalSpec {}
 
 impl ExternalSpec {
     pub(super) fn build<S: Real>(&self) -> impl Law<S> + Send + use<S> {
-        let n = self.model.n();
-        External { call: self.call.clone(), t: 0.0, x: vec![0.0; self.plant.states(n)], tau: vec![0.0; n] }
+        HeldInput
     }
 }
 
-/// The law in a control loop.
-pub struct External {
-    call: Call,
-    t: f64,
-    x: Vec<f64>,
-    tau: Vec<f64>,
-}
+/// The law in a recorded loop, whose input is held. The caller's function is called outside of the recording.
+struct HeldInput;
 
-impl<S: Real> Law<S> for External {
-    fn at(&mut self, t: f64) {
-        self.t = t;
-    }
-
-    fn evaluate(&mut self, _: &[S], _: &[(S, S)], x: &[S], _: &[S], tau: &mut [S], _: &mut [S]) {
-        for (to, from) in self.x.iter_mut().zip(x) {
-            *to = from.lane(0);
-        }
-        if !(self.call)(self.t, &self.x, &mut self.tau) {
-            self.tau.fill(f64::NAN);
-        }
-        for (to, &from) in tau.iter_mut().zip(&self.tau) {
-            *to = S::splat(from);
-        }
+impl<S: Real> Law<S> for HeldInput {
+    fn evaluate(&mut self, _: &[S], _: &[(S, S)], _: &[S], _: &[S], tau: &mut [S], _: &mut [S]) {
+        tau.fill(S::splat(f64::NAN));
     }
 }

@@ -162,10 +162,6 @@ impl<S: Real> Law<S> for Guarded<S> {
         own[..self.momentum.len()].copy_from_slice(&self.momentum);
     }
 
-    fn at(&mut self, t: f64) {
-        self.inner.at(t);
-    }
-
     fn configure(&mut self, period: Option<f64>, limits: &[S]) {
         self.inner.configure(period, limits);
         self.limits = limits.to_vec();

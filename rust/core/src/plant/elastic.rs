@@ -146,7 +146,7 @@ impl ElasticSpec {
             joint_damping: labelled_numbers("joint_damping", &self.joint_damping),
             motor_friction: labelled_numbers("motor_friction", &self.motor_friction),
             bristles: loop_bristles(dry),
-            sticking: loop_stick_slip(dry).map(|sticking| with_inertia(sticking, &self.motor_inertia)),
+            sticking: loop_stick_slip(dry, false).map(|sticking| with_inertia(sticking, &self.motor_inertia)),
             work: vec![S::zero(); self.model.n()],
         }
     }

@@ -205,6 +205,13 @@ impl PlantSpec {
         self.friction().is_some_and(|friction| friction.stick_slip().is_some())
     }
 
+    /// Return the stick-slip friction, and the index of the first speed on which it acts; `None` for another friction.
+    pub(crate) fn sticking_friction(&self) -> Option<(LoopStickSlip<f64>, usize)> {
+        let motors = self.kind().has_motors();
+        let friction = rigid::loop_stick_slip(self.friction(), !motors)?;
+        Some((friction, if motors { 3 * self.n() } else { self.n() }))
+    }
+
     /// The number of joints or motors with stick-slip friction.
     pub fn sticking_joints(&self) -> usize {
         if self.sticks() { self.n() } else { 0 }

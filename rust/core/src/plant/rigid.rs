@@ -108,9 +108,9 @@ pub(super) fn loop_bristles<S: Real>(friction: Option<&JointFriction>) -> Option
     friction.and_then(JointFriction::bristles).map(LoopLuGre::new)
 }
 
-/// The stick-slip friction of a loop; `None` for another friction.
-pub(super) fn loop_stick_slip<S: Real>(friction: Option<&JointFriction>) -> Option<LoopStickSlip<S>> {
-    friction.and_then(JointFriction::stick_slip).map(LoopStickSlip::new)
+/// The stick-slip friction of a loop; `None` for another friction. `drives`: see [`LoopStickSlip::new`].
+pub(super) fn loop_stick_slip<S: Real>(friction: Option<&JointFriction>, drives: bool) -> Option<LoopStickSlip<S>> {
+    friction.and_then(JointFriction::stick_slip).map(|friction| LoopStickSlip::new(friction, drives))
 }
 
 /// The links of a plant, with the external forces on them.
@@ -266,7 +266,7 @@ impl RigidSpec {
             links: Links::new(&self.model, self.wall.as_ref(), self.stops.as_ref(), force_frame),
             friction: self.friction && !self.sticks,
             bristles: loop_bristles(self.dry.as_ref()),
-            sticking: loop_stick_slip(self.dry.as_ref()),
+            sticking: loop_stick_slip(self.dry.as_ref(), true),
         }
     }
 }

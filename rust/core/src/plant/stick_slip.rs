@@ -94,7 +94,8 @@ pub struct LoopStickSlip<S> {
 }
 
 impl<S: Real> LoopStickSlip<S> {
-    pub(super) fn new(friction: &StickSlip) -> Self {
+    /// Create the friction. `drives`: whether the friction acts where the plant's input acts, so that it changes its own load.
+    pub(super) fn new(friction: &StickSlip, drives: bool) -> Self {
         let n = friction.curve.n();
         let zeros = |k: usize| vec![S::zero(); k];
         LoopStickSlip {
@@ -107,11 +108,31 @@ impl<S: Real> LoopStickSlip<S> {
             kept: zeros(n * n),
             factor: zeros(n * n),
             drive: zeros(n),
-            loads: vec![Load::Known(S::zero()); n],
+            loads: vec![if drives { Load::Driven(S::zero()) } else { Load::Known(S::zero()) }; n],
             torque: zeros(n),
             resting: vec![false; n],
             rates: zeros(n),
             margins: zeros(n),
+        }
+    }
+
+    /// The numbers from which [`LoopStickSlip::settle`] decides: `A`, `b` and the loads, `(n^2 + 2 n,)`.
+    pub fn loads(&self) -> Vec<S> {
+        let loads = self.loads.iter().map(|load| match *load {
+            Load::Known(load) | Load::Driven(load) => load,
+        });
+        self.matrix.iter().chain(&self.drive).copied().chain(loads).collect()
+    }
+
+    /// Set the numbers of [`LoopStickSlip::loads`].
+    pub fn set_loads(&mut self, numbers: &[S]) {
+        let (n, loads) = (self.drive.len(), self.matrix.len() + self.drive.len());
+        self.matrix.copy_from_slice(&numbers[..n * n]);
+        self.drive.copy_from_slice(&numbers[n * n..loads]);
+        for (load, &number) in self.loads.iter_mut().zip(&numbers[loads..]) {
+            match load {
+                Load::Known(load) | Load::Driven(load) => *load = number,
+            }
         }
     }
 

@@ -2,12 +2,13 @@
 //! at given times use the dense output of the method.
 
 use super::bound::Bound;
+use super::rates_loop::RatesLoop;
 use super::schedule::{Times, require_times};
 use super::stop::Stop;
 use super::time_scale::TimeScale;
+use super::watching::Watching;
 use crate::error::Result as CoreResult;
 use crate::integrate::{Adaptive, System, Work};
-use crate::scalar::Real;
 use crate::status::Status;
 
 /// A time `t` counts as a sample time if `|t - sample time| / period` is below this limit, dimensionless.
@@ -109,20 +110,6 @@ pub enum Cut {
     End(f64),
 }
 
-/// An observer of every step of a run.
-pub trait Watcher<S, F, M> {
-    /// Whether the observer must be called.
-    fn active(&self) -> bool;
-    /// Start the observation at time `t`, s, and state `x`. [`run`] calls this function once, before the first step.
-    fn begin(&mut self, system: &mut F, t: f64, x: &[S]) -> Result<(), Status>;
-    /// Check the step that `method` has just accepted. The result is the time to which the step must be shortened, with the reason, if any.
-    fn look(&mut self, system: &mut F, method: &mut M) -> Result<Option<Cut>, Status>;
-    /// Process the accepted step of `method` up to time `t`, s. [`run`] does not call this function for a step that it repeats.
-    fn keep(&mut self, system: &mut F, method: &mut M, t: f64);
-    /// Process a switch of the system at time `t`, s, and state `x`. The observer may correct `x`, so that it is exactly at the switch.
-    fn switch(&mut self, system: &mut F, t: f64, x: &mut [S]);
-}
-
 /// The end of a run: its status, its end time, s, and the counts of its evaluations and steps.
 #[derive(Clone, Copy, Debug)]
 pub struct Outcome {
@@ -160,11 +147,15 @@ impl DueRecords<'_> {
     }
 
     /// Record the states at all record times within a step. `at` is memory for an interpolated state.
-    fn record<S, F, M>(&mut self, system: &mut F, method: &mut M, step: &Step, at: &mut Vec<S>, record: &mut impl FnMut(f64, &mut F, &[S]))
-    where
-        S: Real,
-        F: System<S>,
-        M: Adaptive<S, F, Vec<S>>,
+    fn record<'a, M>(
+        &mut self,
+        system: &mut RatesLoop<'a>,
+        method: &mut M,
+        step: &Step,
+        at: &mut Vec<f64>,
+        record: &mut impl FnMut(f64, &mut RatesLoop<'a>, &[f64]),
+    ) where
+        M: Adaptive<f64, RatesLoop<'a>, Vec<f64>>,
     {
         self.accepted += 1;
         match self.times {
@@ -202,18 +193,16 @@ impl DueRecords<'_> {
 
 /// Run `system` from the state of `method`. `watch` checks every step, and `record(t, system, x)` is called for every record.
 // Long: the function is not divided, because all branches of its loop use the same variables.
-pub fn run<S, F, M>(
-    system: &mut F,
+pub fn run<'a, M>(
+    system: &mut RatesLoop<'a>,
     method: &mut M,
     segments: &Segments,
     stop: &dyn Stop,
-    watch: &mut impl Watcher<S, F, M>,
-    mut record: impl FnMut(f64, &mut F, &[S]),
+    watch: &mut Watching,
+    mut record: impl FnMut(f64, &mut RatesLoop<'a>, &[f64]),
 ) -> Outcome
 where
-    S: Real,
-    F: System<S>,
-    M: Adaptive<S, F, Vec<S>>,
+    M: Adaptive<f64, RatesLoop<'a>, Vec<f64>>,
 {
     let (mut t, mut sample) = (0.0, 0u64);
     let mut due = DueRecords { times: &segments.times, wanted: 0, accepted: 0 };

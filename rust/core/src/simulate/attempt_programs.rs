@@ -4,13 +4,12 @@
 //! The program of an attempt computes all stages of a step. Only small loops have such a program.
 
 use super::assembly::assemble;
-use super::closed_loop::ClosedLoop;
 use super::key::Common;
 use super::layout::Slots;
 use super::problem::Problem;
 use super::recorded::{inputs, instant, modes_as_inputs};
 use super::world::Exogenous;
-use crate::integrate::{Attempt, Buffer, MethodKind, Scheme, System, WithScheme};
+use crate::integrate::{Attempt, Buffer, MethodKind, Scheme, WithScheme};
 use crate::scalar::Real;
 use crate::scalar::trig::REDUCTION_LIMIT;
 use crate::trace::{Frame, Part, Program, Scratch, SlotTable, Sym, engine, form, sym};
@@ -95,7 +94,7 @@ impl AttemptProgram {
 
     fn record<C: Scheme>(problem: &Problem, run: usize, common: Common, held: bool, slots: &Slots) -> Option<Self> {
         sym::begin();
-        let mut closed: ClosedLoop<Sym> = assemble(problem, run, common.monitored.storage);
+        let mut closed = assemble(problem, run, common.monitored.storage);
         assert_eq!(sym::end_set_up(), slots.given, "another structure");
         let instants: Vec<Exogenous<Sym>> = (0..C::STAGES).map(|_| instant(slots.desired, slots.wrench)).collect();
         let (x, first, h) = (inputs(slots.states()), inputs(slots.states()), sym::input());
@@ -122,32 +121,28 @@ impl AttemptProgram {
         Some(AttemptProgram { program: Program::new(part, None, scratch, form(false), engine()), places })
     }
 
-    /// Return a frame of the program for a run with the loop parameters `values`.
-    pub fn frame(&self, values: &[f64]) -> Frame {
+    /// Return a frame of the program with the inputs `numbers` of a frame of the rates, whose slots are `slots`.
+    pub fn frame(&self, slots: &Slots, numbers: &[f64]) -> Frame {
         let mut frame = Frame::new(self.program.slots(), 1);
         self.program.prepare(&mut frame);
-        frame.numbers_mut()[..values.len()].copy_from_slice(values);
+        write(&mut frame, 0, &numbers[..slots.given]);
+        self.write(&mut frame, 0, &numbers[slots.tau()..slots.rates()]);
         frame
     }
 
-    /// Write the held input `tau` and the other results of the law to the program's frame.
-    pub fn hold<S: Real>(&self, frame: &mut Frame, tau: &[S], answer: &[S]) {
-        write(frame, self.places.held(), tau);
-        write(frame, self.places.held() + tau.len(), answer);
-    }
-
-    /// Write modes to the program's frame, from mode `first` on.
-    pub fn write_modes(&self, frame: &mut Frame, first: usize, modes: &[f64]) {
-        write(frame, self.places.modes() + first, modes);
+    /// Write numbers to the program's frame. `first` is the distance of their slot to the slot of the held input. The other results of the
+    /// law and the modes follow this input.
+    pub fn write(&self, frame: &mut Frame, first: usize, numbers: &[f64]) {
+        write(frame, self.places.held() + first, numbers);
     }
 
     /// Compute an attempt. Return whether all angles are in the range of the program's sines; otherwise the results are not valid.
     /// `input(t, u)` writes the exogenous input at time `t` to `u`.
-    pub fn run<S: Real, B: Buffer<S>>(
+    pub fn run<B: Buffer<f64>>(
         &self,
         frame: &mut Frame,
-        attempt: &mut Attempt<S, B>,
-        (u, mut input): (&mut Exogenous<S>, impl FnMut(f64, &mut Exogenous<S>)),
+        attempt: &mut Attempt<f64, B>,
+        (u, mut input): (&mut Exogenous<f64>, impl FnMut(f64, &mut Exogenous<f64>)),
     ) -> bool {
         let slots = &self.places.slots;
         let width = slots.desired + slots.wrench;
@@ -168,10 +163,7 @@ impl AttemptProgram {
         self.program.run(frame);
         let n = slots.states();
         let mut results = frame.numbers()[self.places.results()..self.places.reach()].chunks_exact(n);
-        let mut next = |to: &mut [S]| {
-            let row = results.next().unwrap_or_default();
-            to.iter_mut().zip(row).for_each(|(to, &from)| *to = S::splat(from));
-        };
+        let mut next = |to: &mut [f64]| to.copy_from_slice(results.next().unwrap_or_default());
         next(attempt.y);
         attempt.slopes[1..=self.places.stages].iter_mut().for_each(|slope| next(slope.as_mut()));
         attempt.estimates.iter_mut().for_each(|estimate| next(estimate.as_mut()));
@@ -180,12 +172,12 @@ impl AttemptProgram {
 }
 
 /// Write `values` to all lanes of the slots from `first` on.
-pub fn write<S: Real>(frame: &mut Frame, first: usize, values: &[S]) {
+pub fn write(frame: &mut Frame, first: usize, values: &[f64]) {
     let lanes = frame.lanes();
     let slots = &mut frame.numbers_mut()[first * lanes..(first + values.len()) * lanes];
     if lanes == 1 {
-        slots.iter_mut().zip(values).for_each(|(slot, value)| *slot = value.lane(0));
+        slots.copy_from_slice(values);
     } else {
-        slots.chunks_exact_mut(lanes).zip(values).for_each(|(slot, value)| slot.fill(value.lane(0)));
+        slots.chunks_exact_mut(lanes).zip(values).for_each(|(slot, &value)| slot.fill(value));
     }
 }

@@ -117,7 +117,7 @@ pub fn simulate_batch(problem: Problem, keep: Keep, threads: usize, poll: &mut d
     }
     let structures = Structures::of(&problem, &division, true);
     let rates = Rates::of(&problem);
-    let lanes = if structures.is_some() { lanes() } else { 1 };
+    let lanes = structures.as_ref().map_or(1, Structures::lanes);
     let mut groups = batch_rows::split(&problem, &mut out, lanes)?;
     let interrupted = parallel::run(threads, groups.len(), poll, |stop| {
         let stop: &AtomicBool = stop;
@@ -127,17 +127,18 @@ pub fn simulate_batch(problem: Problem, keep: Keep, threads: usize, poll: &mut d
                 return true;
             }
             rows.watch(&plans);
-            let group = General { problem, division: &division, first, stop, sink: &mut *rows, observer: None, rates: rates.as_ref() };
+            let group = General { problem, division: &division, first, stop, sink: &mut *rows, observer: None };
             let ended = match (&division, &structures) {
+                (Division::Fixed(fixed), Some(structures)) if lanes == 1 => programs::run::<f64>(structures, group, fixed),
                 (Division::Fixed(fixed), Some(structures)) => programs::run::<programs::Lanes>(structures, group, fixed),
-                _ => group.run_single(),
+                _ => group.run_single(&rates),
             };
             rows.finish(&ended, problem.options.t_end)
         };
         parallel::any(&mut groups, go)
     });
     drop(groups);
-    out.engine = structures.map_or_else(|| rates.map_or("direct", |rates| rates.engine()), |structures| structures.engine(runs).name());
+    out.engine = structures.map_or_else(|| rates.engine(), |structures| structures.engine(runs).name());
     out.interrupted = interrupted;
     Ok(out)
 }

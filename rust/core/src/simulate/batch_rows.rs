@@ -73,7 +73,7 @@ pub struct BatchRuns {
     pub ended: Vec<f64>,
     /// Whether the caller interrupted the batch.
     pub interrupted: bool,
-    /// The kind of evaluation: "machine" or "interpreter" for programs (recorded and compiled loops), or "direct" without programs.
+    /// The engine of the programs (recorded loops), "machine" or "interpreter". It is "direct" if the law is not recorded.
     pub engine: &'static str,
 }
 

@@ -1,11 +1,11 @@
 //! Runs of any plant with any law, by any method, on plain numbers or on lanes.
 
 use super::adaptive_steps::{self, Segments};
-use super::assembly::{Watched, close, twins};
+use super::assembly::Watched;
 use super::fixed_steps::{self, Record};
 use super::monitors;
 use super::problem::{Division, Ended, Fixed, Problem};
-use super::rates_loop::{RatesLoop, Solved, Source};
+use super::rates_loop::RatesLoop;
 use super::rates_programs::Rates;
 use super::run_observer::RunObserver;
 use super::sink::Sink;
@@ -23,12 +23,10 @@ pub struct General<'a> {
     pub sink: &'a mut dyn Sink,
     /// Receives events, contact modes and polynomials of the steps, in addition to the records.
     pub observer: Option<&'a mut RunObserver>,
-    /// The programs of the state rates, if the runs may use them.
-    pub rates: Option<&'a Rates>,
 }
 
-/// Passes records to the sink, lane by lane. Negative zeros become zeros, because signs of zeros may differ between programs and direct
-/// evaluation.
+/// Passes records to the sink, lane by lane. Negative zeros become zeros, because signs of zeros may differ between recordings
+/// of a loop.
 struct LaneRecorder<'a> {
     sink: &'a mut dyn Sink,
     /// Returns the time of each step.
@@ -93,10 +91,10 @@ struct FixedRun<'a, 'b> {
     fixed: &'b Fixed,
 }
 
-impl<S: Real, F: Watched<S>> WithSteps<S, F> for FixedRun<'_, '_> {
+impl<'a> WithSteps<f64, RatesLoop<'a>> for FixedRun<'a, '_> {
     type Output = Ended;
 
-    fn with<M: FixedStep<S, F, Vec<S>>>(self, mut closed: F, x: Vec<S>, method: M) -> Ended {
+    fn with<M: FixedStep<f64, RatesLoop<'a>, Vec<f64>>>(self, mut closed: RatesLoop<'a>, x: Vec<f64>, method: M) -> Ended {
         self.general.fixed(self.fixed, &mut closed, x, method)
     }
 }
@@ -105,23 +103,22 @@ impl<S: Real, F: Watched<S>> WithSteps<S, F> for FixedRun<'_, '_> {
 struct AdaptiveRun<'a, 'b> {
     general: General<'a>,
     segments: &'b Segments,
-    /// The times of the samples, and the times at which their outputs begin to act, s.
-    instants: Vec<f64>,
 }
 
-impl<S: Real, F: Watched<S>> WithAdaptive<S, F> for AdaptiveRun<'_, '_> {
+impl<'a> WithAdaptive<f64, RatesLoop<'a>> for AdaptiveRun<'a, '_> {
     type Output = Ended;
 
-    fn with<M: Adaptive<S, F, Vec<S>>>(self, mut closed: F, mut method: M) -> Ended {
+    fn with<M: Adaptive<f64, RatesLoop<'a>, Vec<f64>>>(self, mut closed: RatesLoop<'a>, mut method: M) -> Ended {
         let General { problem, first, stop, sink, observer, .. } = self.general;
         // The samples of a controller also end segments. With random jitter, they differ between runs.
-        let segments = problem.limit_by_own_tables(self.segments.with_breaks(&self.instants), first);
+        let instants = closed.instants(problem.options.t_end);
+        let segments = problem.limit_by_own_tables(self.segments.with_breaks(&instants), first);
         let size = method.x().len();
         let mut recorder = General::recorder(problem, sink, &|_| f64::NAN, size);
         let mut i = 0;
         let kept = size - monitors::integrals(problem.options.monitors).count();
         let mut watch = Watching::new(problem.plant(first), observer, kept, method.x());
-        let record = |t: f64, closed: &mut F, x: &[S]| {
+        let record = |t: f64, closed: &mut RatesLoop, x: &[f64]| {
             let tau = closed.input_at(t, x);
             recorder.write(i, t, x, tau);
             i += 1;
@@ -137,49 +134,25 @@ impl Problem<'_> {
 }
 
 impl<'a> General<'a> {
-    /// Compute only the run `first`.
-    pub fn run_single(self) -> Ended {
+    /// Compute only the run `first`, with the recorded rates of the problem.
+    pub fn run_single(self, rates: &'a Rates) -> Ended {
+        let (closed, x) = RatesLoop::new(self.problem, self.first, rates);
+        let (u, tolerance) = (closed.instant(), self.problem.tolerance(closed.controlled()));
         match (self.problem.options.method.kind(), self.division) {
             (MethodKind::ExplicitSteps(method), Division::Fixed(fixed)) => {
-                let (closed, x) = close::<f64>(self.problem, self.first);
-                let u = closed.instant();
-                let closed = RatesLoop::explicit(closed, self.source());
                 match method.apply(closed, x, u, FixedRun { general: self, fixed }) {
                     Ok(ended) => ended,
                     Err(_) => unreachable!("plants without velocities were refused"),
                 }
             }
-            (MethodKind::ImplicitSteps(method), Division::Fixed(fixed)) => {
-                let (closed, x) = self.implicit();
-                let u = closed.instant();
-                method.apply(closed, x, u, FixedRun { general: self, fixed })
-            }
+            (MethodKind::ImplicitSteps(method), Division::Fixed(fixed)) => method.apply(closed, x, u, FixedRun { general: self, fixed }),
             (MethodKind::ExplicitAdaptive(method), Division::Adaptive(segments)) => {
-                let (closed, x) = close::<f64>(self.problem, self.first);
-                let (u, controlled) = (closed.instant(), closed.controlled());
-                let instants = closed.instants(self.problem.options.t_end);
-                let closed = RatesLoop::explicit(closed, self.source());
-                let tolerance = self.problem.tolerance(controlled);
-                method.apply(closed, tolerance, x, u, AdaptiveRun { general: self, segments, instants })
+                method.apply(closed, tolerance, x, u, AdaptiveRun { general: self, segments })
             }
             (MethodKind::ImplicitAdaptive(method), Division::Adaptive(segments)) => {
-                let (closed, x) = self.implicit();
-                let (u, tolerance) = (closed.instant(), self.problem.tolerance(closed.controlled()));
-                let instants = closed.instants(self.problem.options.t_end);
-                method.apply(closed, tolerance, x, u, AdaptiveRun { general: self, segments, instants })
+                method.apply(closed, tolerance, x, u, AdaptiveRun { general: self, segments })
             }
             (_, _) => unreachable!("the division is that of the method"),
         }
-    }
-
-    /// Return the loop of run `first` for an implicit method, and the initial state.
-    fn implicit(&self) -> (Solved<'a>, Vec<f64>) {
-        let (twins, x) = twins(self.problem, self.first);
-        (RatesLoop::implicit(twins, self.source()), x)
-    }
-
-    /// Return the data from which programs for run `first` are made; `None` if the run uses no programs.
-    fn source(&self) -> Option<Source<'a>> {
-        self.rates.map(|rates| Source { rates, problem: self.problem, run: self.first })
     }
 }

@@ -3,42 +3,25 @@
 //!
 //! Adaptive methods locate two kinds of instants: the torque of a stuck joint leaves its limits, or a sliding joint comes to rest. The
 //! velocity of a joint that comes to rest is set to zero. Then the equations at rest decide which joints stick. Methods of fixed steps make
-//! this decision at the start of a step. At the end of a step, they stop the joints whose velocity has changed its sign. A loop with
-//! programs omits the decision if the program of the margins shows that no mode changes (`running_rates::Running::stays`).
+//! this decision at the start of a step. At the end of a step, they stop the joints whose velocity has changed its sign.
+//!
+//! The decision is native code on numbers that a program computes: the mass matrix, the torques and the loads. It is omitted if the margins,
+//! which another program computes, show that no mode changes.
 
 use super::closed_loop::ClosedLoop;
+use super::problem::Problem;
+use super::rates_loop::RatesLoop;
 use super::world::Exogenous;
-use crate::scalar::Real;
+use crate::plant::LoopStickSlip;
+use crate::trace::Sym;
 
-impl<S: Real> ClosedLoop<'_, S> {
-    /// Decide which joints stick at time `t` and state `x`. Joint `leaving` must slip. Return whether the mode of a joint changes.
-    pub fn settle(&mut self, t: f64, x: &[S], leaving: Option<usize>) -> bool {
-        let n = self.tau.len();
-        let Some((_, first)) = self.plant_mut().stick_slip() else { return false };
-        // A moving joint slides under any load.
-        if x[first..first + n].iter().any(|v| v.lane(0) == 0.0) {
-            self.with_input_at(t, |closed, u| closed.load_friction(u, x));
-        }
-        self.plant_mut().stick_slip().is_some_and(|(friction, first)| friction.settle(&x[first..first + n], leaving))
-    }
-
-    /// For each joint with stick-slip friction, write a number to `out`, at time `t` and state `x`. A negative number means that the
-    /// joint's present mode ends.
-    pub fn margins(&mut self, t: f64, x: &[S], out: &mut [f64]) {
-        if self.plant_mut().stick_slip().is_some_and(|(friction, _)| friction.holds()) {
-            self.with_input_at(t, |closed, u| closed.load_friction(u, x));
-        }
-        if let Some((friction, first)) = self.plant_mut().stick_slip() {
-            let margins = friction.margins(&x[first..first + out.len()]);
-            out.iter_mut().zip(margins).for_each(|(out, margin)| *out = margin.lane(0));
-        }
-    }
-
-    /// The numbers of [`ClosedLoop::margins`], under the exogenous input `u`.
-    pub fn margins_under(&mut self, u: &Exogenous<S>, x: &[S]) -> Vec<S> {
+impl ClosedLoop {
+    /// The numbers of [`LoopStickSlip::loads`] and of [`LoopStickSlip::margins`], under the exogenous input `u` at state `x`.
+    pub fn loads_and_margins(&mut self, u: &Exogenous<Sym>, x: &[Sym]) -> (Vec<Sym>, Vec<Sym>) {
         self.load_friction(u, x);
         let n = self.tau.len();
-        self.plant_mut().stick_slip().map_or(Vec::new(), |(friction, first)| friction.margins(&x[first..first + n]).to_vec())
+        let Some((friction, first)) = self.plant_mut().stick_slip() else { return Default::default() };
+        (friction.loads(), friction.margins(&x[first..first + n]).to_vec())
     }
 
     /// The index in the state of the first speed that stick-slip friction acts on.
@@ -47,50 +30,121 @@ impl<S: Real> ClosedLoop<'_, S> {
     }
 
     /// Set the modes of all joints as numbers: 0 for a stuck joint, else the direction of sliding.
-    pub fn hold_sides(&mut self, signs: &[S]) {
+    pub fn hold_sides(&mut self, signs: &[Sym]) {
         if let Some((friction, _)) = self.plant_mut().stick_slip() {
             friction.follow_signs(signs);
         }
     }
+}
+
+/// The joints or motors of a plant that stick and slip.
+pub struct StickingJoints {
+    friction: LoopStickSlip<f64>,
+    /// The index in the state of the first speed.
+    first: usize,
+    /// Memory for the numbers of [`LoopStickSlip::loads`].
+    loads: Vec<f64>,
+    margins: Vec<f64>,
+}
+
+impl StickingJoints {
+    /// Return the joints of the plant of run `run`; `None` if they do not stick.
+    pub fn of(problem: &Problem, run: usize) -> Option<Self> {
+        let (friction, first) = problem.plant(run).sticking_friction()?;
+        let loads = friction.loads();
+        let n = friction.sides().len();
+        Some(StickingJoints { friction, first, loads, margins: vec![0.0; n] })
+    }
+
+    /// The mode of each joint: 0 is stuck, and 1 or -1 is the direction in which the joint slides.
+    pub fn sides(&self) -> &[i8] {
+        self.friction.sides()
+    }
+
+    fn speeds<'a>(&self, x: &'a [f64]) -> &'a [f64] {
+        &x[self.first..self.first + self.margins.len()]
+    }
+
+    fn speeds_mut<'a>(&self, x: &'a mut [f64]) -> &'a mut [f64] {
+        &mut x[self.first..self.first + self.margins.len()]
+    }
+}
+
+impl RatesLoop<'_> {
+    /// For each joint, the direction of sliding, or zero for a stuck joint. Empty without stick-slip friction.
+    pub fn modes_of_joints(&self) -> &[i8] {
+        self.joints.as_ref().map_or(&[], StickingJoints::sides)
+    }
+
+    /// Set the modes of all joints to `sides`.
+    pub fn set_modes_of_joints(&mut self, sides: &[i8]) {
+        if let Some(joints) = &mut self.joints {
+            joints.friction.follow(sides);
+        }
+        self.write_sides();
+    }
+
+    /// Decide which joints stick at time `t` and state `x`. Joint `leaving` must slip. Return whether the mode of a joint changes.
+    pub fn settle(&mut self, t: f64, x: &[f64], leaving: Option<usize>) -> bool {
+        let Some(mut joints) = self.joints.take() else { return false };
+        // A moving joint slides under any load.
+        if joints.speeds(x).contains(&0.0) {
+            self.compute_at(t, |running, u| running.loads(u, x, &mut joints.loads));
+            joints.friction.set_loads(&joints.loads);
+        }
+        let changes = joints.friction.settle(&x[joints.first..][..joints.margins.len()], leaving);
+        self.joints = Some(joints);
+        self.write_sides();
+        changes
+    }
+
+    /// Write the margin of each joint to `out`, at time `t` and state `x`. A negative margin means that the joint's present mode ends.
+    pub fn margins(&mut self, t: f64, x: &[f64], out: &mut [f64]) {
+        self.compute_at(t, |running, u| running.margins(u, x, out));
+    }
 
     /// Change the mode of joint `joint` at time `t` and state `x`: a stuck joint slips, a sliding joint stops. If `joint` is `None`, check
     /// all joints.
-    pub fn switch_joint(&mut self, t: f64, x: &mut [S], joint: Option<usize>) {
-        let Some((friction, first)) = self.plant_mut().stick_slip() else { return };
-        let leaving = joint.filter(|&joint| friction.sides()[joint] == 0);
+    pub fn switch_joint(&mut self, t: f64, x: &mut [f64], joint: Option<usize>) {
+        let Some(joints) = &self.joints else { return };
+        let leaving = joint.filter(|&joint| joints.sides()[joint] == 0);
         if let (Some(joint), None) = (joint, leaving) {
-            x[first + joint] = S::zero();
+            joints.speeds_mut(x)[joint] = 0.0;
         }
         self.arrest(x);
         self.settle(t, x, leaving);
     }
 
     /// Stop the joints whose velocity is opposite to their direction of sliding. Return whether any velocity changes.
-    pub fn arrest(&mut self, x: &mut [S]) -> bool {
-        let n = self.tau.len();
-        self.plant_mut().stick_slip().is_some_and(|(friction, first)| friction.arrest(&mut x[first..first + n]))
+    pub fn arrest(&mut self, x: &mut [f64]) -> bool {
+        let Some(joints) = &mut self.joints else { return false };
+        let n = joints.margins.len();
+        let changes = joints.friction.arrest(&mut x[joints.first..joints.first + n]);
+        if changes {
+            self.write_sides();
+        }
+        changes
     }
 
     /// Set the velocities of stuck joints to zero. Implicit methods cause rounding errors in these velocities.
-    pub fn still(&mut self, x: &mut [S]) {
-        if let Some((friction, first)) = self.plant_mut().stick_slip() {
-            for (side, v) in friction.sides().iter().zip(&mut x[first..]) {
-                if *side == 0 {
-                    *v = S::zero();
-                }
-            }
+    pub fn remove_creep(&self, x: &mut [f64]) {
+        if let Some(joints) = &self.joints {
+            let stuck = joints.sides().iter().zip(joints.speeds_mut(x)).filter(|(side, _)| **side == 0);
+            stuck.for_each(|(_, v)| *v = 0.0);
         }
     }
 
-    /// For each joint, the direction of sliding, or zero for a stuck joint. Empty without stick-slip friction.
-    pub fn sides(&mut self) -> &[i8] {
-        self.plant_mut().stick_slip().map_or(&[], |(friction, _)| friction.sides())
-    }
-
-    /// Set the modes of all joints to the modes `sides` of another loop.
-    pub fn follow(&mut self, sides: &[i8]) {
-        if let Some((friction, _)) = self.plant_mut().stick_slip() {
-            friction.follow(sides);
+    /// Whether all joints certainly stay in their modes at time `t` and state `x`. Sliding joints then move to their side, and the torques
+    /// of stuck joints are within the static friction.
+    pub fn stays(&mut self, t: f64, x: &[f64]) -> bool {
+        let Some(mut joints) = self.joints.take() else { return true };
+        let moves = |(&side, &v): (&i8, &f64)| if side == 0 { v == 0.0 } else { f64::from(side) * v > 0.0 };
+        let mut stays = joints.sides().iter().zip(joints.speeds(x)).all(moves);
+        if stays && joints.friction.holds() {
+            self.margins(t, x, &mut joints.margins);
+            stays = joints.sides().iter().zip(&joints.margins).all(|(&side, &margin)| side != 0 || margin >= 0.0);
         }
+        self.joints = Some(joints);
+        stays
     }
 }

@@ -1,6 +1,5 @@
 //! Listings of the programs of a closed loop: the operations of each stage as text.
 
-use super::force::Force;
 use super::key::Common;
 use super::layout::Layout;
 use super::layout::Slots;
@@ -11,7 +10,6 @@ use super::rates_programs;
 use super::recorded;
 use crate::error::{Error, Result};
 use crate::integrate::MethodKind;
-use crate::law::Route;
 use crate::trace::instruction::{Form, Set};
 use crate::trace::label::Label;
 use crate::trace::listing::{self, Listing, Lowered};
@@ -57,11 +55,11 @@ pub struct Listed {
 
 /// Return the listing of program `part` of the loop of run 0. If `batch` is true, this program computes several lanes of a batch. If `part`
 /// is `None`, the listing shows the whole step, or the rates if no program computes a whole step. Errors: [`Error::Input`] for a loop that
-/// runs without programs, [`Error::Unknown`] for an unknown part, and errors of an invalid loop.
+/// has a law that is not recorded, [`Error::Unknown`] for an unknown part, and errors of an invalid loop.
 pub fn list_loop(problem: &Problem, batch: bool, part: Option<&str>) -> Result<Listed> {
     // Joints stick and slip between steps, so that no program computes several steps.
     let fixed = matches!(problem.options.method.kind(), MethodKind::ExplicitSteps(_)) && !problem.plant(0).sticks();
-    require_recordable(problem, fixed)?;
+    require_recordable(problem)?;
     problem.validate_loop()?;
     if batch && !fixed {
         let what = if problem.plant(0).sticks() { "stick-slip friction" } else { problem.options.method.name() };
@@ -140,29 +138,15 @@ fn record(problem: &Problem, common: Common, fixed: bool, plain: Option<bool>, w
     if fixed {
         return recorded::record_watched(problem, 0, common, plain, watch).map(|recorded| SlotMap::Fixed(recorded.layout));
     }
-    let recorded = rates_programs::record_watched(problem, 0, common, plain.is_none(), watch)?;
-    let moves = recorded.programs.derivatives.is_some_and(|derivatives| derivatives.moves);
-    Some(SlotMap::Rates(recorded.slots, moves))
+    let (slots, moves) = rates_programs::record_watched(problem, 0, common, plain.is_none(), watch);
+    Some(SlotMap::Rates(slots, moves))
 }
 
-/// Refuse a loop that runs without programs, and report the reason.
-fn require_recordable(problem: &Problem, fixed: bool) -> Result<()> {
-    let (o, law) = (&problem.options, problem.law(0));
-    let directly = |argument: &str, expected: String, got: String| {
-        Err(Error::input(argument, format!("has the loop run directly, without a program: expected {expected}, got {got}")))
-    };
-    let method = o.method.name();
-    if law.route() == Route::Outside {
-        return directly("law", "a law of armlet such as Adaptive".into(), "a function in Python".into());
+/// Refuse a loop whose law is not recorded.
+fn require_recordable(problem: &Problem) -> Result<()> {
+    if problem.law(0).route().is_recordable() {
+        return Ok(());
     }
-    if fixed && problem.forces.iter().any(|force| matches!(force, Force::Signal(_))) {
-        return directly("force", format!("None, a constant or [(t_start, F), ...] for {method}"), "a function in Python".into());
-    }
-    if let Some(sampling) = o.sampling.as_ref().filter(|sampling| fixed && sampling.jitter != 0.0) {
-        return directly("sample_time", format!("samples without jitter for {method}"), format!("a jitter of {} s", sampling.jitter));
-    }
-    if !fixed && !rates_programs::is_recordable(problem) {
-        return directly("plant", format!("no wall for {method}"), "a plant with one".into());
-    }
-    Ok(())
+    let expected = "expected a law of armlet such as Adaptive, got a function in Python";
+    Err(Error::input("law", format!("has the loop run directly, without a program: {expected}")))
 }

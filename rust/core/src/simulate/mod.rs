@@ -40,6 +40,7 @@ mod layout;
 mod listed;
 mod listed_names;
 mod log;
+mod loop_law;
 mod loop_programs;
 mod measure_options;
 mod measures;
@@ -96,7 +97,7 @@ pub use measure_options::Measures;
 pub use priority_batch::{solve_rows, solve_stacks, solve_stacks_by};
 pub use problem::{Options, Problem};
 #[doc(hidden)]
-pub use rates_loop::{Solved, recorded_loop};
+pub use rates_loop::RatesLoop;
 pub use run_observer::{Guard, Polynomials, RunObserver, Switched};
 pub use sampling::{CHANNELS, Sampling};
 pub use schedule::Times;

@@ -2,7 +2,6 @@
 //! in [`super::program_step`] advances this loop by fixed steps.
 
 use super::assembly::Watched;
-use super::force::Wrench;
 use super::layout::Layout;
 use super::log::{Log, MOST_LANES};
 use super::recorded::Recorded;
@@ -10,7 +9,6 @@ use super::sampler::Sampler;
 use super::sink::Sink;
 use super::world::{Exogenous, World};
 use crate::integrate::System;
-use crate::plant::Touch;
 use crate::scalar::Real;
 use crate::scalar::trig::REDUCTION_LIMIT;
 use crate::trace::{Frame, form};
@@ -246,16 +244,6 @@ impl<S: Real> Watched<S> for ProgramLoop<'_, S> {
         }
         &self.tau
     }
-    fn drive(&mut self, _: Option<&[S]>, held: bool) {
-        self.held = held;
-    }
-    fn rewind(&mut self) {
-        if let Some(sampler) = &mut self.sampler {
-            sampler.forget();
-        }
-    }
-    fn hold_contacts(&mut self, _: &[Touch]) {}
-    fn push(&mut self, _: Option<&Wrench>) {}
     fn pass_on(&mut self, time: &dyn Fn(usize) -> f64, sink: &mut dyn Sink) {
         if let Some(log) = &mut self.log {
             log.pass_on(time, |block| sink.block(block));

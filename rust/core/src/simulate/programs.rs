@@ -21,9 +21,6 @@ use crate::trace::Engine;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// Single runs with fewer steps are computed without a program, to save the time of making it, unless the law is guarded.
-const SHORT: usize = 20;
-
 /// The number type of a group of runs.
 pub type Lanes = Array8;
 
@@ -42,20 +39,23 @@ pub struct Structures {
 }
 
 impl Structures {
-    /// Create the list with the structure of run 0. The result is `None` if the runs of the problem do not use programs. `lanes`: whether
-    /// each program computes several runs, one per lane.
-    pub fn of(problem: &Problem, division: &Division, lanes: bool) -> Option<Self> {
+    /// Create the list with the structure of run 0. The result is `None` if programs of whole steps cannot compute the runs of the problem.
+    /// `batch`: whether a program may compute several runs, one per lane.
+    pub fn of(problem: &Problem, division: &Division, batch: bool) -> Option<Self> {
         let Division::Fixed(fixed) = division else { return None };
-        // Programs require the same sample times in all lanes. With random jitter, each lane has different sample times.
-        let late = problem.options.sampling.as_ref().is_some_and(|sampling| sampling.jitter != 0.0);
-        let short = !lanes && fixed.schedule.steps < SHORT;
-        if short || late || !recorded::is_recordable(problem) {
+        if !recorded::is_recordable(problem) {
             return None;
         }
-        let common = Common { notes: problem.notes_in_programs().then(|| monitors::names(problem).len()), ..Common::of(problem, lanes) };
+        // A program requires the same sample times in all lanes. With random jitter, each run has different sample times.
+        let lanes = batch && problem.options.sampling.as_ref().is_none_or(|sampling| sampling.jitter == 0.0);
+        let notes = problem.notes_in_programs().then(|| monitors::names(problem).len());
+        let mut common = Common { notes, ..Common::of(problem, lanes) };
         let parameters = recorded::loop_parameters(problem, 0, common);
+        let evaluations = problem.options.method.evaluations_per_step().unwrap_or(1) as usize * fixed.schedule.steps * problem.runs();
+        common.engine = recorded::engine_for(problem, common, &parameters, evaluations);
         let seen = recorded::of_run(problem, 0, common, &parameters);
-        let first = seen.recorded.clone()?;
+        let first = recorded_of(&seen);
+        first.count(evaluations);
         let engine = first.engine();
         let world = world(problem, 1, |_| 0);
         let table = if lanes { tabulate(&first, &world, fixed.schedule.steps, fixed.schedule.dt) } else { None };
@@ -70,16 +70,21 @@ impl Structures {
         })
     }
 
+    /// The number of runs that one program computes.
+    pub fn lanes(&self) -> usize {
+        if self.common.lanes { Lanes::LANES } else { 1 }
+    }
+
     /// The engine that computed `runs` runs. If some of them were repeated by the interpreter, it is the engine of the others.
     pub fn engine(&self, runs: usize) -> Engine {
         if self.repeated.load(Ordering::Relaxed) < runs { self.engine } else { Engine::Interpreter }
     }
 
-    /// Return the structure and the loop parameters of run `run`. The result is `None` if the code branches on data.
-    fn of_run(&self, problem: &Problem, run: usize) -> Option<(Arc<Recorded>, Vec<f64>)> {
+    /// Return the structure and the loop parameters of run `run`.
+    fn of_run(&self, problem: &Problem, run: usize) -> (Arc<Recorded>, Vec<f64>) {
         let seen = || self.seen.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(values) = &self.shared {
-            return seen()[0].recorded.clone().map(|recorded| (recorded, values.clone()));
+            return (recorded_of(&seen()[0]), values.clone());
         }
         let parameters = recorded::loop_parameters(problem, run, self.common);
         let mut seen = seen();
@@ -90,8 +95,13 @@ impl Structures {
                 seen[seen.len() - 1].clone()
             }
         };
-        known.recorded.clone().map(|recorded| (recorded, parameters.values))
+        (recorded_of(&known), parameters.values)
     }
+}
+
+fn recorded_of(seen: &SeenLoop) -> Arc<Recorded> {
+    let Some(recorded) = &seen.recorded else { unreachable!("a recorded loop does not branch on data") };
+    recorded.clone()
 }
 
 /// Passes the records of some lanes of a group to the sink.
@@ -124,16 +134,12 @@ pub fn run<S: Real>(structures: &Structures, group: General, fixed: &Fixed) -> E
     let General { problem, division, first, stop, sink, .. } = group;
     let last = problem.runs() - 1;
     let at = |lane: usize| (first + lane).min(last);
-    let rows: Vec<Option<(Arc<Recorded>, Vec<f64>)>> = (0..S::LANES).map(|lane| structures.of_run(problem, at(lane))).collect();
+    let rows: Vec<(Arc<Recorded>, Vec<f64>)> = (0..S::LANES).map(|lane| structures.of_run(problem, at(lane))).collect();
     let mut faults = Faults { at: vec![f64::INFINITY; S::LANES], interrupted: false, steps: 0 };
     let mut left: Vec<usize> = (0..S::LANES).collect();
     while let Some(&lead) = left.first() {
-        let Some((recorded, own)) = &rows[lead] else {
-            left.remove(0);
-            direct(General { problem, division, first, stop, sink: &mut *sink, observer: None, rates: None }, at(lead), lead, &mut faults);
-            continue;
-        };
-        let same = |lane: usize| rows[lane].as_ref().filter(|(other, _)| Arc::ptr_eq(other, recorded));
+        let (recorded, own) = &rows[lead];
+        let same = |lane: usize| Some(&rows[lane]).filter(|(other, _)| Arc::ptr_eq(other, recorded));
         let mut lanes = vec![None; S::LANES];
         left.iter().filter(|&&lane| same(lane).is_some()).for_each(|&lane| lanes[lane] = Some(lane));
         // A lane whose run has another structure computes the run of lane `lead` instead, because the motions of its run could have another
@@ -143,7 +149,7 @@ pub fn run<S: Real>(structures: &Structures, group: General, fixed: &Fixed) -> E
         let mut closed = loop_of::<S>(problem, recorded, row, structures.table.as_deref(), given);
         let method = ProgramStep::new(&closed);
         let mut chosen = SelectedLanes { sink: &mut *sink, lanes: lanes.clone() };
-        let group = General { problem, division, first, stop, sink: &mut chosen, observer: None, rates: None };
+        let group = General { problem, division, first, stop, sink: &mut chosen, observer: None };
         let within = match structures.common {
             Common { sums: true, .. } => Some(fixed.schedule.summing_up()),
             Common { notes: Some(_), .. } => fixed.schedule.noting(),
@@ -164,8 +170,8 @@ pub fn run<S: Real>(structures: &Structures, group: General, fixed: &Fixed) -> E
         faults.steps = found.steps;
         for lane in lanes.into_iter().flatten() {
             faults.at[lane] = found.at[lane];
-            if closed.strayed(lane) && !faults.interrupted {
-                let group = General { problem, division, first, stop, sink: &mut *sink, observer: None, rates: None };
+            if closed.strayed(lane) && structures.engine == Engine::Machine && !faults.interrupted {
+                let group = General { problem, division, first, stop, sink: &mut *sink, observer: None };
                 interpreted(structures, group, fixed, (at(lane), lane), &mut faults);
             }
         }
@@ -201,22 +207,13 @@ fn interpreted(structures: &Structures, group: General, fixed: &Fixed, (run, lan
     let General { problem, division, stop, sink, .. } = group;
     let common = Common { lanes: false, sums: false, notes: None, engine: Engine::Interpreter, ..structures.common };
     let parameters = recorded::loop_parameters(problem, run, common);
-    let seen = recorded::of_run(problem, run, common, &parameters);
-    let Some(recorded) = &seen.recorded else { unreachable!("the loop of this run has been recorded") };
-    let mut closed = loop_of::<f64>(problem, recorded, |_| run, None, |_| &parameters.values);
+    let recorded = recorded_of(&recorded::of_run(problem, run, common, &parameters));
+    let mut closed = loop_of::<f64>(problem, &recorded, |_| run, None, |_| &parameters.values);
     let mut chosen = SelectedLanes { sink, lanes: vec![Some(lane)] };
-    let alone = General { problem, division, first: run, stop, sink: &mut chosen, observer: None, rates: None };
+    let alone = General { problem, division, first: run, stop, sink: &mut chosen, observer: None };
     let method = ProgramStep::new(&closed);
     structures.repeated.fetch_add(1, Ordering::Relaxed);
     replace(faults, lane, alone.fixed(fixed, &mut closed, start::<f64>(problem, |_| run), method));
-}
-
-/// Compute run `run` in lane `lane` of a group without a program.
-fn direct(group: General, run: usize, lane: usize, faults: &mut Faults) {
-    let General { problem, division, stop, sink, .. } = group;
-    let mut chosen = SelectedLanes { sink, lanes: vec![Some(lane)] };
-    let alone = General { problem, division, first: run, stop, sink: &mut chosen, observer: None, rates: None };
-    replace(faults, lane, alone.run_single());
 }
 
 /// Replace the fault of lane `lane` by the fault of the run that was computed instead.

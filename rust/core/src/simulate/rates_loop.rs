@@ -1,298 +1,344 @@
-//! A closed loop whose state rates and their derivatives are programs (recorded and compiled computations), with the interface of a closed
-//! loop.
+//! A closed loop whose state rates and their derivatives are programs (recorded computations). The exogenous input, the clock of a sampled
+//! controller, the modes of contacts and joints, and laws that the caller supplies are native code.
 //!
-//! A run uses programs from the start if an earlier run with the same structure has made them. Otherwise an explicit method starts without
-//! programs, and makes them after `WAIT` evaluations of the rates. The bits are the same in both cases. For implicit methods the programs
-//! are made before the first step, because the Jacobian from dual numbers rounds differently. If an angle exceeds the range of the
-//! programs' sines, the loop continues without programs. A stepper uses them again from a state that the caller sets.
-//!
-//! The modes of contacts, and of joints that stick and slip, are inputs of the programs. Until the modes of the contacts are known, the loop
-//! computes without programs. The modes of the joints are copied before every call of a program.
+//! A loop is recorded before its first evaluation. The interpreter computes the recording until machine code repays. For implicit methods
+//! and steppers, machine code is made at the start. The bits are the same in both cases. If an angle exceeds the range of the sines of
+//! machine code, the interpreter continues. A stepper uses machine code again from a state that the caller sets.
 
-use super::assembly::{Twins, Watched, twins};
+use super::assembly::{Watched, sampler, start, world};
 use super::force::Wrench;
+use super::gripping::StickingJoints;
+use super::key::Common;
 use super::problem::Problem;
-use super::rates_programs::{Rates, record_both};
+use super::rates_programs::{self, Rates};
 use super::running_rates::Running;
-use super::world::Exogenous;
+use super::sampler::Sampler;
+use super::world::{Exogenous, World};
 use crate::integrate::{Attempt, Buffer, Differentiable, Scheme, System};
+use crate::law::{ExternalSpec, LawSpec};
 use crate::linalg::Pairs;
 use crate::plant::Touch;
-use crate::scalar::Real;
+use crate::trace::{Engine, engine};
 
-/// The number of evaluations of the rates after which an explicit method makes programs. A shorter run saves the time of making them.
-const WAIT: usize = 500;
-
-/// The data from which the programs of a run are made.
-pub struct Source<'a> {
-    pub rates: &'a Rates,
-    pub problem: &'a Problem<'a>,
-    pub run: usize,
+/// The problem and the run of a loop, with the recorded rates of the problem.
+struct Source<'a> {
+    rates: &'a Rates,
+    problem: &'a Problem<'a>,
+    run: usize,
 }
 
-/// A loop that may use programs. `direct` is the same loop without programs.
-pub struct RatesLoop<'a, S: Real, D> {
-    pub direct: D,
-    source: Option<Source<'a>>,
-    /// The number of evaluations so far.
-    work: usize,
-    /// The number of evaluations after which programs are made.
-    wait: usize,
+/// A loop of one run.
+pub struct RatesLoop<'a> {
+    pub(super) world: World<'a>,
+    /// The clock of a sampled controller, if it has one, see `assembly::sampler`.
+    sampler: Option<Sampler<f64>>,
+    /// The law, if the caller supplies it, and the number of the plant's states that it reads.
+    pub(super) law: Option<(ExternalSpec, usize)>,
+    /// The joints or motors with stick-slip friction.
+    pub(super) joints: Option<StickingJoints>,
+    /// The saturation limits of the input. Empty if there is no saturation.
+    pub(super) limits: Vec<f64>,
+    /// The numbers of states of the plant, and of plant and law together.
+    pub(super) states: [usize; 2],
+    pairs: Pairs,
+    /// The plant's input: the saturated output of the law at its last evaluation, the output that the sampler selected, or the input of the
+    /// caller.
+    pub(super) tau: Vec<f64>,
+    /// The other results of the law that belong to `tau`: the rate of its state, then its dissipation if that is monitored.
+    pub(super) dz: Vec<f64>,
+    /// Whether the input is held.
+    pub(super) held: bool,
+    pub(super) now: Exogenous<f64>,
+    /// Memory for the results of the law that the sampler selects, and for the state that the controller measures.
+    pub(super) acting: (Vec<f64>, Vec<f64>),
+    pub(super) measured: Vec<f64>,
     /// The programs of the rates: the first with the law's output as the input, the second with a held input.
-    running: [Option<Running<S>>; 2],
-    /// Whether the loop continues without programs.
-    left: bool,
-    /// The modes of the contacts, two numbers for each contact.
-    modes: Vec<f64>,
+    running: [Option<Running>; 2],
+    /// Present while the interpreter computes until machine code repays.
+    waiting: Option<Source<'a>>,
+    /// Whether an angle has exceeded the range of machine code, so that the interpreter continues.
+    strayed: bool,
 }
 
-impl<'a, S: Real, D: Watched<S>> RatesLoop<'a, S, D> {
-    /// Create the loop of an explicit method. With a `source`, it uses the programs of an earlier run from the start, or makes programs
-    /// after `WAIT` evaluations.
-    pub fn explicit(direct: D, source: Option<Source<'a>>) -> Self {
-        RatesLoop { direct, source, work: 0, wait: WAIT, running: [None, None], left: false, modes: Vec::new() }
+impl<'a> RatesLoop<'a> {
+    /// Return the loop of run `run` without programs, and the initial state.
+    fn without_programs(problem: &'a Problem, run: usize) -> (Self, Vec<f64>) {
+        let (plant, o) = (problem.plant(run), &problem.options);
+        let (world, x) = (world(problem, 1, |_| run), start::<f64>(problem, |_| run));
+        let (n, states, p) = (plant.n(), plant.states(), problem.law(run).initial_state().len());
+        let answer = p + usize::from(o.monitors && !problem.watches_storage());
+        let limits = o.tau_max.clone().unwrap_or_default();
+        let closed = RatesLoop {
+            sampler: sampler(problem, |_| run),
+            law: if let LawSpec::External(law) = problem.law(run) { Some((law.clone(), plant.seen())) } else { None },
+            joints: StickingJoints::of(problem, run),
+            limits,
+            states: [states, states + p],
+            // The plant's state is [q, v], [q, v, theta, theta_dot], or [q] without rates. The bristle deflections, the states of the law
+            // and the integrals of the monitors follow.
+            pairs: Pairs { joints: n, count: states / (2 * n), quadratures: x.len() - states - p },
+            tau: vec![0.0; n],
+            dz: vec![0.0; answer],
+            held: o.sampling.is_some(),
+            now: world.instant(),
+            acting: (vec![0.0; n], vec![0.0; answer]),
+            measured: x.clone(),
+            world,
+            running: [None, None],
+            waiting: None,
+            strayed: false,
+        };
+        (closed, x)
     }
 
-    /// Create the loop of an implicit method. With a `source`, it uses programs from the first evaluation on.
-    pub fn implicit(direct: D, source: Option<Source<'a>>) -> Self {
-        RatesLoop { wait: 0, ..RatesLoop::explicit(direct, source) }
-    }
-
-    /// Whether the rates are computed by programs.
-    pub fn is_running(&mut self) -> bool {
-        self.parts().0.is_some()
-    }
-
-    fn which(&self) -> usize {
-        usize::from(self.direct.held().is_some())
-    }
-
-    /// The programs that compute the rates, and the loop without programs.
-    fn parts(&mut self) -> (Option<&mut Running<S>>, &mut D) {
-        let (which, known) = (self.which(), self.modes.len());
-        // Until the modes of the contacts are known, the loop computes without programs.
-        let mut running = self.running[which].as_mut().filter(|running| !self.left && running.contact_modes() <= known);
-        if let Some(running) = running.as_mut().filter(|running| running.sticks()) {
-            running.hold_sides(self.direct.sides());
+    /// Return the loop of run `run` of a problem, and the initial state.
+    pub fn new(problem: &'a Problem, run: usize, rates: &'a Rates) -> (Self, Vec<f64>) {
+        let (mut closed, x) = Self::without_programs(problem, run);
+        let (recorded, values) = rates.of_run(problem, run, closed.which() == 1);
+        let settled = problem.options.method.is_implicit() || recorded.repays();
+        let engine = if settled { engine() } else { Engine::Interpreter };
+        rates.note(engine);
+        closed.waiting = Some(Source { rates, problem, run });
+        let which = closed.which();
+        closed.running[which] = Some(Running::new(recorded, &values, engine));
+        if settled {
+            closed.stop_waiting();
         }
-        (running, &mut self.direct)
+        (closed, x)
     }
 
-    /// Write the held input and the held rate of the law's state to the frames.
-    fn hold(&mut self) {
-        if let (Some((tau, dz)), [_, Some(running)]) = (self.direct.held(), &mut self.running) {
-            running.hold(tau, dz);
-        }
-    }
-
-    /// Write the modes of the contacts to the frames.
-    fn write_contacts(&mut self) {
-        self.running.iter_mut().flatten().for_each(|running| running.hold_contacts(&self.modes));
-    }
-
-    /// Use the programs of an earlier run with the same structure. If there are none, make them after `wait` evaluations.
-    fn take(&mut self) {
-        let worth = self.work >= self.wait;
-        if self.left || !worth && self.work > 0 {
-            return;
-        }
-        let which = self.which();
-        let Some(Source { rates, problem, run }) = &self.source else { return };
-        let found = rates.of_run(problem, *run, worth);
-        if worth || found.is_some() {
-            self.source = None;
-        }
-        self.running[which] = found.map(|(recorded, values)| Running::new(recorded, &values));
-        self.write_contacts();
-        self.hold();
-    }
-
-    /// Continue without programs.
-    fn leave(&mut self) {
-        self.left = true;
-    }
-}
-
-/// The loop of an implicit method.
-pub type Solved<'a> = RatesLoop<'a, f64, Twins<'a>>;
-
-impl<'a, S: Real, D: Watched<S>> RatesLoop<'a, S, D> {
-    /// Create the loop of the one run of a problem, for a stepper. It uses programs from the start, if its code does not branch on data.
-    pub fn stepped(direct: D, problem: &Problem) -> Self {
-        let running = record_both(problem).map(|rates| rates.map(|(recorded, values)| Running::new(recorded, &values)));
-        let mut closed = RatesLoop { running, ..RatesLoop::implicit(direct, None) };
-        closed.hold();
-        closed
-    }
-}
-
-/// Return the loop of the one run of a problem with an implicit method, for a stepper, and the initial state.
-pub fn recorded_loop(problem: &Problem) -> (Solved<'static>, Vec<f64>) {
-    let (twins, x) = twins(problem, 0);
-    (RatesLoop::stepped(twins.into_owned(), problem), x)
-}
-
-impl Solved<'_> {
-    /// Continue at time `t`, s, from a state that the caller has set.
-    pub fn replace_state(&mut self, t: f64) {
-        Watched::replace_state(self, t);
-    }
-
-    /// Hold the contacts of the plant in the modes `contacts`.
-    pub fn hold_contacts(&mut self, contacts: &[Touch]) {
-        Watched::hold_contacts(self, contacts);
+    /// Return the loop of the one run of a problem for a stepper, and the initial state. The caller can replace the input.
+    pub fn stepped(problem: &Problem) -> (RatesLoop<'static>, Vec<f64>) {
+        let (closed, x) = RatesLoop::without_programs(problem, 0);
+        let unheld = closed.which() == 0;
+        let running = [false, true].map(|held| {
+            (held || unheld).then(|| {
+                let (recorded, values) = rates_programs::of_run(problem, 0, Common::of_functions(problem), held);
+                Running::new(recorded, &values, engine())
+            })
+        });
+        (RatesLoop { world: closed.world.into_owned(), running, waiting: None, ..closed }, x)
     }
 
     /// Return memory for the exogenous input at one instant.
     pub fn instant(&self) -> Exogenous<f64> {
-        self.direct.system.instant()
+        self.world.instant()
     }
 
     /// The number of leading states whose error is controlled.
     pub fn controlled(&self) -> usize {
-        self.direct.system.controlled()
+        self.states[1]
     }
 
     /// Return the times before `t_end` at which the sampler takes samples and at which their outputs act, s. Empty without a sampler.
     pub fn instants(&self, t_end: f64) -> Vec<f64> {
-        self.direct.system.instants(t_end)
+        self.sampler.as_ref().map_or(Vec::new(), |sampler| sampler.instants(t_end))
+    }
+
+    /// Whether machine code computes the rates, if the system permits it.
+    pub fn is_running(&self) -> bool {
+        self.waiting.is_none() && !self.strayed
+    }
+
+    /// The index of the programs in use.
+    fn which(&self) -> usize {
+        usize::from(self.held)
+    }
+
+    /// Use the programs of the process from now on.
+    fn stop_waiting(&mut self) {
+        let Some(Source { rates, problem, run }) = self.waiting.take() else { return };
+        rates.note(engine());
+        for running in self.running.iter_mut().flatten() {
+            running.use_engine(engine());
+            running.use_attempt(running.recorded.attempt(problem, run, rates.common));
+        }
+    }
+
+    /// Count an evaluation by the interpreter. If machine code repays, use it from now on.
+    fn count(&mut self) {
+        let which = self.which();
+        if self.waiting.is_some() && !self.strayed && self.running[which].as_ref().is_some_and(|running| running.recorded.count()) {
+            self.stop_waiting();
+        }
+    }
+
+    fn use_engine(&mut self, engine: Engine) {
+        self.running.iter_mut().flatten().for_each(|running| running.use_engine(engine));
+    }
+
+    /// Compute with the programs. If the result of machine code is not valid, the interpreter computes it again, and continues.
+    pub(super) fn compute(&mut self, mut of: impl FnMut(&mut Running, &mut World<'a>) -> bool) {
+        let which = self.which();
+        let Some(running) = &mut self.running[which] else { unreachable!("the loop has been recorded") };
+        if !of(running, &mut self.world) && !self.strayed {
+            self.stray();
+            self.compute(of);
+        }
+    }
+
+    fn stray(&mut self) {
+        self.strayed = true;
+        self.use_engine(Engine::Interpreter);
+    }
+
+    /// Use machine code again.
+    fn come_back(&mut self) {
+        if std::mem::take(&mut self.strayed) {
+            self.use_engine(engine());
+        }
+    }
+
+    /// Compute a function of the loop under the exogenous input at time `t`.
+    pub(super) fn compute_at(&mut self, t: f64, mut of: impl FnMut(&mut Running, &Exogenous<f64>) -> bool) {
+        let mut now = std::mem::replace(&mut self.now, Exogenous { t, desired: Vec::new(), wrench: [0.0; 6] });
+        self.world.sample(t, &mut now);
+        self.compute(|running, _| of(running, &now));
+        self.now = now;
+    }
+
+    /// Write the held input and the held rate of the law's state to the frames.
+    pub(super) fn hold(&mut self) {
+        if let [_, Some(running)] = &mut self.running {
+            running.hold(&self.tau, &self.dz);
+        }
+    }
+
+    /// Write the modes of the joints to the frames.
+    pub(super) fn write_sides(&mut self) {
+        if let Some(joints) = &self.joints {
+            self.running.iter_mut().flatten().for_each(|running| running.hold_sides(joints.sides()));
+        }
+    }
+
+    /// Hold the contacts of the plant in the modes `contacts`.
+    pub fn hold_contacts(&mut self, contacts: &[Touch]) {
+        let modes: Vec<f64> = contacts.iter().flat_map(|touch| touch.numbers()).collect();
+        self.running.iter_mut().flatten().for_each(|running| running.hold_contacts(&modes));
+    }
+
+    /// Write the depth and the push of each contact of the plant at state `x` to `out` ([`Plant::contact`](crate::plant::Plant::contact)).
+    pub fn contacts(&mut self, x: &[f64], out: &mut [f64]) {
+        self.compute(|running, _| running.contacts(x, out));
+    }
+
+    /// Use `tau` as the plant's input instead of the law's output. If `tau` is `None`, the law computes the input, and `held` selects
+    /// whether this input is held.
+    pub fn drive(&mut self, tau: Option<&[f64]>, held: bool) {
+        self.held = held || tau.is_some();
+        if let Some(tau) = tau {
+            self.tau.copy_from_slice(tau);
+            self.saturate();
+            self.dz.fill(0.0);
+        }
+        self.hold();
+    }
+
+    /// Apply `wrench` instead of the external forces. `None` restores the forces.
+    pub fn push(&mut self, wrench: Option<&Wrench>) {
+        self.world.push(wrench);
+    }
+
+    /// Restart at `t = 0`.
+    pub fn rewind(&mut self) {
+        if let Some(sampler) = &mut self.sampler {
+            sampler.forget();
+        }
+    }
+
+    /// Undo a step from time `t`, s. `sides` are the modes of the joints before this step. A sample at `t` remains, unless its output is
+    /// not finite.
+    pub fn undo_step(&mut self, t: f64, sides: &[i8]) {
+        self.come_back();
+        if let Some(sampler) = &mut self.sampler {
+            sampler.forget_at(t, true);
+        }
+        self.set_modes_of_joints(sides);
+    }
+
+    /// Continue at time `t`, s, from a state that the caller has set. A sample at `t` is taken again.
+    pub fn replace_state(&mut self, t: f64) {
+        self.come_back();
+        if let Some(sampler) = &mut self.sampler {
+            sampler.forget_at(t, false);
+        }
     }
 }
 
-impl<S: Real, D: Watched<S>> System<S> for RatesLoop<'_, S, D> {
-    type Input = Exogenous<S>;
+impl System<f64> for RatesLoop<'_> {
+    type Input = Exogenous<f64>;
 
-    fn input(&mut self, t: f64, u: &mut Exogenous<S>) {
-        self.direct.input(t, u);
+    fn input(&mut self, t: f64, u: &mut Exogenous<f64>) {
+        self.world.sample(t, u);
     }
-    fn rhs(&mut self, u: &Exogenous<S>, x: &[S], dx: &mut [S]) {
-        self.take();
-        if let (Some(running), _) = self.parts() {
-            if running.rates(u, x, dx) {
-                return;
-            }
-            self.leave();
+    fn rhs(&mut self, u: &Exogenous<f64>, x: &[f64], dx: &mut [f64]) {
+        self.count();
+        self.compute(|running, _| running.rates(u, x, dx));
+    }
+    fn attempt<C: Scheme, B: Buffer<f64>>(&mut self, attempt: &mut Attempt<f64, B>) -> bool {
+        let which = self.which();
+        let (Some(running), world) = (&mut self.running[which], &mut self.world) else { return false };
+        if self.strayed {
+            return false;
         }
-        self.work += 1;
-        self.direct.rhs(u, x, dx);
-    }
-    fn attempt<C: Scheme, B: Buffer<S>>(&mut self, attempt: &mut Attempt<S, B>) -> bool {
-        let (Some(running), direct) = self.parts() else { return false };
-        match running.attempt(attempt, |t, u| direct.input(t, u)) {
-            Some(true) => true,
-            Some(false) => {
-                self.leave();
-                false
-            }
-            None => false,
+        let valid = running.attempt(attempt, |t, u| world.sample(t, u));
+        if valid == Some(false) {
+            self.stray();
         }
+        valid == Some(true)
     }
-    fn chatter_budget(&self) -> u64 {
-        self.direct.chatter_budget()
-    }
-    fn sample(&mut self, t: f64, x: &[S]) {
-        self.direct.sample(t, x);
+    fn sample(&mut self, t: f64, x: &[f64]) {
+        if let Some(mut sampler) = self.sampler.take() {
+            self.sample_by(&mut sampler, t, x);
+            self.sampler = Some(sampler);
+        } else if self.held {
+            self.observe(t, x);
+        }
         self.hold();
     }
-    fn enter_step(&mut self, t: f64, x: &[S]) -> bool {
-        let (running, direct) = self.parts();
-        let stays = running.is_some_and(|running| running.stays(x, |u| direct.input(t, u)));
-        !stays && self.direct.enter_step(t, x)
+    fn enter_step(&mut self, t: f64, x: &[f64]) -> bool {
+        !self.stays(t, x) && self.settle(t, x, None)
     }
-    fn leave_step(&mut self, x: &mut [S]) -> bool {
-        self.direct.leave_step(x)
+    fn leave_step(&mut self, x: &mut [f64]) -> bool {
+        self.arrest(x)
     }
-    fn still(&mut self, x: &mut [S]) {
-        self.direct.still(x);
+    fn still(&mut self, x: &mut [f64]) {
+        self.remove_creep(x);
     }
-    fn sides(&mut self) -> &[i8] {
-        self.direct.sides()
-    }
-    fn held(&self) -> Option<(&[S], &[S])> {
-        self.direct.held()
-    }
-    fn rate_of(&self, i: usize) -> Option<usize> {
-        self.direct.rate_of(i)
+    fn held(&self) -> Option<(&[f64], &[f64])> {
+        self.held.then_some((&self.tau, &self.dz))
     }
     fn pairs(&self) -> Pairs {
-        self.direct.pairs()
+        self.pairs
     }
 }
 
-impl<S: Real, D: Watched<S>> Watched<S> for RatesLoop<'_, S, D> {
-    fn input_at(&mut self, t: f64, x: &[S]) -> &[S] {
-        self.direct.input_at(t, x)
-    }
-    fn drive(&mut self, tau: Option<&[S]>, held: bool) {
-        self.direct.drive(tau, held);
-        self.hold();
-    }
-    fn rewind(&mut self) {
-        self.direct.rewind();
-    }
-    fn undo_step(&mut self, t: f64, sides: &[i8]) {
-        self.left = false;
-        self.direct.undo_step(t, sides);
-    }
-    fn replace_state(&mut self, t: f64) {
-        self.left = false;
-        self.direct.replace_state(t);
-    }
-    fn contacts(&mut self, x: &[S], out: &mut [f64]) {
-        if let (Some(running), _) = self.parts()
-            && running.contacts(x, out)
-        {
-            return;
+impl Watched<f64> for RatesLoop<'_> {
+    fn input_at(&mut self, t: f64, x: &[f64]) -> &[f64] {
+        if !self.held {
+            self.observe(t, x);
         }
-        self.direct.contacts(x, out);
-    }
-    fn hold_contacts(&mut self, contacts: &[Touch]) {
-        self.modes.clear();
-        self.modes.extend(contacts.iter().flat_map(|touch| touch.numbers()));
-        self.write_contacts();
-        self.direct.hold_contacts(contacts);
-    }
-    fn push(&mut self, wrench: Option<&Wrench>) {
-        self.direct.push(wrench);
-    }
-    fn settle(&mut self, t: f64, x: &[S]) {
-        self.direct.settle(t, x);
-    }
-    fn switch_joint(&mut self, t: f64, x: &mut [S], joint: Option<usize>) {
-        self.direct.switch_joint(t, x, joint);
-    }
-    fn margins(&mut self, t: f64, x: &[S], out: &mut [f64]) {
-        if let (Some(running), direct) = self.parts()
-            && running.margins(x, |u| direct.input(t, u), out)
-        {
-            return;
-        }
-        self.direct.margins(t, x, out);
+        &self.tau
     }
 }
 
-impl Differentiable<f64> for Solved<'_> {
+impl Differentiable<f64> for RatesLoop<'_> {
     fn linearise(&mut self, t: f64, u: &Exogenous<f64>, x: &[f64], dx: &mut [f64], j: &mut [f64]) {
-        self.take();
-        if let (Some(running), direct) = self.parts() {
+        self.compute(|running, world| {
             if running.is_moving() {
                 let [u, u_dot] = running.instants();
-                direct.system.drift(t, u, u_dot);
+                world.drift(t, u, u_dot);
             }
-            if running.linearise(u, x, dx, j) {
-                return;
-            }
-            self.leave();
-        }
-        self.direct.linearise(t, u, x, dx, j);
+            running.linearise(u, x, dx, j)
+        });
     }
-    fn time_derivative(&mut self, t: f64, u: &Exogenous<f64>, x: &[f64], dft: &mut [f64]) {
-        match self.parts() {
-            (Some(running), _) => dft.copy_from_slice(running.time_derivative()),
-            (None, direct) => direct.time_derivative(t, u, x, dft),
+    fn time_derivative(&mut self, _: f64, _: &Exogenous<f64>, _: &[f64], dft: &mut [f64]) {
+        let which = self.which();
+        if let Some(running) = &self.running[which] {
+            dft.copy_from_slice(running.time_derivative());
         }
     }
     fn autonomous(&self) -> bool {
-        self.direct.autonomous()
+        (self.held || self.world.has_targets()) && !self.world.has_smooth_force()
     }
 }

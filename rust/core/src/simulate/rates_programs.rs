@@ -1,29 +1,28 @@
-//! Programs (recorded and compiled computations) of the state rates of a closed loop and of their derivatives. Adaptive and implicit
-//! methods and steppers use them, and loops in which joints stick and slip between fixed steps.
+//! Programs (recorded computations) of the state rates of a closed loop and of their derivatives. Adaptive and implicit methods and steppers
+//! use them, and loops in which joints stick and slip between fixed steps.
+//!
+//! A loop is recorded once. The interpreter computes the recording until machine code of it repays, and beyond the range of its sines.
 //!
 //! The rates are a program for one run. The derivatives are programs for lanes, with one direction per lane. A first program computes the
 //! rates and all values that the derivatives read. A second program computes the derivatives of the rates along one direction per lane, in
 //! several passes over all directions. The directions of the law's states have a separate program, because few operations depend on these
-//! states, and their number may be large.
+//! states, and their number may be large. Further programs compute the law's results, and the numbers from which native code decides the
+//! modes of contacts and joints.
 
 use super::assembly::assemble;
 use super::attempt_programs::AttemptProgram;
-use super::closed_loop::ClosedLoop;
 use super::force::Force;
 use super::key::Common;
 use super::layout::Slots;
 use super::loop_programs::Watch;
 use super::problem::Problem;
-use super::recorded::{self, Seen, inputs, instant, modes_as_inputs};
-use super::world::Exogenous;
-use crate::integrate::System;
+use super::recorded::{self, REPAYS, Seen, inputs, instant, modes_as_inputs};
 use crate::motion::Motion;
-use crate::plant::PlantSpec;
-use crate::trace::cache::Cache;
+use crate::trace::cache::{Cache, MadeOnce};
 use crate::trace::differentiate::Differentiation;
 use crate::trace::tape::Op;
-use crate::trace::{Cut, Part, Program, Scratch, SlotTable, Sym, engine, form, segments, sym};
-use std::sync::atomic::{AtomicBool, Ordering};
+use crate::trace::{Cut, Engine, Part, Program, Scratch, SlotTable, engine, form, segments, sym};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Arc, OnceLock};
 
 /// The programs of the derivatives of the rates, for lanes.
@@ -47,33 +46,38 @@ pub struct Derivatives {
 }
 
 impl Derivatives {
-    /// The number of slots of a frame for all these programs.
-    pub fn slots(&self) -> usize {
-        self.all().map(Program::slots).max().unwrap_or(0)
-    }
-
-    pub fn all(&self) -> impl Iterator<Item = &Program> {
+    pub fn all(&self) -> impl Iterator<Item = &Program> + Clone {
         [&self.values, &self.plant].into_iter().chain(&self.law)
     }
 }
 
-/// The program of functions whose changes of sign end a mode. It shares the frame of the rates.
-pub struct GuardProgram {
+/// The program of further functions of the loop. It shares the frame of the rates.
+pub struct FunctionProgram {
     pub program: Program,
     /// The slot of the first function.
     pub first: usize,
 }
 
-/// The programs of all loops with the same structure.
+/// The programs of all loops with the same structure, for one engine.
 pub struct RatesPrograms {
     pub rates: Program,
+    /// The plant's input. With a held input, also the rate of the law's state. `None` if the caller supplies the law.
+    pub law: Option<FunctionProgram>,
     /// The depth and the push of each contact, if the modes of contacts are inputs.
-    pub contacts: Option<GuardProgram>,
+    pub contacts: Option<FunctionProgram>,
     /// The margins of the joints that stick and slip.
-    pub margins: Option<GuardProgram>,
-    /// The program of a whole attempt, for small loops with an adaptive explicit method.
-    pub attempt: Option<AttemptProgram>,
+    pub margins: Option<FunctionProgram>,
+    /// The numbers from which native code decides which joints stick.
+    pub loads: Option<FunctionProgram>,
     pub derivatives: Option<Derivatives>,
+}
+
+impl RatesPrograms {
+    /// The programs of one run, which share a frame.
+    pub fn of_one_run(&self) -> impl Iterator<Item = &Program> + Clone {
+        let functions = [&self.law, &self.contacts, &self.margins, &self.loads];
+        std::iter::once(&self.rates).chain(functions.into_iter().flatten().map(|functions| &functions.program))
+    }
 }
 
 /// The derivatives that a method requires.
@@ -100,10 +104,55 @@ impl RequiredDerivatives {
     }
 }
 
+/// The recording of a loop. The lists are the indices of the operations that compute its results.
+struct Tape {
+    ops: Vec<Op>,
+    rates: Vec<u32>,
+    law: Vec<u32>,
+    contacts: Vec<u32>,
+    margins: Vec<u32>,
+    loads: Vec<u32>,
+}
+
 /// The recorded rates of all loops with the same structure.
 pub struct RecordedRates {
     pub slots: Slots,
-    pub programs: RatesPrograms,
+    /// Whether the input is held.
+    pub held: bool,
+    tape: Tape,
+    required: RequiredDerivatives,
+    interpreter: MadeOnce<RatesPrograms>,
+    machine: MadeOnce<RatesPrograms>,
+    attempt: MadeOnce<Option<AttemptProgram>>,
+    /// The number of evaluations by the interpreter so far.
+    work: AtomicUsize,
+}
+
+impl RecordedRates {
+    /// Return the programs for an engine. They are made on first use.
+    pub fn programs(&self, engine: Engine) -> Arc<RatesPrograms> {
+        let made = match engine {
+            Engine::Machine => &self.machine,
+            Engine::Interpreter => &self.interpreter,
+        };
+        made.get(|| make(&self.tape, &self.slots, (self.required, engine), &mut |_, _, _, _, _| ()))
+    }
+
+    /// Return the program of whole attempts of run `run`, if the loop has one.
+    pub fn attempt(&self, problem: &Problem, run: usize, common: Common) -> Arc<Option<AttemptProgram>> {
+        let operations = self.programs(engine()).rates.operations();
+        self.attempt.get(|| AttemptProgram::of(problem, run, common, self.held, (&self.slots, operations)))
+    }
+
+    /// Whether machine code repays: it exists already, or the interpreter has computed many evaluations.
+    pub fn repays(&self) -> bool {
+        self.work.load(Ordering::Relaxed) >= REPAYS || self.machine.known().is_some()
+    }
+
+    /// Count one evaluation by the interpreter, and return whether machine code repays.
+    pub fn count(&self) -> bool {
+        self.work.fetch_add(1, Ordering::Relaxed) + 1 >= REPAYS
+    }
 }
 
 /// A stored recording of rates, which later runs may use. The tag states whether the input is held, and which derivatives the method
@@ -111,14 +160,6 @@ pub struct RecordedRates {
 type SeenRates = Seen<RecordedRates, (bool, RequiredDerivatives)>;
 
 static KNOWN: Cache<Arc<SeenRates>> = Cache::new();
-
-/// Whether the rates of a problem's loops can be recorded.
-pub fn is_recordable(problem: &Problem) -> bool {
-    let method = problem.options.method;
-    // With an implicit method of fixed steps, only plants without a wall have programs.
-    let free = |plant: &PlantSpec| method.is_adaptive() || !method.is_implicit() || plant.wall().is_none();
-    problem.plants.iter().all(|plant| free(plant)) && problem.laws.iter().all(|law| law.route().is_recordable())
-}
 
 /// The number of contact modes that are inputs of the rates: two for each contact if the method is adaptive. An adaptive method keeps every
 /// contact in its mode within a step. With fixed steps, the modes follow the state.
@@ -129,53 +170,38 @@ fn contact_modes(problem: &Problem, run: usize) -> usize {
 /// The rates of a run as programs, and the loop parameters of the run.
 pub type RatesOfRun = (Arc<RecordedRates>, Vec<f64>);
 
-/// Record the rates of the one run of a problem twice: with the law's output as the input, and with a held input. The first result is
-/// `None` for a sampled law.
-pub fn record_both(problem: &Problem) -> [Option<RatesOfRun>; 2] {
-    let sampled = problem.options.sampling.is_some();
-    [false, true].map(|held| {
-        if is_recordable(problem) && (held || !sampled) { of_run(problem, 0, Common::of_functions(problem), held) } else { None }
-    })
-}
-
-/// Return the rates of run `run`. `held`: whether the input is held. The result is `None` if the code branches on data.
-fn of_run(problem: &Problem, run: usize, common: Common, held: bool) -> Option<RatesOfRun> {
-    let (parameters, wanted) = (recorded::loop_parameters(problem, run, common), RequiredDerivatives::of(problem, run));
-    let record = || record(problem, run, (common, held, wanted), true, &mut |_, _, _, _, _| ());
-    let seen = Seen::of_run(&KNOWN, (problem, run, common), &parameters, (held, wanted), record);
-    seen.recorded.clone().map(|recorded| (recorded, parameters.values))
-}
-
-/// Return the rates of [`of_run`] if they are already recorded, otherwise `None`.
-fn known(problem: &Problem, run: usize, common: Common, held: bool) -> Option<RatesOfRun> {
-    let (parameters, tag) = (recorded::loop_parameters(problem, run, common), (held, RequiredDerivatives::of(problem, run)));
-    let seen = Seen::known(&KNOWN, (problem, run, common), &parameters, &tag)?;
-    seen.recorded.clone().map(|recorded| (recorded, parameters.values))
+/// Return the rates of run `run`. `held`: whether the input is held.
+pub fn of_run(problem: &Problem, run: usize, common: Common, held: bool) -> RatesOfRun {
+    let (parameters, required) = (recorded::loop_parameters(problem, run, common), RequiredDerivatives::of(problem, run));
+    let record = || {
+        let (tape, slots) = record(problem, run, common, held, true);
+        let (interpreter, machine, attempt) = Default::default();
+        Some(RecordedRates { slots, held, tape, required, interpreter, machine, attempt, work: AtomicUsize::new(0) })
+    };
+    let seen = Seen::of_run(&KNOWN, (problem, run, common), &parameters, (held, required), record);
+    let Some(recorded) = &seen.recorded else { unreachable!("rates are always recorded") };
+    (recorded.clone(), parameters.values)
 }
 
 /// Record the rates of run `run` for a listing, with the derivatives that the method requires. If `folds` is false, the operations are not
-/// simplified, and no derivatives are recorded.
-pub fn record_watched(problem: &Problem, run: usize, common: Common, folds: bool, watch: Watch) -> Option<RecordedRates> {
-    let (held, wanted) =
-        (problem.options.sampling.is_some(), if folds { RequiredDerivatives::of(problem, run) } else { RequiredDerivatives::Rates });
-    record(problem, run, (common, held, wanted), folds, watch)
+/// simplified, and no derivatives are recorded. Return the slots, and whether derivatives with respect to time are included.
+pub fn record_watched(problem: &Problem, run: usize, common: Common, folds: bool, watch: Watch) -> (Slots, bool) {
+    let required = if folds { RequiredDerivatives::of(problem, run) } else { RequiredDerivatives::Rates };
+    let (tape, slots) = record(problem, run, common, problem.options.sampling.is_some(), folds);
+    make(&tape, &slots, (required, engine()), watch);
+    (slots, required == RequiredDerivatives::Time)
 }
 
-fn record(
-    problem: &Problem,
-    run: usize,
-    (common, held, wanted): (Common, bool, RequiredDerivatives),
-    folds: bool,
-    watch: Watch,
-) -> Option<RecordedRates> {
+/// Record the loop of run `run`.
+fn record(problem: &Problem, run: usize, common: Common, held: bool, folds: bool) -> (Tape, Slots) {
     sym::begin_that(folds);
-    let mut closed: ClosedLoop<Sym> = assemble(problem, run, common.monitored.storage);
+    let mut closed = assemble(problem, run, common.monitored.storage);
     let given = sym::end_set_up();
     let (plant, law) = (problem.plant(run).states(), problem.law(run).initial_state().len());
     let sides = problem.plant(run).sticking_joints();
     let slots = Slots {
         given,
-        desired: closed.instant().desired.len(),
+        desired: closed.desired,
         wrench: if problem.forces.is_empty() { 0 } else { 6 },
         plant,
         law,
@@ -186,65 +212,30 @@ fn record(
         sides,
         speeds: closed.first_speed(),
     };
-    let (u, x) = arguments(&mut closed, &slots, held);
-    let mut dx = x.clone();
-    closed.rhs(&u, &x, &mut dx);
-    drop(closed);
-    let recording = sym::finish();
-    if recording.failed {
-        return None;
-    }
-    let rates: Vec<u32> = dx.into_iter().map(Sym::index).collect();
-    let mut programs = make(recording.ops, &rates, &slots, wanted, watch);
-    programs.attempt = AttemptProgram::of(problem, run, common, held, (&slots, programs.rates.operations()));
-    let contacts = |closed: &mut ClosedLoop<Sym>, _: &Exogenous<Sym>, x: &[Sym]| {
-        closed.turn_to(x);
-        (0..slots.contact_modes() / 2).flat_map(|i| closed.contact(i, x)).collect()
-    };
-    let of_run = (problem, run, common, held);
-    let mut free = programs.rates.slots();
-    if slots.contact_modes() > 0 {
-        programs.contacts = guards(of_run, (&slots, free), contacts);
-        free = programs.contacts.as_ref().map_or(free, |contacts| contacts.program.slots());
-    }
-    if slots.sides > 0 {
-        programs.margins = guards(of_run, (&slots, free), |closed, u, x| closed.margins_under(u, x));
-    }
-    Some(RecordedRates { slots, programs })
-}
-
-/// Record functions `of` the loop whose changes of sign end a mode. The program has the inputs of the rates. Its results are in the slots
-/// from `first` on, which no program before it uses.
-fn guards(
-    (problem, run, common, held): (&Problem, usize, Common, bool),
-    (slots, first): (&Slots, usize),
-    of: impl FnOnce(&mut ClosedLoop<Sym>, &Exogenous<Sym>, &[Sym]) -> Vec<Sym>,
-) -> Option<GuardProgram> {
-    sym::begin();
-    let mut closed: ClosedLoop<Sym> = assemble(problem, run, common.monitored.storage);
-    sym::end_set_up();
-    let (u, x) = arguments(&mut closed, slots, held);
-    let numbers: Vec<u32> = of(&mut closed, &u, &x).into_iter().map(Sym::index).collect();
-    drop(closed);
-    let recording = sym::finish();
-    if recording.failed {
-        return None;
-    }
-    let part = Part { ops: &recording.ops, start: 0, outputs: &to(first, &numbers), places: &SlotTable::default() };
-    let scratch = Scratch { reach: slots.reach() as u32, free: first + numbers.len() };
-    Some(GuardProgram { program: Program::new(part, None, scratch, form(false), engine()), first })
-}
-
-/// Declare the inputs of a recorded loop in the order of their slots, and hold its input and its modes. Return the exogenous input and the
-/// state.
-fn arguments(closed: &mut ClosedLoop<Sym>, slots: &Slots, held: bool) -> (Exogenous<Sym>, Vec<Sym>) {
     let u = instant(slots.desired, slots.wrench);
     let (x, tau, dz) = (inputs(slots.states()), inputs(slots.inputs), inputs(slots.answer));
+    let mut law = Vec::new();
     if held {
+        if problem.law(run).route().is_recordable() {
+            closed.turn_to(&x);
+            closed.answer(&u, &x);
+            law = closed.tau.iter().chain(closed.law_rate()).copied().collect();
+        }
         closed.hold_input(&tau, &dz);
     }
-    modes_as_inputs(closed, slots);
-    (u, x)
+    modes_as_inputs(&mut closed, &slots);
+    let mut dx = x.clone();
+    closed.rhs(&u, &x, &mut dx);
+    if !held {
+        law.clone_from(&closed.tau);
+    }
+    let contacts = (0..slots.contact_modes() / 2).flat_map(|i| closed.contact(i, &x)).collect();
+    let (loads, margins) = if slots.sides > 0 { closed.loads_and_margins(&u, &x) } else { Default::default() };
+    drop(closed);
+    let recording = sym::finish();
+    assert!(!recording.failed, "a recorded law or plant does not branch on data");
+    let [rates, law, contacts, margins, loads] = [dx, law, contacts, margins, loads].map(recorded::entries);
+    (Tape { ops: recording.ops, rates, law, contacts, margins, loads }, slots)
 }
 
 /// Pair recorded operations, given by their indices `entries`, with consecutive slots from `first` on: `(slot, index)`.
@@ -252,24 +243,31 @@ fn to(first: usize, entries: &[u32]) -> Vec<(u32, u32)> {
     entries.iter().enumerate().map(|(k, &entry)| ((first + k) as u32, entry)).collect()
 }
 
-fn make(ops: Vec<Op>, rates: &[u32], slots: &Slots, wanted: RequiredDerivatives, watch: Watch) -> RatesPrograms {
-    let none = SlotTable::default();
-    let part = Part { ops: &ops, start: 0, outputs: &to(slots.rates(), rates), places: &none };
-    let reach = slots.reach();
-    let scratch = Scratch { reach: reach as u32, free: reach + 1 };
-    watch("rates".into(), part, None, scratch, false);
-    let program = Program::new(part, None, scratch, form(false), engine());
-    RatesPrograms {
-        rates: program,
-        contacts: None,
-        margins: None,
-        attempt: None,
-        derivatives: (wanted != RequiredDerivatives::Rates)
-            .then(|| differentiate(ops, rates, slots, wanted == RequiredDerivatives::Time, watch)),
-    }
+fn make(tape: &Tape, slots: &Slots, (required, engine): (RequiredDerivatives, Engine), watch: Watch) -> RatesPrograms {
+    let (none, reach) = (SlotTable::default(), slots.reach() as u32);
+    let part = |outputs| Part { ops: &tape.ops, start: 0, outputs, places: &none };
+    let outputs = to(slots.rates(), &tape.rates);
+    let scratch = Scratch { reach, free: slots.reach() + 1 };
+    watch("rates".into(), part(&outputs), None, scratch, false);
+    let rates = Program::new(part(&outputs), None, scratch, form(false), engine);
+    let mut free = rates.slots();
+    // The results of a program are in slots that no program before it uses.
+    let mut functions = |entries: &[u32]| {
+        let first = free;
+        let scratch = Scratch { reach, free: first + entries.len() };
+        let part = Part { outputs: &to(first, entries), ..part(&outputs) };
+        let program = (!entries.is_empty()).then(|| Program::new(part, None, scratch, form(false), engine))?;
+        free = program.slots();
+        Some(FunctionProgram { program, first })
+    };
+    let [law, contacts, margins, loads] = [&tape.law, &tape.contacts, &tape.margins, &tape.loads].map(|entries| functions(entries));
+    let derivatives = (required != RequiredDerivatives::Rates)
+        .then(|| differentiate(tape, slots, (required == RequiredDerivatives::Time, engine), watch));
+    RatesPrograms { rates, law, contacts, margins, loads, derivatives }
 }
 
-fn differentiate(ops: Vec<Op>, of: &[u32], slots: &Slots, moves: bool, watch: Watch) -> Derivatives {
+fn differentiate(tape: &Tape, slots: &Slots, (moves, engine): (bool, Engine), watch: Watch) -> Derivatives {
+    let of = &tape.rates;
     let entries = |first: usize, count: usize| first as u32..(first + count) as u32;
     let mut moving: Vec<u32> = entries(slots.state(), slots.plant).collect();
     if moves {
@@ -281,7 +279,7 @@ fn differentiate(ops: Vec<Op>, of: &[u32], slots: &Slots, moves: bool, watch: Wa
     let rates = along_law + law.len();
     let derivatives = rates + slots.states();
     let reach = derivatives + slots.states();
-    let mut work = Differentiation::new(ops, inputs);
+    let mut work = Differentiation::new(tape.ops.clone(), inputs);
     let mut cuts = vec![Cut { end: work.length(), outputs: to(rates, of) }];
     for moving in [&moving, &law] {
         let outputs = to(derivatives, &work.along(moving, of));
@@ -295,7 +293,7 @@ fn differentiate(ops: Vec<Op>, of: &[u32], slots: &Slots, moves: bool, watch: Wa
         let part = Part { ops: &ops, start, outputs: &cut.outputs, places: &places };
         let scratch = Scratch { reach: reach as u32, free: free as usize };
         watch(name.into(), part, None, scratch, true);
-        let made = Program::new(part, None, scratch, form(true), engine());
+        let made = Program::new(part, None, scratch, form(true), engine);
         (start, free) = (cut.end, made.slots() as u32);
         made
     };
@@ -306,39 +304,42 @@ fn differentiate(ops: Vec<Op>, of: &[u32], slots: &Slots, moves: bool, watch: Wa
 
 /// The recorded rates of the runs of a problem. They are recorded on first use.
 pub struct Rates {
-    common: Common,
+    pub common: Common,
     /// The rates of all runs, if all runs have the same plant and law.
-    shared: Option<OnceLock<Option<RatesOfRun>>>,
-    used: AtomicBool,
+    shared: Option<OnceLock<RatesOfRun>>,
+    /// Whether machine code has computed a run.
+    machine: AtomicBool,
+    /// Whether the caller supplies the law of a run.
+    external: bool,
 }
 
 impl Rates {
-    /// Prepare the rates of a problem. The result is `None` if the loops of the problem cannot be recorded. It is also `None` for an explicit
-    /// method of fixed steps, unless joints stick and slip between its steps.
-    pub fn of(problem: &Problem) -> Option<Self> {
+    /// Prepare the rates of a problem.
+    pub fn of(problem: &Problem) -> Self {
         let shared = (problem.plants.len() == 1 && problem.laws.len() == 1).then(OnceLock::new);
-        let method = problem.options.method;
-        let sticks = problem.plants.iter().any(|plant| plant.sticks());
-        let takes = (method.is_adaptive() || method.is_implicit() || sticks) && is_recordable(problem);
-        takes.then(|| Rates { common: Common::of_functions(problem), shared, used: AtomicBool::new(false) })
+        let external = !problem.laws.iter().all(|law| law.route().is_recordable());
+        Rates { common: Common::of_functions(problem), shared, machine: AtomicBool::new(false), external }
     }
 
-    /// The name of the engine that computed the runs.
+    /// The name of the engine that computed the runs. It is "direct" if the caller supplies their laws.
     pub fn engine(&self) -> &'static str {
-        if self.used.load(Ordering::Relaxed) { engine().name() } else { "direct" }
+        match (self.external, self.machine.load(Ordering::Relaxed)) {
+            (true, _) => "direct",
+            (false, true) => Engine::Machine.name(),
+            (false, false) => Engine::Interpreter.name(),
+        }
     }
 
-    /// Return the rates of run `run` if an earlier run with the same structure has recorded them. If none has, record them if `worth` is
-    /// true, otherwise return `None`. The result is also `None` if the code branches on data.
-    pub fn of_run(&self, problem: &Problem, run: usize, worth: bool) -> Option<RatesOfRun> {
-        let held = problem.options.sampling.is_some();
-        let found = match &self.shared {
-            Some(shared) if worth => shared.get_or_init(|| of_run(problem, run, self.common, held)).clone(),
-            Some(shared) if shared.get().is_some() => shared.get().cloned().flatten(),
-            _ if worth => of_run(problem, run, self.common, held),
-            _ => known(problem, run, self.common, held),
-        };
-        self.used.fetch_or(found.is_some(), Ordering::Relaxed);
-        found
+    /// Note that an engine computes a run.
+    pub fn note(&self, engine: Engine) {
+        self.machine.fetch_or(engine == Engine::Machine, Ordering::Relaxed);
+    }
+
+    /// Return the rates of run `run`. `held`: whether the input is held.
+    pub fn of_run(&self, problem: &Problem, run: usize, held: bool) -> RatesOfRun {
+        match &self.shared {
+            Some(shared) => shared.get_or_init(|| of_run(problem, run, self.common, held)).clone(),
+            None => of_run(problem, run, self.common, held),
+        }
     }
 }

@@ -15,7 +15,6 @@
 
 use super::assembly::assemble;
 use super::closed_loop::ClosedLoop;
-use super::force::Force;
 use super::gauge::Start;
 use super::key::{Common, Key, MOST_NUMBERS};
 use super::layout::{Layout, Slots};
@@ -31,8 +30,12 @@ use crate::trace::cache::Cache;
 use crate::trace::label::Label;
 #[cfg(debug_assertions)]
 use crate::trace::tape::Op;
-use crate::trace::{Cut, Engine, Sym, sym};
+use crate::trace::{Cut, Engine, Sym, engine, sym};
 use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+/// The number of evaluations of the rates by the interpreter after which machine code repays its compilation.
+pub const REPAYS: usize = 256;
 
 /// Rates with at most this number of operations are part of the program of a step.
 const LARGE: u32 = 700;
@@ -42,6 +45,8 @@ pub struct Recorded {
     pub layout: Layout,
     pub programs: Programs,
     plant_states: usize,
+    /// The number of evaluations of the rates by the interpreter so far.
+    work: AtomicUsize,
     /// The recording. Debug builds check that loops with the same key have the same recording.
     #[cfg(debug_assertions)]
     ops: Vec<Op>,
@@ -61,19 +66,23 @@ impl Recorded {
         self.plant_states
     }
 
+    /// Count evaluations of the rates by the interpreter.
+    pub fn count(&self, evaluations: usize) {
+        self.work.fetch_add(evaluations, Ordering::Relaxed);
+    }
+
     /// The engine that runs the programs.
     pub fn engine(&self) -> Engine {
         self.programs.engine()
     }
 }
 
-/// Whether the loops of a problem can be programs of whole steps. These programs require fixed explicit steps and a law that does not branch
-/// on data. They also require a plant without stick-slip friction, and no force that is a function of the caller.
+/// Whether the loops of a problem can be programs of whole steps. These programs require fixed explicit steps, a law that can be recorded,
+/// and a plant without stick-slip friction.
 pub fn is_recordable(problem: &Problem) -> bool {
     matches!(problem.options.method.kind(), MethodKind::ExplicitSteps(_))
         && problem.laws.iter().all(|law| law.route().is_recordable())
         && !problem.plants.iter().any(|plant| plant.sticks())
-        && !problem.forces.iter().any(|force| matches!(force, Force::Signal(_)))
 }
 
 /// Return the loop parameters of run `run`.
@@ -91,7 +100,7 @@ struct MetricsAndRecords {
 }
 
 /// Return the loop of run `run`, and its metrics and records.
-fn set_up<'a>(problem: &'a Problem, run: usize, common: Common) -> (ClosedLoop<'a, Sym>, MetricsAndRecords) {
+fn set_up(problem: &Problem, run: usize, common: Common) -> (ClosedLoop, MetricsAndRecords) {
     let closed = assemble(problem, run, common.monitored.storage);
     let sums = common.plan(problem, run).map(|plan| Sums::new(problem, run, &plan, common.monitored.storage));
     let notes = common.notes.map(|monitors| Notes::new(problem, run, monitors, common.monitored));
@@ -161,6 +170,16 @@ pub fn of_run(problem: &Problem, run: usize, common: Common, parameters: &LoopPa
     seen
 }
 
+/// Return the engine for the loop of run 0 and `evaluations` more evaluations of its rates. It is the interpreter until machine code repays.
+pub fn engine_for(problem: &Problem, common: Common, parameters: &LoopParameters, evaluations: usize) -> Engine {
+    let known = |engine: Engine| Seen::known(&KNOWN, (problem, 0, Common { engine, ..common }), parameters, &());
+    if common.lanes || engine() == Engine::Interpreter || evaluations >= REPAYS || known(Engine::Machine).is_some() {
+        return engine();
+    }
+    let work = known(Engine::Interpreter).and_then(|seen| Some(seen.recorded.as_ref()?.work.load(Ordering::Relaxed)));
+    if work.unwrap_or(0) + evaluations < REPAYS { Engine::Interpreter } else { engine() }
+}
+
 fn record(problem: &Problem, run: usize, common: Common) -> Option<Recorded> {
     record_watched(problem, run, common, None, &mut |_, _, _, _, _| ())
 }
@@ -178,7 +197,7 @@ pub fn record_watched(problem: &Problem, run: usize, common: Common, plain: Opti
     let instants = method.instants();
     let mut layout = Layout {
         given,
-        desired: closed.instant().desired.len(),
+        desired: closed.desired,
         wrench: if problem.forces.is_empty() { 0 } else { 6 },
         instants,
         states: closed.size(),
@@ -202,13 +221,14 @@ pub fn record_watched(problem: &Problem, run: usize, common: Common, plain: Opti
         layout,
         programs,
         plant_states: problem.plant(run).states(),
+        work: AtomicUsize::new(0),
         #[cfg(debug_assertions)]
         ops: recording.ops,
     })
 }
 
 /// Make the modes of contacts and joints inputs of a recorded loop.
-pub fn modes_as_inputs(closed: &mut ClosedLoop<Sym>, slots: &Slots) {
+pub fn modes_as_inputs(closed: &mut ClosedLoop, slots: &Slots) {
     closed.hold_modes(&inputs(slots.contact_modes()));
     closed.hold_sides(&inputs(slots.sides));
 }
@@ -228,7 +248,7 @@ pub fn instant(desired: usize, wrench: usize) -> Exogenous<Sym> {
 /// Record the rates and the step, and the law if `with_law` is true. `in_parts` selects whether the step is divided into parts. If it is
 /// `None`, the size of the rates decides. The result is `None` for a method that cannot be recorded.
 fn trace(
-    closed: ClosedLoop<Sym>,
+    closed: ClosedLoop,
     extras: MetricsAndRecords,
     (method, with_law, in_parts): (ExplicitSteps, bool, Option<bool>),
     layout: &Layout,
@@ -247,7 +267,7 @@ fn trace(
     }
     let law: Vec<Sym> = closed.closed.tau.iter().chain(closed.closed.law_rate()).copied().collect();
     let mut acting = closed.closed.tau.clone();
-    if closed.closed.held().is_some() {
+    if closed.closed.is_held() {
         closed.closed.hold_input(&tau, &dz);
         acting.clone_from(&tau);
     }
@@ -264,7 +284,7 @@ fn trace(
     let notes = extras.notes.map(|mut notes| [&acting, &tau].map(|tau| notes.take(&u[0], &x, tau, &firsts)));
     let before = sym::recorded().0;
     closed.rhs(&stage_input, &stage, &mut rates);
-    let stage_tau = if closed.closed.held().is_some() { Vec::new() } else { entries(closed.closed.tau.clone()) };
+    let stage_tau = if closed.closed.is_held() { Vec::new() } else { entries(closed.closed.tau.clone()) };
     if in_parts.unwrap_or(sym::recorded().0 - before > LARGE) {
         closed.cuts = Some(Vec::new());
     }
@@ -276,7 +296,8 @@ fn trace(
     Some(Tracing { law: entries(law), rates, cuts: cuts.unwrap_or_default(), next: entries(next), sums, notes })
 }
 
-fn entries(values: Vec<Sym>) -> Vec<u32> {
+/// Return the indices of the operations that compute `values`.
+pub fn entries(values: Vec<Sym>) -> Vec<u32> {
     values.into_iter().map(Sym::index).collect()
 }
 
@@ -304,7 +325,7 @@ impl<'a> WithExplicitSteps<Sym, RecordedLoop<'a>> for OneStep {
 
 /// A loop that records its evaluations.
 struct RecordedLoop<'a> {
-    closed: ClosedLoop<'a, Sym>,
+    closed: ClosedLoop,
     layout: &'a Layout,
     /// The cuts before each evaluation of the rates. `None` if the step is not divided.
     cuts: Option<Vec<Cut>>,

@@ -70,7 +70,7 @@ pub struct Run {
     pub steps: u64,
     /// The number of rejected steps.
     pub rejections: u64,
-    /// The kind of evaluation: "machine" or "interpreter" for programs (recorded and compiled loops), or "direct" without programs.
+    /// The engine of the programs (recorded loops), "machine" or "interpreter". It is "direct" if the law is not recorded.
     pub engine: &'static str,
     /// The residuals of the balances over the records, shape `(4,)`, see [`super::BALANCES`]. `energy_missing` is in J, the other three
     /// residuals are dimensionless. NaN without monitors.
@@ -226,23 +226,18 @@ pub fn simulate_divided(problem: &Problem, division: &Division, stop: &dyn Stop,
         require_memory(fixed.schedule.count() as u128)?;
         sink.reserve(fixed.schedule.count())?;
     }
-    let structures = Structures::of(problem, division, false);
-    let rates = Rates::of(problem);
-    let ended = match division {
-        Division::Fixed(fixed) if let Some(structures) = &structures => programs::run::<f64>(
-            structures,
-            General { problem, division, first: 0, stop, sink: &mut sink, observer: observer.as_deref_mut(), rates: None },
-            fixed,
-        ),
-        division => {
-            let observer = observer.as_deref_mut();
-            General { problem, division, first: 0, stop, sink: &mut sink, observer, rates: rates.as_ref() }.run_single()
+    let general = General { problem, division, first: 0, stop, sink: &mut sink, observer: observer.as_deref_mut() };
+    let (ended, engine) = match (division, Structures::of(problem, division, false)) {
+        (Division::Fixed(fixed), Some(structures)) => (programs::run::<f64>(&structures, general, fixed), structures.engine(1).name()),
+        _ => {
+            let rates = Rates::of(problem);
+            (general.run_single(&rates), rates.engine())
         }
     };
     let (fault, full) = (sink.fault, sink.full);
     full?;
     observer.and_then(|observer| observer.full.take()).map_or(Ok(()), Err)?;
-    run.engine = structures.map_or_else(|| rates.map_or("direct", |rates| rates.engine()), |structures| structures.engine(1).name());
+    run.engine = engine;
     match ended {
         Ended::Fixed(faults) => {
             run.steps = faults.steps;

@@ -1,17 +1,16 @@
 //! A loop that computes one step of fixed size per call. The law or the caller provides the input.
 
-use super::assembly::{Watched, close};
+use super::assembly::Watched;
 use super::bound::Bound;
 use super::fixed_steps::divided_step;
 use super::force::Wrench;
 use super::problem::Problem;
-use super::rates_loop::{RatesLoop, recorded_loop};
+use super::rates_loop::RatesLoop;
 use super::sampling::Sampling;
 use super::schedule::{after_jump, is_end};
 use crate::error::{Error, Result};
-use crate::integrate::{FixedStep, Method, MethodKind, WithSteps};
+use crate::integrate::{FixedStep, Method, MethodKind, System, WithSteps};
 use crate::law::Route;
-use crate::scalar::Real;
 use crate::status::Status;
 
 /// A loop with one step per call, for every number type.
@@ -61,11 +60,11 @@ pub trait Stepping: Send {
 }
 
 /// A loop with its method and its state.
-struct Stepper<S, F, M> {
-    closed: F,
+struct Stepper<M> {
+    closed: RatesLoop<'static>,
     method: M,
-    x: Vec<S>,
-    tau: Vec<S>,
+    x: Vec<f64>,
+    tau: Vec<f64>,
     dt: f64,
     /// The number of steps between two calls of the sampled controller. It is 1 if the controller does more than hold the law's output, and
     /// 0 for a law that is evaluated in every stage.
@@ -78,16 +77,16 @@ struct Stepper<S, F, M> {
     breaks: Vec<f64>,
     passed: usize,
     steps: u64,
-    before: Before<S>,
+    before: Before,
     bound: Bound,
     status: Status,
     pushed: bool,
 }
 
 /// What the last step may have changed: the state, the input, the switches, and the numbers of steps and of jumps passed.
-struct Before<S> {
-    x: Vec<S>,
-    tau: Vec<S>,
+struct Before {
+    x: Vec<f64>,
+    tau: Vec<f64>,
     sides: Vec<i8>,
     steps: u64,
     passed: usize,
@@ -95,7 +94,7 @@ struct Before<S> {
     driven: bool,
 }
 
-impl<S: Real, F: Watched<S>, M: FixedStep<S, F, Vec<S>>> Stepper<S, F, M> {
+impl<M: FixedStep<f64, RatesLoop<'static>, Vec<f64>>> Stepper<M> {
     /// The number of jumps that a stepper has passed at time `t`, s.
     fn jumps_until(&self, t: f64) -> usize {
         self.breaks.partition_point(|&jump| jump <= t || t > 0.0 && is_end(self.dt, jump, t))
@@ -118,19 +117,14 @@ impl<S: Real, F: Watched<S>, M: FixedStep<S, F, Vec<S>>> Stepper<S, F, M> {
     }
 }
 
-impl<S, F, M> Stepping for Stepper<S, F, M>
-where
-    S: Real,
-    F: Watched<S> + Send,
-    M: FixedStep<S, F, Vec<S>> + Send,
-{
+impl<M: FixedStep<f64, RatesLoop<'static>, Vec<f64>> + Send> Stepping for Stepper<M> {
     fn step(&mut self, tau: Option<&[f64]>, push: Option<&Wrench>) -> Status {
         if self.status != Status::Success {
             return self.status;
         }
         self.before.x.copy_from_slice(&self.x);
         self.before.tau.copy_from_slice(&self.tau);
-        self.before.sides.copy_from_slice(self.closed.sides());
+        self.before.sides.copy_from_slice(self.closed.modes_of_joints());
         (self.before.steps, self.before.passed, self.before.driven) = (self.steps, self.passed, tau.is_some());
         if push.is_some() || self.pushed {
             // The force jumps, so that the method must not use values of the previous step.
@@ -142,9 +136,7 @@ where
         let t = after_jump(&self.breaks[..self.passed], start);
         match tau {
             Some(tau) => {
-                for (to, &from) in self.tau.iter_mut().zip(tau) {
-                    *to = S::splat(from);
-                }
+                self.tau.copy_from_slice(tau);
                 self.closed.drive(Some(&self.tau), false);
             }
             None => {
@@ -168,17 +160,13 @@ where
     }
 
     fn read(&self, x: &mut [f64], tau: &mut [f64]) {
-        for (to, from) in x.iter_mut().zip(&self.x) {
-            *to = from.lane(0);
-        }
-        for (to, from) in tau.iter_mut().zip(&self.tau) {
-            *to = from.lane(0);
-        }
+        x.copy_from_slice(&self.x);
+        tau.copy_from_slice(&self.tau);
     }
 
     fn reset(&mut self, x: &[f64]) {
         self.put(x);
-        self.tau.fill(S::zero());
+        self.tau.fill(0.0);
         (self.steps, self.passed) = (0, self.jumps_until(0.0));
         self.closed.rewind();
     }
@@ -189,9 +177,7 @@ where
     }
 
     fn put(&mut self, x: &[f64]) {
-        for (to, &from) in self.x.iter_mut().zip(x) {
-            *to = S::splat(from);
-        }
+        self.x.copy_from_slice(x);
         self.method.restart();
         self.closed.replace_state(after_jump(&self.breaks[..self.passed], self.time()));
         self.status = if self.bound.holds(&self.x) { Status::Success } else { Status::Diverged };
@@ -211,9 +197,7 @@ where
 
     fn resume(&mut self, steps: u64, x: &[f64], tau: &[f64], diverged: bool) {
         self.reset(x);
-        for (to, &from) in self.tau.iter_mut().zip(tau) {
-            *to = S::splat(from);
-        }
+        self.tau.copy_from_slice(tau);
         self.closed.drive(Some(&self.tau), false);
         self.steps = steps;
         self.passed = self.jumps_until(self.time());
@@ -240,17 +224,11 @@ pub fn stepper(problem: &Problem) -> Result<Box<dyn Stepping>> {
     require_fixed_steps(o.method)?;
     problem.validate()?;
     problem.require_memory(1)?;
+    let (closed, x) = RatesLoop::stepped(problem);
+    let (u, boxed) = (closed.instant(), Boxed(problem, problem.breaks()?));
     match o.method.kind() {
-        MethodKind::ExplicitSteps(method) => {
-            let (closed, x) = close::<f64>(problem, 0);
-            let u = closed.instant();
-            method.apply(RatesLoop::stepped(closed.into_owned(), problem), x, u, Boxed(problem, problem.breaks()?))
-        }
-        MethodKind::ImplicitSteps(method) => {
-            let (closed, x) = recorded_loop(problem);
-            let u = closed.instant();
-            Ok(method.apply(closed, x, u, Boxed(problem, problem.breaks()?)))
-        }
+        MethodKind::ExplicitSteps(method) => method.apply(closed, x, u, boxed),
+        MethodKind::ImplicitSteps(method) => Ok(method.apply(closed, x, u, boxed)),
         MethodKind::ExplicitAdaptive(_) | MethodKind::ImplicitAdaptive(_) => unreachable!("refused above"),
     }
 }
@@ -258,44 +236,40 @@ pub fn stepper(problem: &Problem) -> Result<Box<dyn Stepping>> {
 /// Creates a stepper for any method of fixed steps, from the problem and the jumps of its input.
 struct Boxed<'a>(&'a Problem<'a>, Vec<f64>);
 
-impl<S: Real, F: Watched<S> + Send + 'static> WithSteps<S, F> for Boxed<'_> {
+impl WithSteps<f64, RatesLoop<'static>> for Boxed<'_> {
     type Output = Box<dyn Stepping>;
 
-    fn with<M: FixedStep<S, F, Vec<S>> + Send + 'static>(self, closed: F, x: Vec<S>, method: M) -> Box<dyn Stepping> {
-        boxed(self.0, self.1, closed, x, method)
+    fn with<M>(self, closed: RatesLoop<'static>, x: Vec<f64>, method: M) -> Box<dyn Stepping>
+    where
+        M: FixedStep<f64, RatesLoop<'static>, Vec<f64>> + Send + 'static,
+    {
+        let Boxed(problem, breaks) = self;
+        let o = &problem.options;
+        let bound = Bound::new(problem.plant(0).states(), o.state_limit);
+        let status = if bound.holds(&x) { Status::Success } else { Status::Diverged };
+        let hold =
+            o.sampling.as_ref().map_or(0, |sampling| if sampling.is_plain() { (sampling.period / o.grid()).round() as u64 } else { 1 });
+        let tau = vec![0.0; problem.plant(0).n()];
+        let plain = o.sampling.as_ref().is_none_or(Sampling::is_plain);
+        let simple = plain && problem.law(0).initial_state().is_empty() && problem.law(0).route() != Route::Outside;
+        let sides = closed.modes_of_joints().to_vec();
+        let passed = breaks.partition_point(|&jump| jump <= 0.0);
+        Box::new(Stepper {
+            before: Before { x: x.clone(), tau: tau.clone(), sides, steps: 0, passed, driven: false },
+            closed,
+            method,
+            breaks,
+            passed,
+            bound,
+            status,
+            pushed: false,
+            x,
+            tau,
+            dt: o.grid(),
+            hold,
+            plain,
+            simple,
+            steps: 0,
+        })
     }
-}
-
-fn boxed<S, F, M>(problem: &Problem, breaks: Vec<f64>, mut closed: F, x: Vec<S>, method: M) -> Box<dyn Stepping>
-where
-    S: Real,
-    F: Watched<S> + Send + 'static,
-    M: FixedStep<S, F, Vec<S>> + Send + 'static,
-{
-    let o = &problem.options;
-    let bound = Bound::new(problem.plant(0).states(), o.state_limit);
-    let status = if bound.holds(&x) { Status::Success } else { Status::Diverged };
-    let hold = o.sampling.as_ref().map_or(0, |sampling| if sampling.is_plain() { (sampling.period / o.grid()).round() as u64 } else { 1 });
-    let tau = vec![S::zero(); problem.plant(0).n()];
-    let plain = o.sampling.as_ref().is_none_or(Sampling::is_plain);
-    let simple = plain && problem.law(0).initial_state().is_empty() && problem.law(0).route() != Route::Outside;
-    let sides = closed.sides().to_vec();
-    let passed = breaks.partition_point(|&jump| jump <= 0.0);
-    Box::new(Stepper::<S, F, M> {
-        before: Before { x: x.clone(), tau: tau.clone(), sides, steps: 0, passed, driven: false },
-        closed,
-        method,
-        breaks,
-        passed,
-        bound,
-        status,
-        pushed: false,
-        x,
-        tau,
-        dt: o.grid(),
-        hold,
-        plain,
-        simple,
-        steps: 0,
-    })
 }

@@ -1,7 +1,7 @@
 //! Contacts of a plant: its wall and its joint stops. The mode of a contact is `Apart`, `Pressed` or `Slack`. Each mode has two guards,
 //! which are functions whose change of sign ends the mode.
 
-use super::assembly::Watched;
+use super::rates_loop::RatesLoop;
 use crate::dynamics::{AnyArm, Dynamics, Workspace};
 use crate::plant::{PlantSpec, Touch};
 use crate::scalar::Real;
@@ -54,7 +54,7 @@ impl Switching {
     }
 
     /// Set the mode of each contact to its mode at state `x`.
-    pub fn begin<S: Real>(&mut self, system: &mut impl Watched<S>, x: &[S]) {
+    pub fn begin(&mut self, system: &mut RatesLoop, x: &[f64]) {
         system.contacts(x, &mut self.numbers);
         for (touch, &[depth, push]) in self.touches.iter_mut().zip(self.numbers.as_chunks().0) {
             *touch = Touch::at(depth, push);
@@ -68,7 +68,7 @@ impl Switching {
 
     /// Write the values of all guards at state `x` to `all`. The present mode of contact `i` has ended if guard `2 i` or `2 i + 1` is
     /// negative.
-    pub fn evaluate<S: Real>(&mut self, system: &mut impl Watched<S>, x: &[S], all: &mut [f64]) {
+    pub fn evaluate(&mut self, system: &mut RatesLoop, x: &[f64], all: &mut [f64]) {
         system.contacts(x, &mut self.numbers);
         let numbers = self.numbers.as_chunks().0.iter().zip(&self.touches);
         for (guards, (&[depth, push], touch)) in all.as_chunks_mut().0.iter_mut().zip(numbers) {
@@ -77,7 +77,7 @@ impl Switching {
     }
 
     /// Change the mode of the contact of guard `k` at state `x`.
-    pub fn switch<S: Real>(&mut self, system: &mut impl Watched<S>, k: usize, x: &[S]) {
+    pub fn switch(&mut self, system: &mut RatesLoop, k: usize, x: &[f64]) {
         let i = k / 2;
         system.contacts(x, &mut self.numbers);
         // A contact without damper ends exactly at the surface. The state has a small error there, so that its depth may have either sign.

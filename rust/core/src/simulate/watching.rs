@@ -7,8 +7,8 @@
 //! Guards of the contacts and joints, and event functions, are evaluated at four times of every step. Two changes of sign between two of
 //! these times cancel. A parabola through three successive values predicts such a dip, which is then searched.
 
-use super::adaptive_steps::{Cut, Watcher};
-use super::assembly::Watched;
+use super::adaptive_steps::Cut;
+use super::rates_loop::RatesLoop;
 use super::run_observer::{Guard, RunObserver};
 use super::switching::{Probe, Switching};
 use crate::integrate::events::{crossing, dip};
@@ -16,7 +16,7 @@ use crate::integrate::solve::node;
 use crate::integrate::{Adaptive, System};
 use crate::memory;
 use crate::plant::{PlantSpec, Touch};
-use crate::scalar::{Real, sign};
+use crate::scalar::sign;
 use crate::status::Status;
 
 /// The number of evaluations of each function per step.
@@ -38,7 +38,7 @@ struct LastValue {
     count: usize,
 }
 
-pub struct Watching<'a, S> {
+pub struct Watching<'a> {
     switching: Option<Switching>,
     probe: Probe,
     observer: Option<&'a mut RunObserver>,
@@ -63,13 +63,12 @@ pub struct Watching<'a, S> {
     states: usize,
     /// The number of states of plant and law together.
     width: usize,
-    at: Vec<S>,
-    x: Vec<f64>,
+    at: Vec<f64>,
 }
 
-impl<'a, S: Real> Watching<'a, S> {
+impl<'a> Watching<'a> {
     /// Create the observer. `x` is a state of the loop. Its first `width` numbers are the states of plant and law.
-    pub fn new(plant: &PlantSpec, observer: Option<&'a mut RunObserver>, width: usize, x: &[S]) -> Self {
+    pub fn new(plant: &PlantSpec, observer: Option<&'a mut RunObserver>, width: usize, x: &[f64]) -> Self {
         let switching = Switching::of(plant);
         let contacts = switching.as_ref().map_or(0, Switching::guards);
         let sticking = plant.sticking_joints();
@@ -89,12 +88,11 @@ impl<'a, S: Real> Watching<'a, S> {
             states: plant.states(),
             width,
             at: x.to_vec(),
-            x: vec![0.0; x.len()],
         }
     }
 
     /// Determine the modes of the contacts at state `self.at`, and hold the contacts in these modes.
-    fn find_contacts<F: Watched<S>>(&mut self, system: &mut F, t: f64) {
+    fn find_contacts(&mut self, system: &mut RatesLoop, t: f64) {
         let Some(switching) = &mut self.switching else { return };
         switching.begin(system, &self.at);
         system.hold_contacts(&switching.touches);
@@ -104,20 +102,19 @@ impl<'a, S: Real> Watching<'a, S> {
     }
 
     /// Return the time of the first mode change in the last step of `method`, if any.
-    fn switch_in<F, M>(&mut self, system: &mut F, method: &mut M) -> Result<Option<f64>, Status>
+    fn switch_in<'b, M>(&mut self, system: &mut RatesLoop<'b>, method: &mut M) -> Result<Option<f64>, Status>
     where
-        F: Watched<S>,
-        M: Adaptive<S, F, Vec<S>>,
+        M: Adaptive<f64, RatesLoop<'b>, Vec<f64>>,
     {
         if self.guards.is_empty() {
             return Ok(None);
         }
         let (t0, t1) = (method.t_old(), method.t());
-        let (at, x, now, earlier, trial) = (&mut self.at, &mut self.x, &mut self.now, &mut self.earlier, &mut self.trial);
+        let (at, now, earlier, trial) = (&mut self.at, &mut self.now, &mut self.earlier, &mut self.trial);
         let (switching, sticking) = (&mut self.switching, self.sticking);
         let contacts = self.guards.len() - sticking;
-        let mut look = |system: &mut F, method: &mut M, t: f64, all: &mut [f64]| {
-            interpolate(system, method, t, at, x);
+        let mut look = |system: &mut RatesLoop<'b>, method: &mut M, t: f64, all: &mut [f64]| {
+            method.interpolate(system, t, at);
             if let Some(switching) = switching {
                 switching.evaluate(system, at, &mut all[..contacts]);
             }
@@ -176,16 +173,15 @@ impl<'a, S: Real> Watching<'a, S> {
             return Ok(Some(t1));
         }
         // Contacts undo each other's mode changes at practically the same time. Continue with their modes at the end of the step.
-        interpolate(system, method, t1, &mut self.at, &mut self.x);
+        method.interpolate(system, t1, &mut self.at);
         self.find_contacts(system, t1);
         Ok(None)
     }
 
     /// Record the events up to `t1` in the last step. Return the time of the event that ends the run, if any.
-    fn events_in<F, M>(&mut self, system: &mut F, method: &mut M, t1: f64) -> Result<Option<f64>, Status>
+    fn events_in<'b, M>(&mut self, system: &mut RatesLoop<'b>, method: &mut M, t1: f64) -> Result<Option<f64>, Status>
     where
-        F: System<S>,
-        M: Adaptive<S, F, Vec<S>>,
+        M: Adaptive<f64, RatesLoop<'b>, Vec<f64>>,
     {
         let Some(observer) = self.observer.as_deref_mut() else { return Ok(None) };
         let events = &observer.events;
@@ -193,10 +189,10 @@ impl<'a, S: Real> Watching<'a, S> {
             return Ok(None);
         }
         let t0 = method.t_old();
-        let (at, x, probe) = (&mut self.at, &mut self.x, &mut self.probe);
+        let (at, probe) = (&mut self.at, &mut self.probe);
         let mut value = |i: usize, t: f64| {
-            interpolate(system, method, t, at, x);
-            events[i].function.value(probe, t, x)
+            method.interpolate(system, t, at);
+            events[i].function.value(probe, t, at)
         };
         // The last two times of evaluation.
         let (mut past, mut before) = (t0, t0);
@@ -233,8 +229,8 @@ impl<'a, S: Real> Watching<'a, S> {
         self.crossed.sort_by(|a, b| a.0.total_cmp(&b.0));
         for &(t, i) in &self.crossed {
             self.events[i].count += 1;
-            interpolate(system, method, t, &mut self.at, &mut self.x);
-            observer.keep(|observer| observer.crossings.add(i, t, &self.x[..self.states]));
+            method.interpolate(system, t, &mut self.at);
+            observer.keep(|observer| observer.crossings.add(i, t, &self.at[..self.states]));
             let events = &observer.events;
             if events[i].stop_after > 0 && self.events[i].count >= events[i].stop_after {
                 return Ok(Some(t));
@@ -242,39 +238,22 @@ impl<'a, S: Real> Watching<'a, S> {
         }
         Ok(None)
     }
-}
 
-/// Return the time of evaluation `k` in a step from `t0` to `t1`.
-fn place(k: usize, t0: f64, t1: f64) -> f64 {
-    if k == CHECKS_PER_STEP { t1 } else { t0 + k as f64 / CHECKS_PER_STEP as f64 * (t1 - t0) }
-}
-
-/// Write the state at time `t` in the last step of `method` to `at` and `x`.
-fn interpolate<S, F, M>(system: &mut F, method: &mut M, t: f64, at: &mut Vec<S>, x: &mut [f64])
-where
-    S: Real,
-    F: System<S>,
-    M: Adaptive<S, F, Vec<S>>,
-{
-    method.interpolate(system, t, at);
-    lanes_of(x, at);
-}
-
-impl<S: Real, F: Watched<S>, M: Adaptive<S, F, Vec<S>>> Watcher<S, F, M> for Watching<'_, S> {
-    fn active(&self) -> bool {
+    /// Whether the steps must be observed.
+    pub fn active(&self) -> bool {
         !self.guards.is_empty() || self.observer.is_some()
     }
 
-    fn begin(&mut self, system: &mut F, t: f64, x: &[S]) -> Result<(), Status> {
-        lanes_of(&mut self.x, x);
+    /// Start the observation at time `t`, s, and state `x`, before the first step.
+    pub fn begin(&mut self, system: &mut RatesLoop, t: f64, x: &[f64]) -> Result<(), Status> {
         self.at.copy_from_slice(x);
         self.find_contacts(system, t);
         if self.sticking > 0 {
-            system.settle(t, x);
+            system.settle(t, x, None);
         }
         if let Some(observer) = &self.observer {
             for (event, seen) in observer.events.iter().zip(&mut self.events) {
-                seen.value = event.function.value(&mut self.probe, t, &self.x);
+                seen.value = event.function.value(&mut self.probe, t, &self.at);
                 if seen.value.is_nan() {
                     return Err(Status::Diverged);
                 }
@@ -284,13 +263,21 @@ impl<S: Real, F: Watched<S>, M: Adaptive<S, F, Vec<S>>> Watcher<S, F, M> for Wat
         Ok(())
     }
 
-    fn look(&mut self, system: &mut F, method: &mut M) -> Result<Option<Cut>, Status> {
+    /// Check the step that `method` has just accepted. The result is the time to which the step must be shortened, with the reason, if any.
+    pub fn look<'b, M>(&mut self, system: &mut RatesLoop<'b>, method: &mut M) -> Result<Option<Cut>, Status>
+    where
+        M: Adaptive<f64, RatesLoop<'b>, Vec<f64>>,
+    {
         let switch = self.switch_in(system, method)?;
         let end = self.events_in(system, method, switch.unwrap_or(method.t()))?;
         Ok(end.map(Cut::End).or(switch.map(Cut::Switch)))
     }
 
-    fn keep(&mut self, system: &mut F, method: &mut M, t: f64) {
+    /// Process the accepted step of `method` up to time `t`, s. This function is not called for a step that is repeated.
+    pub fn keep<'b, M>(&mut self, system: &mut RatesLoop<'b>, method: &mut M, t: f64)
+    where
+        M: Adaptive<f64, RatesLoop<'b>, Vec<f64>>,
+    {
         let Some(observer) = self.observer.as_deref_mut() else { return };
         let t0 = method.t_old();
         if t <= t0 {
@@ -305,14 +292,15 @@ impl<S: Real, F: Watched<S>, M: Adaptive<S, F, Vec<S>>> Watcher<S, F, M> for Wat
                 method.interpolate(system, if k == degree { t } else { t0 + node(k, degree) * (t - t0) }, at);
                 system.still(at);
                 for x in at.iter().take(width) {
-                    memory::append(&mut polynomials.nodes, &[x.lane(0)])?;
+                    memory::append(&mut polynomials.nodes, &[*x])?;
                 }
             }
             Ok(())
         });
     }
 
-    fn switch(&mut self, system: &mut F, t: f64, x: &mut [S]) {
+    /// Process a switch of the system at time `t`, s, and state `x`. The state `x` may be corrected, so that it is exactly at the switch.
+    pub fn switch(&mut self, system: &mut RatesLoop, t: f64, x: &mut [f64]) {
         let contacts = self.guards.len() - self.sticking;
         if let Some(joint) = self.switches.checked_sub(contacts).filter(|_| self.sticking > 0) {
             system.switch_joint(t, x, (joint < self.sticking).then_some(joint));
@@ -332,8 +320,7 @@ impl<S: Real, F: Watched<S>, M: Adaptive<S, F, Vec<S>>> Watcher<S, F, M> for Wat
     }
 }
 
-fn lanes_of<S: Real>(to: &mut [f64], from: &[S]) {
-    for (to, from) in to.iter_mut().zip(from) {
-        *to = from.lane(0);
-    }
+/// Return the time of evaluation `k` in a step from `t0` to `t1`.
+fn place(k: usize, t0: f64, t1: f64) -> f64 {
+    if k == CHECKS_PER_STEP { t1 } else { t0 + k as f64 / CHECKS_PER_STEP as f64 * (t1 - t0) }
 }

@@ -2,7 +2,7 @@
 //! program.
 
 use std::collections::VecDeque;
-use std::sync::{Mutex, MutexGuard, PoisonError, TryLockError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, TryLockError};
 
 /// The maximum number of entries in a cache.
 pub const KEPT: usize = 64;
@@ -59,6 +59,33 @@ impl<T: Clone> Cache<T> {
     #[cfg(test)]
     pub fn count(&self) -> usize {
         free(&self.0).map_or(0, |entries| entries.len())
+    }
+}
+
+/// A value that is made on first use. No thread waits for another, so two threads may both make it.
+pub struct MadeOnce<T>(Mutex<Option<Arc<T>>>);
+
+impl<T> Default for MadeOnce<T> {
+    fn default() -> Self {
+        MadeOnce(Mutex::default())
+    }
+}
+
+impl<T> MadeOnce<T> {
+    /// Return the value; `None` if it is not made yet, or if another thread holds the lock.
+    pub fn known(&self) -> Option<Arc<T>> {
+        free(&self.0)?.clone()
+    }
+
+    /// Return the value, and make it if it is not known.
+    pub fn get(&self, make: impl FnOnce() -> T) -> Arc<T> {
+        self.known().unwrap_or_else(|| {
+            let made = Arc::new(make());
+            if let Some(mut stored) = free(&self.0) {
+                *stored = Some(made.clone());
+            }
+            made
+        })
     }
 }
 

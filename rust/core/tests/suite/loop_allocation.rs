@@ -185,8 +185,8 @@ fn joints_that_stick_and_slip_allocate_nothing() {
     let law = LawSpec::PdGravity(PdGravitySpec::new(model, nalgebra::dvector![0.4, 0.3], gain(20.0), gain(0.5)).unwrap());
     for (method, sample) in [(Method::Rk4, None), (Method::Rk4, Some(0.002)), (Method::Dop853, None)] {
         let count = |steps: usize| allocations(&plant, &law, None, method, (sample, false), steps);
-        // The first run makes the programs of the loop.
-        count(6000);
+        // The first runs make the programs of the loop: the interpreter computes until machine code repays.
+        (0..4).for_each(|_| assert!(count(6000) > 0));
         assert_eq!(count(4000), count(6000), "{method:?}, sampled at {sample:?}");
     }
 }

@@ -8,7 +8,6 @@ use crate::motion::Side;
 use crate::simulate::assembly::{assemble, start, world};
 use crate::simulate::problem::Problem;
 use crate::simulate::world::World;
-use crate::trace::Sym;
 use crate::trace::sym;
 use crate::trace::tape::Moving;
 
@@ -47,7 +46,7 @@ fn combined(base: &[f64], others: &[(&[f64], f64)], mut put: impl FnMut(usize, f
 fn numbers(problem: &Problem, run: usize) -> Vec<f64> {
     look();
     sym::begin_moving(Moving::All);
-    drop(assemble::<Sym>(problem, run, false));
+    drop(assemble(problem, run, false));
     sym::finish().values
 }
 

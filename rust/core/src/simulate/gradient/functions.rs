@@ -5,7 +5,6 @@ use super::directions::{Directions, refused};
 use super::set_ups::SetUps;
 use super::timeline::Contacts;
 use crate::error::{Error, Result};
-use crate::integrate::System;
 use crate::interrupt::look;
 use crate::law::Route;
 use crate::scalar::Real;
@@ -173,11 +172,11 @@ impl LoopRecorder<'_> {
     fn record(
         &self,
         (held, modes): (bool, usize),
-        body: impl FnOnce(&mut ClosedLoop<Sym>, crate::simulate::Exogenous<Sym>, Vec<Sym>, Vec<Sym>) -> Vec<Sym>,
+        body: impl FnOnce(&mut ClosedLoop, crate::simulate::Exogenous<Sym>, Vec<Sym>, Vec<Sym>) -> Vec<Sym>,
     ) -> Option<Function> {
         let LoopRecorder { problem, run, directions, sizes } = *self;
         sym::begin_moving(Moving::These(directions.moving.clone()));
-        let mut closed: ClosedLoop<Sym> = assemble(problem, run, false);
+        let mut closed = assemble(problem, run, false);
         let given = sym::end_set_up() as u32;
         let u = instant(sizes.desired, sizes.width - sizes.desired);
         let x = inputs(sizes.states);

@@ -5,7 +5,7 @@ use crate::interrupt::look;
 use crate::simulate::assembly::assemble;
 use crate::simulate::key::{Common, Key};
 use crate::simulate::problem::Problem;
-use crate::trace::sym::{self, Sym};
+use crate::trace::sym;
 use crate::trace::tape::{Moving, Op};
 
 /// The recorded set-up of one run.
@@ -32,7 +32,7 @@ impl SetUps {
         let of = |run: usize| {
             look();
             sym::begin_moving(Moving::These(directions.moving.clone()));
-            drop(assemble::<Sym>(problem, run, false));
+            drop(assemble(problem, run, false));
             let recording = sym::finish();
             ((run, SetUp { ops: recording.ops, structure: recording.structure }), recording.values)
         };
