@@ -72,6 +72,11 @@ impl<S: Real> ArmAt<S> {
         self.arm.mass_matrix(&mut self.workspace, &self.trig, &self.q, m);
     }
 
+    /// Compute the time derivative of the mass matrix at the velocity `v`, `(n, n)`.
+    pub fn mass_matrix_rate(&mut self, v: &[S], rate: &mut [S]) {
+        self.arm.mass_matrix_rate(&mut self.workspace, &self.trig, &self.q, v, rate);
+    }
+
     /// Compute the Coriolis matrix `C(q, v)`, `(n, n)`, in the Christoffel factorisation.
     pub fn coriolis_matrix(&mut self, v: &[S], c: &mut [S]) {
         self.arm.coriolis_matrix(&mut self.workspace, &self.trig, &self.q, v, c);
@@ -106,6 +111,11 @@ impl<S: Real> ArmAt<S> {
     pub fn jacobian(&mut self, frame: usize) -> (Vector3<S>, &[S]) {
         let position = self.arm.jacobian(&mut self.workspace, &self.trig, &self.q, frame, &mut self.full);
         (position, &self.full)
+    }
+
+    /// The acceleration of a frame at the velocity `v` and zero joint accelerations, `[v; w]` in world axes.
+    pub fn bias_acceleration(&mut self, v: &[S], frame: usize) -> [Vector3<S>; 2] {
+        self.arm.bias_acceleration(&mut self.workspace, (&self.trig, &self.q), v, frame)
     }
 
     /// Compute the error `e`, `(m,)`, of `m` Cartesian coordinates to `target`, and their Jacobian `j`, `(m, n)`.

@@ -3,7 +3,7 @@
 //! Each quantity is a function that is not inlined. So laws and plants share one copy of the code, and each use costs one call.
 
 use super::workspace::Workspace;
-use super::{Dynamics, PlanarPr, Size};
+use super::{Dynamics, PlanarPr, Size, newton_euler};
 use crate::arm::{Arm, Joint, Tree};
 use crate::error::{Error, Result};
 use crate::kinematics::{self, Coordinates};
@@ -222,6 +222,7 @@ impl<S: Real> Dynamics<S> for AnyArm<S> {
     }
 
     apart!(mass_matrix, [q], [m]);
+    apart!(mass_matrix_rate, [q, v], [rate]);
     apart!(coriolis_matrix, [q, v], [c]);
     apart!(gravity, [q], [g]);
     apart!(bias, [q, v], [out]);
@@ -269,6 +270,16 @@ impl<S: Real> AnyArm<S> {
         match self {
             AnyArm::PlanarPr(_) => Vector3::zero(),
             AnyArm::Tree(tree) => kinematics::jacobian(tree, &mut ws.poses, trig, q, frame, j),
+        }
+    }
+
+    /// The acceleration of a frame at the velocity `v` and zero joint accelerations, `[v; w]` in world axes. It is the product of the rate
+    /// of its Jacobian and `v`. A planar PR arm has no frames, so its result is zero.
+    #[inline(never)]
+    pub fn bias_acceleration(&self, ws: &mut Workspace<S>, at: (&[(S, S)], &[S]), v: &[S], frame: usize) -> [Vector3<S>; 2] {
+        match self {
+            AnyArm::PlanarPr(_) => [Vector3::zero(); 2],
+            AnyArm::Tree(tree) => newton_euler::bias_acceleration(tree, ws, at, v, frame),
         }
     }
 

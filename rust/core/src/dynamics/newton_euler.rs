@@ -18,8 +18,9 @@
 //! ordinary inverse dynamics.
 
 use super::hinge::{reach, rotation, to_body, to_parent};
-use super::workspace::{BodyMotion, Link};
+use super::workspace::{BodyMotion, Link, Workspace};
 use crate::arm::{BASE, Body, Tree};
+use crate::kinematics::place;
 use crate::scalar::Real;
 use crate::spatial::{Lift, Matrix, Matrix3, Sym3, Vector, Vector3};
 
@@ -145,4 +146,30 @@ pub fn newton_euler<S: Real>(tree: &Tree<S>, links: &mut [Link<S>], trig: &[(S, 
             tau[i] = tree.bodies[i].armature.mul_add(a[i], tau[i]);
         }
     }
+}
+
+/// The acceleration `[v; w]` of a frame at zero joint accelerations, in world axes: the product of the rate of its Jacobian and `v`.
+pub fn bias_acceleration<S: Real>(
+    tree: &Tree<S>,
+    ws: &mut Workspace<S>,
+    (trig, q): (&[(S, S)], &[S]),
+    v: &[S],
+    frame: usize,
+) -> [Vector3<S>; 2] {
+    let at = &tree.frames[frame];
+    if at.body == BASE {
+        return [Vector3::zero(); 2];
+    }
+    for i in 0..=at.body {
+        let body = &tree.bodies[i];
+        let up = if body.parent == BASE { BodyMotion::default() } else { ws.links[body.parent].motion };
+        let (position, rate) = (tree.position(i, trig, q), tree.rate(i, v));
+        ws.links[i].motion = outwards::<S, false>(tree, body, &up, &mut ws.links[i], position, (rate, rate, None));
+    }
+    let BodyMotion { u, a, wd, .. } = ws.links[at.body].motion;
+    let poses = &mut ws.poses[..=at.body];
+    place(tree, trig, q, poses);
+    let r = poses[at.body].rotation;
+    // The recursion adds the acceleration `-gravity` to every body.
+    [r.apply_add(u.apply_add(at.placement.translation.lift(), a), tree.gravity.lift()), r.apply(wd)]
 }

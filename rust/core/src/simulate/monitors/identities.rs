@@ -2,13 +2,13 @@
 //! Lyapunov function `V1`. `'` is the transpose, `M` the mass matrix and `C` the Coriolis matrix of the plant. `E` is the energy stored in
 //! the plant, or the law's storage function.
 //!
-//! `V1` contains the true inertial parameters of the plant. `dM/dt` comes from dual numbers, so that its formula is independent of `C`.
+//! `V1` contains the true inertial parameters of the plant. `dM/dt` is derived from the algorithm of `M`, independently of `C`.
 
 use super::{Flow, Moment, Monitor, MonitorKind, Scope};
 use crate::dynamics::ArmAt;
 use crate::law::{LawSpec, Lyapunov, Storage};
 use crate::plant::{PlantSpec, Stored};
-use crate::scalar::{Dual, Real};
+use crate::scalar::Real;
 use crate::simulate::gauge::Identities;
 
 /// Computes skewness, energy and Lyapunov function, which satisfy identities of the theory.
@@ -17,10 +17,9 @@ pub struct Theory<S: Real> {
     /// Size of the law's state.
     p: usize,
     pub arm: ArmAt<S>,
-    /// The arm on dual numbers, for time derivatives.
-    moving: ArmAt<Dual<S>>,
-    moving_q: Vec<Dual<S>>,
-    moving_m: Vec<Dual<S>>,
+    /// `dM/dt`, shape `(n, n)`.
+    mass_rate: Vec<S>,
+    /// `C`, shape `(n, n)`.
     coriolis: Vec<S>,
     stored: Stored<S>,
     storage: Option<Storage<S>>,
@@ -35,9 +34,7 @@ impl<S: Real> Theory<S> {
             states: plant.states(),
             p: law.initial_state().len(),
             arm: ArmAt::new(plant.model()),
-            moving: ArmAt::new(plant.model()),
-            moving_q: vec![Dual::default(); n],
-            moving_m: vec![Dual::default(); n * n],
+            mass_rate: vec![S::zero(); n * n],
             coriolis: vec![S::zero(); n * n],
             stored: Stored::new(plant),
             storage: if storage { Storage::new(law) } else { None },
@@ -48,7 +45,7 @@ impl<S: Real> Theory<S> {
     /// Compute skewness, energy and Lyapunov function at state `x = [plant, z, integrals]`, whose first integrals are the integrals of
     /// [`Exchange`]. The arm must already be at the position `q` of `x`.
     pub fn identities(&mut self, desired: &[S], x: &[S]) -> Identities<S> {
-        let n = self.moving_q.len();
+        let n = self.arm.trig().len();
         let (plant, rest) = x.split_at(self.states);
         let (z, quadratures) = rest.split_at(self.p);
         let (q, v) = (&plant[..n], &plant[n..2 * n]);
@@ -60,19 +57,15 @@ impl<S: Real> Theory<S> {
             Some(lyapunov) => lyapunov.value(desired, &mut self.arm, q, v, z),
             None => S::zero(),
         };
-        Identities { skewness: self.skewness(q, v), energy, lyapunov, quadratures: [quadratures[0], quadratures[1]] }
+        Identities { skewness: self.skewness(v), energy, lyapunov, quadratures: [quadratures[0], quadratures[1]] }
     }
 
     /// Return the largest absolute entry of `N + N'`.
-    fn skewness(&mut self, q: &[S], v: &[S]) -> S {
-        let n = q.len();
-        for i in 0..n {
-            self.moving_q[i] = Dual::new(q[i].first(), v[i]);
-        }
-        self.moving.move_to(&self.moving_q);
-        self.moving.mass_matrix(&mut self.moving_m);
+    fn skewness(&mut self, v: &[S]) -> S {
+        let n = v.len();
+        self.arm.mass_matrix_rate(v, &mut self.mass_rate);
         self.arm.coriolis_matrix(v, &mut self.coriolis);
-        let entry = |i: usize, j: usize| S::splat(2.0).neg_mul_add(self.coriolis[n * i + j], self.moving_m[n * i + j].rate);
+        let entry = |i: usize, j: usize| S::splat(2.0).neg_mul_add(self.coriolis[n * i + j], self.mass_rate[n * i + j]);
         let mut worst = S::zero();
         for i in 0..n {
             for j in i..n {

@@ -4,7 +4,7 @@
 //! `M_x x_ddot + (S_x + D_m) x_dot + K_m (x - x_d) = F`, `M_x = (J M^-1 J')^-1`, `S_x x_dot = M_x (J M^-1 C v - J_dot v)`.
 //!
 //! `x` are the controlled rows of the frame's pose, `x_d` their target, `J` their Jacobian, `K_m` and `D_m` the law's stiffness and
-//! damping. `'` is the transpose. `J_dot` is computed with dual numbers. This form of `S_x x_dot` needs no inverse of `J`, so that it also
+//! damping. `'` is the transpose. `J_dot v` comes from the Newton-Euler recursion, independently of the law. This form of `S_x x_dot` needs no inverse of `J`, so that it also
 //! holds for redundant arms. `x_ddot = J a + J_dot v`, where `a` is the acceleration of the plant. For a moving target,
 //! `D_m (x_dot - x_d_dot)` replaces `D_m x_dot`.
 //!
@@ -19,7 +19,7 @@ use crate::law::turn_rates;
 use crate::linalg::cholesky;
 use crate::linalg::gain::AnyGain;
 use crate::plant::Plant;
-use crate::scalar::{Dual, Real, labelled_numbers};
+use crate::scalar::{Real, labelled_numbers};
 
 /// `M_x` counts as defined if two conditions are met. First, the smallest singular value of `J`, with rows of length one, exceeds this
 /// limit. Second, the projector of the law, if there is one, has no loss.
@@ -33,8 +33,6 @@ pub struct TargetModel<S: Real> {
     plant: Box<dyn Plant<S> + Send>,
     /// The frame at which the force acts, if the problem names one. Otherwise the force acts at the law's frame.
     elsewhere: Option<usize>,
-    moving: ArmAt<Dual<S>>,
-    moving_q: Vec<Dual<S>>,
     rates: Vec<S>,
     /// The mass matrix `M`, shape `(n, n)`.
     mass: Vec<S>,
@@ -81,8 +79,6 @@ impl<S: Real> TargetModel<S> {
             damping: AnyGain::labelled("damping", &law.damping),
             plant: plant.build(problem.force_frame()),
             elsewhere: problem.force_frame.filter(|_| !problem.forces.is_empty()),
-            moving: ArmAt::new(plant.model()),
-            moving_q: vec![Dual::default(); n],
             rates: zeros(2 * n),
             mass: zeros(n * n),
             factor: zeros(n * n),
@@ -122,11 +118,7 @@ impl<S: Real> TargetModel<S> {
         self.spread.chunks_exact_mut(n).for_each(|row| cholesky::solve_lower(n, &self.factor, row));
         self.plant.rates(arm.trig(), x, tau, wrench, &mut self.rates);
         arm.coriolis_matrix(v, &mut self.coriolis);
-        for (q, (&value, &rate)) in self.moving_q.iter_mut().zip(q.iter().zip(v)) {
-            *q = Dual::new(value.first(), rate);
-        }
-        self.moving.move_to(&self.moving_q);
-        let (_, moving) = self.moving.jacobian(self.coordinates.frame);
+        let bias = arm.bias_acceleration(v, self.coordinates.frame);
         let (rate, second) = match &self.rates_of_target {
             Some([rate, second]) => (&rate[..], &second[..]),
             None => (&desired[m..2 * m], &desired[2 * m..3 * m]),
@@ -137,7 +129,7 @@ impl<S: Real> TargetModel<S> {
         }
         cholesky::solve_lower(n, &self.factor, &mut self.torque);
         for (k, &row) in self.coordinates.rows.iter().enumerate() {
-            let turning = moving[row * n..(row + 1) * n].iter().zip(v).fold(S::zero(), |sum, (j, &v)| sum + j.rate * v);
+            let turning = bias[row / 3][row % 3];
             inertial[k] = dot(&self.jacobian[k * n..(k + 1) * n], &self.rates[n..]) + turning;
             coupling[k] = dot(&self.spread[k * n..(k + 1) * n], &self.torque) - turning;
             self.slip[k] = dot(&self.jacobian[k * n..(k + 1) * n], v) - rate[k];
