@@ -9,22 +9,13 @@ use super::definition::{Definition, JointReference, Law, Shape, facts};
 use super::joint_columns::{JointColumn, LoopColumns};
 use super::projection::Projector;
 use super::restraint::LoopRestraint;
-use super::terms::{Instant, Term};
+use super::terms::Term;
 use super::truth::Truth;
-use crate::dynamics::AnyArm;
+use crate::dynamics::{AnyArm, Dynamics};
 use crate::linalg::gain::{AnyGain, Gain};
 use crate::scalar::Real;
 use crate::spatial::PARAMETERS;
 use crate::spatial::pseudo_inertia::natural_rate;
-
-impl AdaptiveSpec {
-    /// The entries of the joint columns of the regressor `Y`.
-    fn joint_entries(&self, v_r: &[f64], a_r: &[f64]) -> Vec<f64> {
-        let mut entries = vec![0.0; self.columns.count()];
-        LoopColumns::new(&self.columns).fill(v_r, a_r, &mut entries);
-        entries
-    }
-}
 
 impl Definition for AdaptiveSpec {
     facts!("Adaptive", Rigid, motion);
@@ -35,60 +26,10 @@ impl Definition for AdaptiveSpec {
         self.composite.is_some()
     }
 
-    /// The terms of the law: desired motion, errors `e` and `e_dot`, references `v_r` and `a_r`, sliding variable `s` and regressor `Y`.
-    /// The torque and the rate of the estimate follow, then the terms of composite and concurrent adaptation.
-    fn terms(&self, at: &Instant) -> Vec<Term> {
+    /// The errors of the stored samples of concurrent adaptation.
+    fn stored_terms(&self, z: &[f64]) -> Vec<Term> {
         let n = self.model.n();
-        let (p, z) = (self.estimate.len(), at.z);
-        let (q, v, desired) = (&at.x[..n], &at.x[n..2 * n], at.desired);
-        let e: Vec<f64> = (0..n).map(|i| desired[i] - q[i]).collect();
-        let e_dot: Vec<f64> = (0..n).map(|i| desired[n + i] - v[i]).collect();
-        let (le, le_dot) = (self.lambda.times(&e), self.lambda.times(&e_dot));
-        let v_r: Vec<f64> = (0..n).map(|i| desired[n + i] + le[i]).collect();
-        let a_r: Vec<f64> = (0..n).map(|i| desired[2 * n + i] + le_dot[i]).collect();
-        let s: Vec<f64> = (0..n).map(|i| v_r[i] - v[i]).collect();
-        let all = self.model.parameter_count();
-        let mut full = vec![0.0; n * all];
-        self.model.at(q).regressor(v, &v_r, &a_r, &mut full);
-        let beside = self.joint_entries(&v_r, &a_r);
-        let column = |i: usize, k: usize| if k % n == i { beside[k] } else { 0.0 };
-        let y: Vec<f64> = (0..n)
-            .flat_map(|i| {
-                let row = &full[i * all..(i + 1) * all];
-                let own: Vec<f64> = match &self.base {
-                    None => row.to_vec(),
-                    Some(base) => base.columns.iter().map(|&column| row[column]).collect(),
-                };
-                own.into_iter().chain((0..beside.len()).map(move |k| column(i, k)))
-            })
-            .collect();
-        let known = if self.columns.has(JointColumn::Armature) { vec![0.0; n] } else { self.model.armature() };
-        let (kd_s, armature) = (self.kd.times(&s), known);
-        let tau: Vec<f64> = (0..n).map(|i| (0..p).map(|j| y[i * p + j] * z[j]).sum::<f64>() + kd_s[i] + armature[i] * a_r[i]).collect();
-        let mut law = self.build::<f64>();
-        let mut rate = vec![0.0; z.len()];
-        law.evaluate(desired, at.trig, at.x, z, &mut vec![0.0; n], &mut rate);
-        rate.truncate(p);
-        let mut terms = vec![
-            ("q_d", vec![n], desired[..n].to_vec()),
-            ("v_d", vec![n], desired[n..2 * n].to_vec()),
-            ("a_d", vec![n], desired[2 * n..].to_vec()),
-            ("e", vec![n], e),
-            ("e_dot", vec![n], e_dot),
-            ("v_r", vec![n], v_r),
-            ("a_r", vec![n], a_r),
-            ("s", vec![n], s),
-            ("Y", vec![n, p], y),
-            ("tau", vec![n], tau),
-            ("estimate_rate", vec![p], rate),
-        ];
-        if let Some([w, tau_w, e_w]) = self.filtered(at.trig, at.x, z) {
-            terms.extend([("W", vec![n, p], w), ("tau_W", vec![n], tau_w), ("e_W", vec![n], e_w)]);
-        }
-        if let Some(errors) = self.stored_errors(&z[..p]) {
-            terms.push(("e_stored", vec![errors.len() / n, n], errors));
-        }
-        terms
+        self.stored_errors(&z[..self.estimate.len()]).map_or(Vec::new(), |errors| vec![("e_stored", vec![errors.len() / n, n], errors)])
     }
 
     fn joint_reference(&self) -> Option<JointReference> {
@@ -254,6 +195,34 @@ impl<S: Real> AnyAdaptive<S> {
         self.more = Some(more);
     }
 
+    /// Name the desired motion, the errors `e` and `e_dot`, the references `v_r` and `a_r`, the sliding variable `s` and the regressor `Y`.
+    /// The rate of the estimate and the terms of composite adaptation follow.
+    fn name_terms(&mut self, desired: &[S], trig: &[(S, S)], x: &[S], dz: &[S]) {
+        let AnyAdaptive { law, columns, more, .. } = self;
+        let (n, all) = (law.s.len(), law.yt_s.len());
+        let entries = more.as_ref().map_or(&[][..], |more| &more.entries);
+        let own = |row: &[S], i: usize, entries: &[S]| -> Vec<S> {
+            let bodies: Vec<S> = if columns.is_empty() { row.to_vec() } else { columns.iter().map(|&column| row[column]).collect() };
+            bodies.into_iter().chain(entries.iter().enumerate().map(|(k, &entry)| if k % n == i { entry } else { S::zero() })).collect()
+        };
+        let p = entries.len() + if columns.is_empty() { all } else { columns.len() };
+        S::term("q_d", &[n], || desired[..n].to_vec());
+        S::term("v_d", &[n], || desired[n..2 * n].to_vec());
+        S::term("a_d", &[n], || desired[2 * n..].to_vec());
+        for (name, values) in [("e", &law.e), ("e_dot", &law.e_dot), ("v_r", &law.v_r), ("a_r", &law.a_r), ("s", &law.s)] {
+            S::term(name, &[n], || values.clone());
+        }
+        S::term("Y", &[n, p], || {
+            let mut full = vec![S::zero(); n * all];
+            law.arm.regressor(&mut law.workspace, trig, &x[..n], [&x[n..2 * n], &law.v_r, &law.a_r], &mut full);
+            full.chunks_exact(all).enumerate().flat_map(|(i, row)| own(row, i, entries)).collect()
+        });
+        S::term("estimate_rate", &[p], || dz[..p].to_vec());
+        if let Some(composite) = more.as_ref().and_then(|more| more.composite.as_ref()) {
+            composite.name_terms();
+        }
+    }
+
     /// Compute the rates of the estimate in the natural metric: of each body, then of each parameter of a joint column.
     fn natural_rates(&self, z: &[S], w: &[S], dz: &mut [S]) {
         let bodies = (z.len() - self.natural.len()) / (PARAMETERS - 1);
@@ -272,7 +241,8 @@ impl<S: Real> AnyAdaptive<S> {
 impl<S: Real> Law<S> for AnyAdaptive<S> {
     fn evaluate(&mut self, desired: &[S], trig: &[(S, S)], x: &[S], z: &[S], tau: &mut [S], dz: &mut [S]) {
         if self.more.is_some() {
-            return self.evaluate_more(desired, trig, x, z, tau, dz);
+            self.evaluate_more(desired, trig, x, z, tau, dz);
+            return self.name_terms(desired, trig, x, dz);
         }
         self.torque(desired, trig, x, z, tau);
         let yt_s = &self.law.yt_s;
@@ -289,6 +259,7 @@ impl<S: Real> Law<S> for AnyAdaptive<S> {
             }
             self.law.gamma.multiply(&self.kept, dz);
         }
+        self.name_terms(desired, trig, x, dz);
     }
 
     fn restart(&mut self, trig: &[(S, S)], x: &[S], z: &mut [S]) {

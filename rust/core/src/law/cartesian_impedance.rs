@@ -12,7 +12,6 @@ use super::definition::{Definition, Law, Shape};
 use super::impedance_options::{Extras, ImpedanceOptions};
 use super::null_space::{NullSpace, Place};
 use super::sizes::require_size;
-use super::terms::{Instant, Term};
 use crate::dynamics::{AnyArm, Dynamics, Model, Workspace};
 use crate::error::{Error, Result};
 use crate::kinematics::Coordinates;
@@ -127,36 +126,6 @@ impl Definition for CartesianImpedanceSpec {
         &self.start
     }
 
-    fn terms(&self, at: &Instant) -> Vec<Term> {
-        let (n, m) = (self.model.n(), self.coordinates.m());
-        let mut law = self.build::<f64>();
-        let mut u = vec![0.0; n];
-        let mut integral_rate = vec![0.0; at.z.len()];
-        law.evaluate(at.desired, at.trig, at.x, at.z, &mut u, &mut integral_rate);
-        let x_dot = law.velocity(&at.x[n..2 * n]);
-        let mut position = vec![0.0; m];
-        if let AnyArm::Tree(tree) = &law.arm {
-            self.coordinates.position(tree, &mut law.workspace.poses, at.trig, &at.x[..n], &mut position);
-        }
-        let mut terms = vec![
-            ("x", vec![m], position),
-            ("x_d", vec![m], at.desired[..m].to_vec()),
-            ("x_dot", vec![m], x_dot),
-            ("e", vec![m], law.e.clone()),
-            ("J", vec![m, n], law.jacobian.clone()),
-            ("force", vec![m], law.force.clone()),
-            ("u", vec![n], u.clone()),
-            ("tau", vec![n], u),
-        ];
-        if !at.z.is_empty() {
-            terms.extend([("integral", vec![m], at.z.to_vec()), ("integral_rate", vec![m], integral_rate)]);
-        }
-        if let Some(null_space) = &law.null_space {
-            terms.extend(null_space.terms());
-        }
-        terms
-    }
-
     fn coordinates(&self) -> Option<&Coordinates> {
         Some(&self.coordinates)
     }
@@ -200,7 +169,7 @@ impl CartesianImpedanceSpec {
 pub struct CartesianImpedance<S: Real> {
     pub(super) arm: AnyArm<S>,
     pub(super) workspace: Workspace<S>,
-    coordinates: Coordinates,
+    pub(super) coordinates: Coordinates,
     pub(super) stiffness: AnyGain<S>,
     pub(super) damping: AnyGain<S>,
     full: Vec<S>,
@@ -220,11 +189,9 @@ pub struct CartesianImpedance<S: Real> {
     pub(super) extras: Extras<S>,
 }
 
-impl<S: Real> CartesianImpedance<S> {
-    /// Velocity `J v` of the rows, `(m,)`.
-    fn velocity(&self, v: &[S]) -> Vec<S> {
-        self.jacobian.chunks_exact(v.len()).map(|row| row.iter().zip(v).fold(S::zero(), |sum, (&j, &v)| j.mul_add(v, sum))).collect()
-    }
+/// Velocity `J v` of the rows, `(m,)`.
+fn velocity<S: Real>(jacobian: &[S], v: &[S]) -> Vec<S> {
+    jacobian.chunks_exact(v.len()).map(|row| row.iter().zip(v).fold(S::zero(), |sum, (&j, &v)| j.mul_add(v, sum))).collect()
 }
 
 impl<S: Real> CartesianImpedance<S> {
@@ -287,6 +254,17 @@ impl<S: Real> Law<S> for CartesianImpedance<S> {
             }
             slip[k] = rate;
         }
+        S::term("x", &[m], || {
+            let mut position = vec![S::zero(); m];
+            if let AnyArm::Tree(tree) = &*arm {
+                coordinates.position(tree, &mut workspace.poses, trig, q, &mut position);
+            }
+            position
+        });
+        S::term("x_d", &[m], || desired[..m].to_vec());
+        S::term("x_dot", &[m], || velocity(jacobian, v));
+        S::term("e", &[m], || e.clone());
+        S::term("J", &[m, n], || jacobian.clone());
         stiffness.multiply(e, spring);
         force.copy_from_slice(spring);
         damping.add_to(slip, force);
@@ -304,5 +282,14 @@ impl<S: Real> Law<S> for CartesianImpedance<S> {
             tau.iter_mut().zip(&null_space.torque).for_each(|(tau, &torque)| *tau += torque);
         }
         self.extras.limit(jacobian, tau, dz);
+        S::term("force", &[m], || force.clone());
+        S::term("u", &[n], || tau.to_vec());
+        if !z.is_empty() {
+            S::term("integral", &[m], || z.to_vec());
+            S::term("integral_rate", &[m], || dz.to_vec());
+        }
+        if let Some(null_space) = &self.null_space {
+            null_space.name_terms();
+        }
     }
 }

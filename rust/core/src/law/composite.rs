@@ -64,23 +64,6 @@ impl AdaptiveSpec {
         }
         found
     }
-
-    /// Compute the filtered regressor `W`, `(n, p)`, the filtered torque `tau_W`, `(n,)`, and the error `e_W = tau_W - W a_hat`, `(n,)`;
-    /// `None` without composite adaptation.
-    pub(super) fn filtered(&self, trig: &[(f64, f64)], x: &[f64], z: &[f64]) -> Option<[Vec<f64>; 3]> {
-        self.composite.as_ref()?;
-        let (n, p) = (self.model.n(), self.estimate.len());
-        let mut composite = LoopComposite::<f64>::new(self);
-        let arm = AnyArm::new(&self.model);
-        composite.evaluate(&arm, &mut arm.workspace(), &LoopColumns::new(&self.columns), trig, x);
-        composite.compare(&x[n..2 * n], &z[..p], &z[p..]);
-        let (bodies, beside) = (composite.bodies, &composite.beside);
-        let w = (0..n).flat_map(|i| {
-            let row = composite.w[i * bodies..(i + 1) * bodies].iter().copied();
-            row.chain((0..beside.len()).map(move |k| if k % n == i { beside[k] } else { 0.0 }))
-        });
-        Some([w.collect(), composite.tau.clone(), composite.error.clone()])
-    }
 }
 
 /// Composite adaptation in a control loop.
@@ -180,6 +163,17 @@ impl<S: Real> LoopComposite<S> {
             }
         }
         joints.fill(v, v, &mut self.entries);
+    }
+
+    /// Name the filtered regressor `W`, `(n, p)`, the filtered torque `tau_W`, `(n,)`, and the error `e_W = tau_W - W a_hat`, `(n,)`.
+    pub fn name_terms(&self) {
+        let (n, bodies) = (self.zeros.len(), self.bodies);
+        S::term("W", &[n, bodies + self.beside.len()], || {
+            let beside = |i: usize| self.beside.iter().enumerate().map(move |(k, &w)| if k % n == i { w } else { S::zero() });
+            (0..n).flat_map(|i| self.w[i * bodies..(i + 1) * bodies].iter().copied().chain(beside(i))).collect()
+        });
+        S::term("tau_W", &[n], || self.tau.clone());
+        S::term("e_W", &[n], || self.error.clone());
     }
 
     /// The entries of `Y_M` (momentum) and `Y_D` (drift) for the parameters of bodies, in pairs.

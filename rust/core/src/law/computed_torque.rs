@@ -5,7 +5,6 @@
 
 use super::definition::{Definition, JointReference, Law, Shape, facts};
 use super::sizes::{require_same_dof, require_size};
-use super::terms::{Instant, Term};
 use crate::dynamics::{AnyArm, Dynamics, Model, Workspace};
 use crate::error::Result;
 use crate::linalg::gain::{AnyGain, Gain};
@@ -53,27 +52,6 @@ impl ComputedTorqueSpec {
 
 impl Definition for ComputedTorqueSpec {
     facts!("ComputedTorque", Rigid, motion);
-
-    /// The terms of the law: the desired motion, errors `e` and `e_dot`, the commanded acceleration and the torque.
-    fn terms(&self, at: &Instant) -> Vec<Term> {
-        let n = self.model.n();
-        let (q, v, desired) = (&at.x[..n], &at.x[n..2 * n], at.desired);
-        let e: Vec<f64> = (0..n).map(|i| desired[i] - q[i]).collect();
-        let e_dot: Vec<f64> = (0..n).map(|i| desired[n + i] - v[i]).collect();
-        let (kp_e, kd_e_dot) = (self.kp.times(&e), self.kd.times(&e_dot));
-        let command: Vec<f64> = (0..n).map(|i| desired[2 * n + i] + kd_e_dot[i] + kp_e[i]).collect();
-        let mut tau = vec![0.0; n];
-        self.model.at(q).inverse_dynamics(v, &command, &mut tau);
-        vec![
-            ("q_d", vec![n], desired[..n].to_vec()),
-            ("v_d", vec![n], desired[n..2 * n].to_vec()),
-            ("a_d", vec![n], desired[2 * n..].to_vec()),
-            ("e", vec![n], e),
-            ("e_dot", vec![n], e_dot),
-            ("a", vec![n], command),
-            ("tau", vec![n], tau),
-        ]
-    }
 
     fn joint_reference(&self) -> Option<JointReference> {
         Some(JointReference::Motion)
@@ -124,6 +102,12 @@ impl<S: Real> Law<S> for ComputedTorque<S> {
         for i in 0..n {
             command[i] += kp_e[i] + desired[2 * n + i];
         }
+        S::term("q_d", &[n], || desired[..n].to_vec());
+        S::term("v_d", &[n], || desired[n..2 * n].to_vec());
+        S::term("a_d", &[n], || desired[2 * n..].to_vec());
+        S::term("e", &[n], || e.clone());
+        S::term("e_dot", &[n], || e_dot.clone());
+        S::term("a", &[n], || command.clone());
         self.arm.inverse_dynamics(&mut self.workspace, trig, q, v, command, tau);
     }
 }

@@ -2,7 +2,7 @@
 
 use super::inertia_reduction::ReductionSpec;
 use super::level::Level;
-use super::terms::{Instant, Term};
+use super::terms::Term;
 use super::truth::Truth;
 use crate::dynamics::Model;
 use crate::kinematics::Coordinates;
@@ -74,8 +74,10 @@ pub trait Definition {
     fn model(&self) -> &Model;
     /// The desired motions, in the order in which [`Law::evaluate`] reads them.
     fn motions(&self) -> Vec<&Motion>;
-    /// The named terms of the law at one instant.
-    fn terms(&self, at: &Instant) -> Vec<Term>;
+    /// Named terms at the law's state `z` that are not part of an evaluation of the law.
+    fn stored_terms(&self, _z: &[f64]) -> Vec<Term> {
+        Vec::new()
+    }
 
     /// The law's state at the start of a run, `(p,)`, before [`Law::restart`].
     fn initial_state(&self) -> &[f64] {

@@ -17,10 +17,7 @@ use super::cartesian_impedance::{CartesianImpedance, CartesianImpedanceSpec};
 use super::definition::{Definition, Law, Shape};
 use super::impedance_options::held;
 use super::inertia_reduction::{Reduction, ReductionSpec, described, reduced_facts};
-use super::terms::{Instant, Term};
-use crate::dynamics::{AnyArm, Dynamics};
-use crate::kinematics::{Coordinates, jacobian_dot};
-use crate::linalg::cholesky;
+use crate::kinematics::Coordinates;
 use crate::plant::PlantSpec;
 use crate::scalar::Real;
 
@@ -70,22 +67,6 @@ impl Definition for ElasticImpedanceSpec {
         self.outer.initial_state()
     }
 
-    fn terms(&self, at: &Instant) -> Vec<Term> {
-        let n = self.outer.model.n();
-        let mut law = self.build::<f64>();
-        let (mut tau, mut rate) = (vec![0.0; n], vec![0.0; at.z.len()]);
-        law.evaluate(at.desired, at.trig, at.x, at.z, &mut tau, &mut rate);
-        let own = ["u", "tau", "integral_rate"];
-        let mut terms: Vec<Term> = self.outer.terms(at).into_iter().filter(|(name, _, _)| !own.contains(name)).collect();
-        if !rate.is_empty() {
-            terms.push(("integral_rate", vec![rate.len()], rate));
-        }
-        terms.extend(self.target_dynamics(&mut law.outer, at.trig, &at.x[..n], &at.x[n..2 * n]));
-        terms.extend(law.inner.terms(&self.inner));
-        terms.push(("tau", vec![n], tau));
-        terms
-    }
-
     fn coordinates(&self) -> Option<&Coordinates> {
         self.outer.coordinates()
     }
@@ -102,58 +83,6 @@ impl ElasticImpedanceSpec {
         let mut outer: CartesianImpedance<S> = self.outer.build();
         let zeros = vec![S::zero(); self.outer.model.n()];
         ElasticImpedance { limits: outer.extras.take_torque_limits(), outer, inner: self.inner.build(), column: zeros.clone(), push: zeros }
-    }
-
-    /// Terms for diagnosis: mass matrix `M`, Coriolis matrix `S`, gravity torque `g`, `Jdot`, and in the task space `M_x = (J M^-1 J')^-1`
-    /// and `S_x = M_x (J M^-1 S - Jdot) M^-1 J' M_x`.
-    ///
-    /// `M_x` and `S_x` are NaN where `J` loses rank. The torque does not use them.
-    fn target_dynamics(&self, outer: &mut CartesianImpedance<f64>, trig: &[(f64, f64)], q: &[f64], v: &[f64]) -> Vec<Term> {
-        let (n, m) = (q.len(), self.outer.coordinates.m());
-        let (mut mass, mut coriolis, mut g) = (vec![0.0; n * n], vec![0.0; n * n], vec![0.0; n]);
-        outer.arm.mass_matrix(&mut outer.workspace, trig, q, &mut mass);
-        outer.arm.coriolis_matrix(&mut outer.workspace, trig, q, v, &mut coriolis);
-        outer.arm.gravity(&mut outer.workspace, trig, q, &mut g);
-        let mut rate = vec![0.0; m * n];
-        if let AnyArm::Tree(tree) = &outer.arm {
-            let (ws, full) = (&mut outer.workspace, &mut vec![0.0; 6 * n]);
-            jacobian_dot(tree, &mut ws.poses, &mut ws.motion, (trig, q), v, self.outer.coordinates.frame, full);
-            self.outer.coordinates.copy_rows(full, &mut rate);
-        }
-        let jacobian = &outer.jacobian;
-        let nan = || vec![f64::NAN; m * m];
-        // `spread` is `J M^-1`, `(m, n)`; `None` if `M` is not positive definite.
-        let spread = cholesky::factor(n, &mass).map(|l| {
-            let mut rows = jacobian.clone();
-            rows.chunks_exact_mut(n).for_each(|row| cholesky::solve(n, &l, row));
-            rows
-        });
-        let (mut m_x, mut s_x) = (nan(), nan());
-        if let Some(rows) = &spread {
-            let product = |a: &[f64], b: &[f64]| -> Vec<f64> {
-                // The product a b' of two matrices (m, n).
-                (0..m * m).map(|at| (0..n).map(|k| a[at / m * n + k] * b[at % m * n + k]).sum()).collect()
-            };
-            if let Some(l) = cholesky::factor(m, &product(jacobian, rows)) {
-                // Multiply by M_x from the right, row by row: M_x is symmetric.
-                let times_m_x = |x: &mut [f64]| x.chunks_exact_mut(m).for_each(|row| cholesky::solve(m, &l, row));
-                m_x = (0..m * m).map(|at| f64::from(u8::from(at / m == at % m))).collect();
-                times_m_x(&mut m_x);
-                let drift: Vec<f64> =
-                    (0..m * n).map(|at| (0..n).map(|k| rows[at / n * n + k] * coriolis[k * n + at % n]).sum::<f64>() - rate[at]).collect();
-                let mut right = product(&drift, rows);
-                times_m_x(&mut right);
-                s_x = (0..m * m).map(|at| (0..m).map(|k| m_x[at / m * m + k] * right[k * m + at % m]).sum()).collect();
-            }
-        }
-        vec![
-            ("M", vec![n, n], mass),
-            ("S", vec![n, n], coriolis),
-            ("g", vec![n], g),
-            ("Jdot", vec![m, n], rate),
-            ("M_x", vec![m, m], m_x),
-            ("S_x", vec![m, m], s_x),
-        ]
     }
 }
 
@@ -192,8 +121,13 @@ impl<S: Real> ElasticImpedance<S> {
 impl<S: Real> Law<S> for ElasticImpedance<S> {
     fn evaluate(&mut self, desired: &[S], trig: &[(S, S)], x: &[S], z: &[S], tau: &mut [S], dz: &mut [S]) {
         self.outer.evaluate(desired, trig, x, z, tau, dz);
+        let n = tau.len();
+        self.outer.name_target_dynamics(trig, &x[..n], &x[n..2 * n]);
         self.inner.apply(x, tau);
         self.limit(tau, dz);
+        if !dz.is_empty() {
+            S::term("integral_rate", &[dz.len()], || dz.to_vec());
+        }
     }
 
     fn storage_rate(&self, x: &[S], outside: S) -> S {

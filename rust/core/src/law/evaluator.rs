@@ -1,60 +1,53 @@
-//! Evaluation of a law at single instants, like `law(t, q, v)` in Python.
+//! Evaluation of a law at single instants, like `law(t, q, v)` and `law.terms(t, q, v)` in Python.
 //!
-//! The first calls evaluate the law directly. Later calls run its program (its recorded and compiled operations) with the same bits, if the
-//! law has a program.
+//! The first call records the law. The interpreter runs the recording, and after a number of calls machine code does, with the same bits.
 
-use super::{Law, LawSpec, Route};
+use super::terms::Term;
+use super::{Law, LawSpec};
 use crate::motion::{Motion, sample_all};
 use crate::scalar::Real;
-use crate::trace::function::{self, CALLS, Evaluation, Recorded, record};
+use crate::trace::function::{self, CALLS, Evaluation, Recorded};
 use crate::trace::sym::{self, Sym};
 
-/// The largest number of joints for which this evaluator records a law. It limits the time of the recording.
+/// The largest number of joints for which this evaluator makes machine code. It limits the time of the call that makes it.
 const MOST_JOINTS: usize = 12;
 
-/// A law on one number type, with its buffers.
-struct BufferedLaw<S: Real> {
-    law: Box<dyn Law<S> + Send>,
-    trig: Vec<(S, S)>,
-    tau: Vec<S>,
-    dz: Vec<S>,
+/// A law in a recording.
+struct RecordedLaw {
+    law: Box<dyn Law<Sym> + Send>,
+    trig: Vec<(Sym, Sym)>,
+    tau: Vec<Sym>,
+    dz: Vec<Sym>,
 }
 
-impl<S: Real> BufferedLaw<S> {
+impl RecordedLaw {
     fn new(spec: &LawSpec) -> Self {
-        let (n, zeros) = (spec.model().n(), |k: usize| vec![S::zero(); k]);
-        let trig = vec![(S::zero(), S::zero()); n];
-        BufferedLaw { law: spec.build(), trig, tau: zeros(n), dz: zeros(spec.initial_state().len()) }
+        let (n, zeros) = (spec.model().n(), |k: usize| vec![Sym::zero(); k]);
+        RecordedLaw { law: spec.build(), trig: Vec::new(), tau: zeros(n), dz: zeros(spec.initial_state().len()) }
     }
 
-    fn turn(&mut self, x: &[S]) {
-        for (trig, q) in self.trig.iter_mut().zip(x) {
-            *trig = q.sin_cos();
-        }
+    fn turn(&mut self, x: &[Sym]) {
+        self.trig = x[..self.tau.len()].iter().map(|q| q.sin_cos()).collect();
     }
 
     /// Initialise the filters in the law's state `z` from the plant's state `x`.
-    fn restart(&mut self, x: &[S], z: &mut [S]) {
+    fn restart(&mut self, x: &[Sym], z: &mut [Sym]) {
         self.turn(x);
         self.law.restart(&self.trig, x, z);
     }
 
-    /// The plant's input for the desired motion, at the plant's state `x` and the law's state `z`.
-    fn input(&mut self, desired: &[S], x: &[S], z: &[S]) -> &[S] {
+    /// The plant's input from one array: the desired motion, the plant's state and the law's state, with the lengths `widths`.
+    fn input_of(&mut self, inputs: &[Sym], widths: [usize; 3]) -> &[Sym] {
+        let (desired, state) = inputs.split_at(widths[0]);
+        let (x, z) = state.split_at(widths[1]);
         self.turn(x);
         self.law.evaluate(desired, &self.trig, x, z, &mut self.tau, &mut self.dz);
         &self.tau
     }
-
-    /// The plant's input from one array: the desired motion, the plant's state and the law's state, with the lengths `widths`.
-    fn input_of(&mut self, inputs: &[S], widths: [usize; 3]) -> &[S] {
-        let (desired, state) = inputs.split_at(widths[0]);
-        let (x, z) = state.split_at(widths[1]);
-        self.input(desired, x, z)
-    }
 }
 
-/// A law that is evaluated at single instants, with its buffers. A call allocates nothing, except the call that records the program.
+/// A law that is evaluated at single instants, with its buffers. A call allocates nothing, except the calls that record the
+/// law or make machine code.
 ///
 /// ```
 /// # use armlet_core::arm::Arm;
@@ -71,10 +64,13 @@ impl<S: Real> BufferedLaw<S> {
 /// # Ok::<(), armlet_core::error::Error>(())
 /// ```
 pub struct LawEvaluator {
-    direct: BufferedLaw<f64>,
     spec: LawSpec,
     calls: usize,
-    program: Option<Evaluation>,
+    interpreted: Option<Evaluation>,
+    machine: Option<Evaluation>,
+    /// The law's state at the start of a run, if it depends on the plant's state.
+    restart: Option<Evaluation>,
+    terms: Option<RecordedTerms>,
     motions: Vec<Motion>,
     /// The desired motion, the plant's state and the law's state, one after another.
     inputs: Vec<f64>,
@@ -82,16 +78,36 @@ pub struct LawEvaluator {
     widths: [usize; 3],
 }
 
+/// The named terms of a law: names and shapes, and the function that computes their values.
+struct RecordedTerms {
+    names: Vec<(&'static str, Vec<usize>)>,
+    values: Evaluation,
+}
+
+/// The lengths of the desired motion, the plant's state and the law's state.
+pub(super) fn widths(spec: &LawSpec) -> [usize; 3] {
+    let desired = spec.motions().iter().map(|motion| 3 * motion.dof()).sum();
+    [desired, spec.plant().states(spec.model().n()), spec.initial_state().len()]
+}
+
+/// Evaluate a function of one row of numbers.
+fn call<'a>(function: &'a mut Evaluation, inputs: &[f64], results: usize) -> &'a [f64] {
+    function.inputs(0, inputs.len()).copy_from_slice(inputs);
+    function.run();
+    function.outputs(0, results)
+}
+
 impl LawEvaluator {
-    /// Create the buffers for the law `spec`.
+    /// Prepare the law `spec`.
     pub fn new(spec: &LawSpec) -> Self {
-        let desired = spec.motions().iter().map(|motion| 3 * motion.dof()).sum();
-        let widths = [desired, spec.plant().states(spec.model().n()), spec.initial_state().len()];
+        let widths = widths(spec);
         LawEvaluator {
-            direct: BufferedLaw::new(spec),
             spec: spec.clone(),
             calls: 0,
-            program: None,
+            interpreted: None,
+            machine: None,
+            restart: None,
+            terms: None,
             motions: spec.motions().into_iter().cloned().collect(),
             inputs: vec![0.0; widths.iter().sum()],
             widths,
@@ -102,39 +118,113 @@ impl LawEvaluator {
     ///
     /// `parts` has the parts of the plant's state, one after another. `z` is the law's state; `None` means the state at the start of a run.
     pub fn input(&mut self, t: f64, parts: &[&[f64]], z: Option<&[f64]>, tau: &mut [f64]) {
+        self.read(t, parts, z);
+        if let LawSpec::External(law) = &self.spec {
+            return law.evaluate(t, &self.inputs, tau);
+        }
+        self.calls += 1;
+        if self.calls > CALLS && self.spec.model().n() <= MOST_JOINTS {
+            let machine = self.machine.get_or_insert_with(|| law_of(&self.spec, self.widths).program(false));
+            let found = call(machine, &self.inputs, tau.len());
+            tau.copy_from_slice(found);
+            if machine.is_near(0) {
+                return;
+            }
+        }
+        let interpreted = self.interpreted.get_or_insert_with(|| law_of(&self.spec, self.widths).interpreted(false));
+        tau.copy_from_slice(call(interpreted, &self.inputs, tau.len()));
+    }
+
+    /// Compute the named terms of the law. The arguments are those of [`LawEvaluator::input`]. For a law with a state, the last two terms
+    /// are this state and its rate.
+    pub fn terms(&mut self, t: f64, parts: &[&[f64]], z: Option<&[f64]>) -> Vec<Term> {
+        self.read(t, parts, z);
+        if let LawSpec::External(law) = &self.spec {
+            let mut tau = vec![0.0; self.spec.model().n()];
+            law.evaluate(t, &self.inputs, &mut tau);
+            return vec![("tau", vec![tau.len()], tau)];
+        }
+        let RecordedTerms { names, values } = self.terms.get_or_insert_with(|| RecordedTerms::of(&self.spec, self.widths));
+        let sizes = names.iter().map(|(_, shape)| shape.iter().product::<usize>());
+        let mut left = call(values, &self.inputs, sizes.clone().sum());
+        let mut all: Vec<Term> = Vec::with_capacity(names.len() + 2);
+        for ((name, shape), size) in names.iter().zip(sizes) {
+            all.push((name, shape.clone(), left[..size].to_vec()));
+            left = &left[size..];
+        }
+        let z = &self.inputs[self.widths[0] + self.widths[1]..];
+        let rate = all.pop_if(|(name, ..)| *name == "state_rate");
+        all.extend(self.spec.stored_terms(z));
+        if let Some(rate) = rate {
+            all.extend([("state", vec![z.len()], z.to_vec()), rate]);
+        }
+        all
+    }
+
+    /// Write the arguments to `inputs`.
+    fn read(&mut self, t: f64, parts: &[&[f64]], z: Option<&[f64]>) {
         let (desired, state) = self.inputs.split_at_mut(self.widths[0]);
         sample_all(&self.motions, t, desired);
         let (x, law) = state.split_at_mut(self.widths[1]);
         x.iter_mut().zip(parts.iter().copied().flatten()).for_each(|(to, from)| *to = *from);
         law.copy_from_slice(z.unwrap_or(self.spec.initial_state()));
-        if z.is_none() {
-            self.direct.restart(x, law);
-        }
-        if let Some(program) = &mut self.program {
-            program.inputs(0, self.inputs.len()).copy_from_slice(&self.inputs);
-            program.run();
-            if program.is_near(0) {
-                tau.copy_from_slice(program.outputs(0, tau.len()));
-                return;
-            }
-        }
-        if let LawSpec::External(law) = &self.spec {
-            return law.evaluate(t, &self.inputs[self.widths[0]..][..self.widths[1]], tau);
-        }
-        tau.copy_from_slice(self.direct.input_of(&self.inputs, self.widths));
-        self.calls += 1;
-        if self.calls == CALLS {
-            self.program = recorded(&self.spec, self.widths);
+        if z.is_none() && self.spec.restarts() {
+            let restart = self.restart.get_or_insert_with(|| restart_of(&self.spec, self.widths).interpreted(false));
+            let started = call(restart, state, self.widths[2]);
+            state[self.widths[1]..].copy_from_slice(started);
         }
     }
 }
 
-/// Record the law as a program. The result is `None` for a function of the caller, and for a large arm.
-fn recorded(spec: &LawSpec, widths: [usize; 3]) -> Option<Evaluation> {
-    if spec.route() == Route::Outside || spec.model().n() > MOST_JOINTS {
-        return None;
+/// Initialise the filters in the law's state `z` from the plant's state `x`. The other entries of `z` keep their values.
+pub(super) fn restart(spec: &LawSpec, x: &[f64], z: &mut [f64]) {
+    if spec.restarts() {
+        let mut restart = restart_of(spec, widths(spec)).interpreted(false);
+        z.copy_from_slice(call(&mut restart, &[x, z].concat(), z.len()));
     }
-    record(false, widths.iter().sum(), || BufferedLaw::<Sym>::new(spec), |mut law, inputs| law.input_of(inputs, widths).to_vec())
+}
+
+/// Record the law's state after [`restart`] as a function of the plant's state and the law's state.
+fn restart_of(spec: &LawSpec, [_, states, p]: [usize; 3]) -> Recorded {
+    let begin = |mut law: RecordedLaw, inputs: &[Sym]| {
+        let (x, z) = inputs.split_at(states);
+        let mut z = z.to_vec();
+        law.restart(x, &mut z);
+        z
+    };
+    recordable(function::recorded(states + p, || RecordedLaw::new(spec), begin))
+}
+
+impl RecordedTerms {
+    fn of(spec: &LawSpec, widths: [usize; 3]) -> Self {
+        let mut names = Vec::new();
+        let recorded = function::recorded(
+            widths.iter().sum(),
+            || RecordedLaw::new(spec),
+            |mut law, inputs| {
+                sym::collect_terms();
+                let tau = law.input_of(inputs, widths).to_vec();
+                Sym::term("tau", &[tau.len()], || tau);
+                if !law.dz.is_empty() {
+                    Sym::term("state_rate", &[law.dz.len()], || law.dz.clone());
+                }
+                let terms = sym::terms();
+                names = terms.iter().map(|(name, shape, _)| (*name, shape.clone())).collect();
+                terms.into_iter().flat_map(|(.., values)| values).collect()
+            },
+        );
+        RecordedTerms { names, values: recordable(recorded).interpreted(false) }
+    }
+}
+
+/// Record the law as a function of the desired motion, the plant's state and the law's state. Its result is the plant's input.
+fn law_of(spec: &LawSpec, widths: [usize; 3]) -> Recorded {
+    recordable(function::recorded(widths.iter().sum(), || RecordedLaw::new(spec), |mut law, inputs| law.input_of(inputs, widths).to_vec()))
+}
+
+fn recordable(recorded: Option<Recorded>) -> Recorded {
+    let Some(recorded) = recorded else { unreachable!("no law reads the value of a recorded number") };
+    recorded
 }
 
 /// Record the law as operations; `None` if the code branches on data.
@@ -145,7 +235,7 @@ fn recorded(spec: &LawSpec, widths: [usize; 3]) -> Option<Evaluation> {
 pub(super) fn recording(spec: &LawSpec, widths: [usize; 3], period: Option<f64>, limits: &[f64]) -> Option<Recorded> {
     let limits_of = || limits.iter().map(|&limit| Sym::splat(limit)).collect::<Vec<Sym>>();
     let set_up = || {
-        let mut engine = BufferedLaw::<Sym>::new(spec);
+        let mut engine = RecordedLaw::new(spec);
         engine.law.configure(period, &limits_of());
         engine
     };
@@ -166,10 +256,10 @@ pub(super) fn start_recording(spec: &LawSpec, states: usize) -> Option<Recorded>
     if !spec.restarts() {
         return None;
     }
-    let begin = |mut law: BufferedLaw<Sym>, x: &[Sym]| {
+    let begin = |mut law: RecordedLaw, x: &[Sym]| {
         let mut z: Vec<Sym> = spec.initial_state().iter().map(|&z| Sym::splat(z)).collect();
         law.restart(x, &mut z);
         z
     };
-    function::recorded(states, || BufferedLaw::<Sym>::new(spec), begin)
+    function::recorded(states, || RecordedLaw::new(spec), begin)
 }

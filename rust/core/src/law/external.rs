@@ -1,7 +1,6 @@
 //! An external law: a function that the caller supplies. It is a function of time and measured state, and is evaluated at samples.
 
 use super::definition::{Definition, Law, Route, Shape};
-use super::terms::{Instant, Term};
 use crate::dynamics::Model;
 use crate::motion::Motion;
 use crate::plant::PlantKind;
@@ -88,13 +87,6 @@ impl Definition for ExternalSpec {
     }
     fn route(&self) -> Route {
         Route::Outside
-    }
-
-    /// The plant's input `tau` is the only term.
-    fn terms(&self, at: &Instant) -> Vec<Term> {
-        let mut tau = vec![0.0; self.model.n()];
-        self.evaluate(at.t, at.x, &mut tau);
-        vec![("tau", vec![tau.len()], tau)]
     }
 }
 

@@ -22,11 +22,10 @@
 //! and `r_c c`, divided by `c`, are the values `y_c` and `r_c` at contact.
 
 use super::LawSpec;
-use super::definition::{Definition, JointReference, Law, Route};
+use super::definition::{Definition, JointReference, Route};
 use super::inertia_reduction::ReductionSpec;
 use super::level::Level;
 use super::sizes::{require_rows, require_size};
-use super::terms::{Instant, Term};
 use crate::dynamics::Model;
 use crate::error::{Error, Result, positive};
 use crate::kinematics::Coordinates;
@@ -225,25 +224,6 @@ impl Definition for GuardedSpec {
     }
     fn samples(&self) -> bool {
         true
-    }
-
-    /// The terms of the inner law without its torque `tau`, then the momentum, the residual, whether the reaction acts, and the torque. The
-    /// residual is computed with the gain `K` of a continuous loop, even if the loop is sampled.
-    fn terms(&self, at: &Instant) -> Vec<Term> {
-        let n = self.model.n();
-        let own = self.inner.initial_state().len();
-        let mut terms = self.inner.terms(&Instant { t: at.t, desired: at.desired, trig: at.trig, x: at.x, z: &at.z[..own] });
-        terms.retain(|(name, ..)| *name != "tau");
-        let mut law = self.build::<f64>();
-        let mut tau = vec![0.0; n];
-        law.evaluate(at.desired, at.trig, at.x, at.z, &mut tau, &mut vec![0.0; at.z.len()]);
-        terms.extend([
-            ("momentum", vec![n], law.momentum),
-            ("residual", vec![n], law.residual),
-            ("reacting", vec![1], vec![law.reacting]),
-            ("tau", vec![n], tau),
-        ]);
-        terms
     }
 
     fn joint_reference(&self) -> Option<JointReference> {

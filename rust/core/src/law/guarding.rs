@@ -192,6 +192,9 @@ impl<S: Real> Law<S> for Guarded<S> {
             *tau = tau.clamped(-limit, limit);
         }
 
+        S::term("momentum", &[n], || self.momentum.clone());
+        S::term("residual", &[n], || self.residual.clone());
+        S::term("reacting", &[1], || vec![self.reacting]);
         // The observer: w_dot = tau - tau_f + C' v - g + r.
         match &self.springs {
             None => self.observed.copy_from_slice(tau),

@@ -9,7 +9,6 @@
 //! the order of the product `B B0^-1` matters.
 
 use super::sizes::require_size;
-use super::terms::Term;
 use crate::error::Result;
 use crate::linalg::gain::{AnyGain, Gain};
 use crate::linalg::ratio_damping;
@@ -161,6 +160,9 @@ impl<S: Real> Reduction<S> {
             self.work[i] = theta[i] - q[i];
         }
         self.joint_stiffness.multiply(&self.work, &mut self.spring);
+        S::term("D0", &[n, n], || self.motor_damping.matrix(n));
+        S::term("u", &[n], || self.u.clone());
+        S::term("tau_J", &[n], || self.spring.clone());
         for i in 0..n {
             self.work[i] = self.relative.neg_mul_add(v[i], theta_dot[i]);
         }
@@ -187,13 +189,6 @@ impl<S: Real> Reduction<S> {
             sum = theta_dot.neg_mul_add(self.damped[i], sum);
         }
         sum
-    }
-}
-
-impl Reduction<f64> {
-    pub(super) fn terms(&self, spec: &ReductionSpec) -> Vec<Term> {
-        let n = self.u.len();
-        vec![("D0", vec![n, n], spec.motor_damping.matrix()), ("u", vec![n], self.u.clone()), ("tau_J", vec![n], self.spring.clone())]
     }
 }
 

@@ -4,7 +4,6 @@
 use super::definition::{Definition, JointReference, Law, Shape};
 use super::inertia_reduction::{Reduction, ReductionSpec, reduced_facts};
 use super::pd_gravity::{PdGravity, PdGravitySpec};
-use super::terms::{Instant, Term};
 use crate::scalar::Real;
 
 /// Joint impedance of an arm with elastic joints, with validated parameters.
@@ -36,17 +35,6 @@ pub struct JointImpedanceSpec {
 
 impl Definition for JointImpedanceSpec {
     reduced_facts!("JointImpedance");
-
-    fn terms(&self, at: &Instant) -> Vec<Term> {
-        let n = self.model().n();
-        let mut law = self.build::<f64>();
-        let mut tau = vec![0.0; n];
-        law.evaluate(at.desired, at.trig, at.x, &[], &mut tau, &mut []);
-        let mut terms: Vec<Term> = self.outer.terms(at).into_iter().filter(|(name, _, _)| *name != "tau").collect();
-        terms.extend(law.inner.terms(&self.inner));
-        terms.push(("tau", vec![n], tau));
-        terms
-    }
 
     fn joint_reference(&self) -> Option<JointReference> {
         self.outer.joint_reference()

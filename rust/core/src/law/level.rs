@@ -76,6 +76,31 @@ impl Level {
     }
 }
 
+/// Implement the common functions of laws with the fields `model`, `levels` and `options`.
+macro_rules! prioritised {
+    ($name:literal, $plant:ident) => {
+        fn name(&self) -> &'static str {
+            $name
+        }
+        fn plant(&self) -> PlantKind {
+            PlantKind::$plant
+        }
+        fn model(&self) -> &Model {
+            &self.model
+        }
+        fn motions(&self) -> Vec<&Motion> {
+            self.levels.iter().map(|level| &level.target).collect()
+        }
+        fn route(&self) -> Route {
+            if self.options.method.has_bounds() { Route::Deciding } else { Route::Guarded }
+        }
+        fn levels(&self) -> &[Level] {
+            &self.levels
+        }
+    };
+}
+pub(super) use prioritised;
+
 /// Create the tasks of `levels` for the arm.
 pub(crate) fn stack<S: Real>(arm: &Arm, levels: &[Level]) -> TaskStack<S> {
     TaskStack::new(arm, levels.iter().map(|level| level.function.clone()).collect())

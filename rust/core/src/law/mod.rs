@@ -49,6 +49,7 @@ mod restraint;
 mod sampled_reduction;
 mod sizes;
 mod storage;
+mod target_dynamics;
 mod terms;
 mod truth;
 
@@ -90,7 +91,7 @@ pub(crate) use projection_loss::ProjectionLoss;
 pub use restraint::{LeakageForm, Restraint};
 pub use sampled_reduction::LockedMotors;
 pub(crate) use storage::Storage;
-pub use terms::{Instant, Term};
+pub use terms::Term;
 pub use truth::Truth;
 
 use crate::motion::sample_all;
@@ -212,10 +213,7 @@ impl LawSpec {
 
     /// Initialise the filters in the law's state `z` from the plant's state `x`.
     pub fn restart(&self, x: &[f64], z: &mut [f64]) {
-        if self.restarts() {
-            let trig: Vec<(f64, f64)> = x[..self.model().n()].iter().map(|q| Real::sin_cos(*q)).collect();
-            self.build::<f64>().restart(&trig, x, z);
-        }
+        evaluator::restart(self, x, z);
     }
 
     /// The samples of the law's motions at time `t`, in the order of [`Law::evaluate`].
@@ -229,15 +227,7 @@ impl LawSpec {
     /// The named terms of the law at time `t`, at the plant's state `x` and the law's state `z`. For a law with a state, the last two are
     /// `z` and its rate.
     pub fn terms_at(&self, t: f64, x: &[f64], z: &[f64]) -> Vec<Term> {
-        let (n, desired) = (self.model().n(), self.desired(t));
-        let trig: Vec<(f64, f64)> = x[..n].iter().map(|q| Real::sin_cos(*q)).collect();
-        let mut terms = self.terms(&Instant { t, desired: &desired, trig: &trig, x, z });
-        if !z.is_empty() {
-            let mut rate = vec![0.0; z.len()];
-            self.build::<f64>().evaluate(&desired, &trig, x, z, &mut vec![0.0; n], &mut rate);
-            terms.extend([("state", vec![z.len()], z.to_vec()), ("state_rate", vec![z.len()], rate)]);
-        }
-        terms
+        LawEvaluator::new(self).terms(t, &[x], Some(z))
     }
 
     /// A copy of the law whose spring is `kappa` times as stiff; `None` for a law without a spring. The spring has the stiffness `K_m` of a

@@ -7,7 +7,6 @@
 
 use super::definition::{Definition, JointReference, Law, Shape, facts};
 use super::sizes::{require_rows, require_size};
-use super::terms::{Instant, Term};
 use crate::dynamics::{AnyArm, Dynamics, Model, Workspace};
 use crate::error::Result;
 use crate::linalg::gain::{AnyGain, Gain};
@@ -100,23 +99,6 @@ impl StateFeedbackSpec {
 impl<const TORQUE: bool> Definition for MotorRegulationSpec<TORQUE> {
     facts!(if TORQUE { "StateFeedback" } else { "MotorPD" }, Elastic, target);
 
-    fn terms(&self, at: &Instant) -> Vec<Term> {
-        let n = self.model.n();
-        let mut law = self.build::<f64>();
-        let mut tau = vec![0.0; n];
-        law.evaluate(at.desired, at.trig, at.x, &[], &mut tau, &mut []);
-        let theta_d = at.desired[..n].to_vec();
-        let e = (0..n).map(|i| theta_d[i] - at.x[2 * n + i]).collect();
-        let stretch: Vec<f64> = (0..n).map(|i| at.x[2 * n + i] - at.x[i]).collect();
-        vec![
-            ("theta_d", vec![n], theta_d),
-            ("e", vec![n], e),
-            ("tau_J", vec![n], self.joint_stiffness.times(&stretch)),
-            ("g", vec![n], law.compensation(at.x)),
-            ("tau", vec![n], tau),
-        ]
-    }
-
     fn joint_reference(&self) -> Option<JointReference> {
         self.link_target().map(JointReference::Target)
     }
@@ -203,11 +185,18 @@ impl<S: Real, const TORQUE: bool> MotorRegulation<S, TORQUE> {
     }
 }
 
-impl<const TORQUE: bool> MotorRegulation<f64, TORQUE> {
-    fn compensation(&mut self, x: &[f64]) -> Vec<f64> {
-        let n = self.part.len();
-        self.compensate(&x[2 * n..3 * n]);
-        self.part.clone()
+impl<S: Real, const TORQUE: bool> MotorRegulation<S, TORQUE> {
+    /// Name the target, the error, the torque of the springs, and the compensated gravity torque `g`.
+    fn name_terms(&self, desired: &[S], [q, theta]: [&[S]; 2], g: &[S]) {
+        let n = q.len();
+        S::term("theta_d", &[n], || desired[..n].to_vec());
+        S::term("e", &[n], || self.work.clone());
+        S::term("tau_J", &[n], || {
+            let (stretch, mut spring): (Vec<S>, _) = ((0..n).map(|i| theta[i] - q[i]).collect(), vec![S::zero(); n]);
+            self.joint_stiffness.multiply(&stretch, &mut spring);
+            spring
+        });
+        S::term("g", &[n], || g.to_vec());
     }
 }
 
@@ -221,6 +210,7 @@ impl<S: Real, const TORQUE: bool> Law<S> for MotorRegulation<S, TORQUE> {
             self.work[i] = desired[i] - theta[i];
             self.part[i] = -theta_dot[i];
         }
+        self.name_terms(desired, [q, theta], tau);
         self.gains[0].add_to(&self.work, tau);
         self.gains[1].add_to(&self.part, tau);
         if TORQUE {

@@ -17,7 +17,6 @@
 //! `1 - min(1, (sigma/eps)^2)` of `tau_0` remains. The largest of these fractions is the loss.
 
 use super::sizes::{require_rows, require_size};
-use super::terms::Term;
 use crate::dynamics::{AnyArm, Dynamics, Workspace};
 use crate::error::{Error, Result};
 use crate::kinematics::{Coordinates, jacobian_dot};
@@ -125,19 +124,6 @@ pub(super) struct NullSpace<S: Real> {
     projected: Vec<S>,
     /// The added torque `N' tau_0 + C v`, `(n,)`, N m or N.
     pub torque: Vec<S>,
-}
-
-impl NullSpace<f64> {
-    /// The terms of the last evaluation: `L` of the projector, `(m, m)`, its loss, `tau_0` and `N' tau_0`.
-    pub fn terms(&self) -> Vec<Term> {
-        let (projector, n) = (self.projector(), self.tau_0.len());
-        let m = self.wrench.len();
-        let mut terms = vec![("L", vec![m, m], projector.l.clone()), ("loss", Vec::new(), vec![projector.loss])];
-        if self.posture.is_some() {
-            terms.extend([("tau_0", vec![n], self.tau_0.clone()), ("null_torque", vec![n], self.projected.clone())]);
-        }
-        terms
-    }
 }
 
 /// The clamped inverse `L = (J W^-1 J')^-1`, computed from the matrix `J W^-1/2` with the metric `W`.
@@ -259,6 +245,17 @@ impl<S: Real> NullSpace<S> {
         match self.posture {
             Some((_, _, NullProjection::Static)) => &self.fixed,
             Some((_, _, NullProjection::Consistent)) | None => &self.consistent,
+        }
+    }
+
+    /// Name the results of the last evaluation: `L` of the projector, `(m, m)`, its loss, `tau_0` and `N' tau_0`.
+    pub fn name_terms(&self) {
+        let (projector, n, m) = (self.projector(), self.tau_0.len(), self.wrench.len());
+        S::term("L", &[m, m], || projector.l.clone());
+        S::term("loss", &[], || vec![projector.loss]);
+        if self.posture.is_some() {
+            S::term("tau_0", &[n], || self.tau_0.clone());
+            S::term("null_torque", &[n], || self.projected.clone());
         }
     }
 

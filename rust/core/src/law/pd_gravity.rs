@@ -2,7 +2,6 @@
 
 use super::definition::{Definition, JointReference, Law, Shape, facts};
 use super::sizes::{require_rows, require_size};
-use super::terms::{Instant, Term};
 use crate::dynamics::{AnyArm, Dynamics, Model, Workspace};
 use crate::error::Result;
 use crate::linalg::gain::{AnyGain, Gain};
@@ -56,17 +55,6 @@ impl PdGravitySpec {
 impl Definition for PdGravitySpec {
     facts!("PDGravity", Rigid, target);
 
-    fn terms(&self, at: &Instant) -> Vec<Term> {
-        let n = self.model.n();
-        let (q, v) = (&at.x[..n], &at.x[n..2 * n]);
-        let e: Vec<f64> = (0..n).map(|i| at.desired[i] - q[i]).collect();
-        let mut g = vec![0.0; n];
-        self.model.at(q).gravity(&mut g);
-        let (kp_e, kd_v) = (self.kp.times(&e), self.kd.times(v));
-        let tau = (0..n).map(|i| kp_e[i] - kd_v[i] + g[i]).collect();
-        vec![("q_d", vec![n], at.desired[..n].to_vec()), ("e", vec![n], e), ("g", vec![n], g), ("tau", vec![n], tau)]
-    }
-
     fn joint_reference(&self) -> Option<JointReference> {
         Some(JointReference::held(&self.target))
     }
@@ -107,6 +95,9 @@ impl<S: Real> Law<S> for PdGravity<S> {
         for i in 0..n {
             self.work[i] = desired[i] - q[i];
         }
+        S::term("q_d", &[n], || desired[..n].to_vec());
+        S::term("e", &[n], || self.work.clone());
+        S::term("g", &[n], || tau.to_vec());
         self.kp.add_to(&self.work, tau);
         for i in 0..n {
             self.work[i] = -v[i];

@@ -18,7 +18,6 @@
 
 use super::definition::{Definition, JointReference, Law, Shape, facts};
 use super::sizes::{require_rows, require_same_dof, require_size};
-use super::terms::{Instant, Term};
 use crate::dynamics::{AnyArm, Dynamics, Model, Workspace};
 use crate::error::{Error, Result};
 use crate::linalg::gain::{AnyGain, Gain};
@@ -163,36 +162,6 @@ impl Definition for PidSpec {
     fn joint_reference(&self) -> Option<JointReference> {
         Some(if self.moves() { JointReference::Motion } else { JointReference::held(&self.motion) })
     }
-
-    /// The terms of the law: desired motion, error, gravity, terms of the options. With an integral gain, the integral torque and its rate
-    /// follow. The last two terms are the torque before and after its limits.
-    fn terms(&self, at: &Instant) -> Vec<Term> {
-        let n = self.model.n();
-        let mut law = self.build::<f64>();
-        let (mut tau, mut rate) = (vec![0.0; n], vec![0.0; at.z.len()]);
-        law.evaluate(at.desired, at.trig, at.x, at.z, &mut tau, &mut rate);
-        let mut g = vec![0.0; n];
-        self.model.at(&at.x[..n]).gravity(&mut g);
-        let mut terms = vec![("q_d", at.desired[..n].to_vec()), ("e", law.e), ("g", g)];
-        if self.moves() {
-            terms.insert(1, ("v_d", at.desired[n..2 * n].to_vec()));
-        }
-        if law.filter.is_some() {
-            terms.push(("v_f", law.speed));
-        }
-        if law.friction.is_some() {
-            terms.push(("friction", law.drag));
-        }
-        if law.observer.is_some() {
-            terms.push(("disturbance", law.disturbance));
-        }
-        if self.ki.is_some() {
-            rate.truncate(n);
-            terms.extend([("integral", at.z[..n].to_vec()), ("integral_rate", rate)]);
-        }
-        terms.extend([("u", law.free), ("tau", tau)]);
-        terms.into_iter().map(|(name, values)| (name, vec![n], values)).collect()
-    }
 }
 
 impl PidSpec {
@@ -272,6 +241,30 @@ impl<S: Real> Pid<S> {
     fn integrals(&self) -> usize {
         if self.ki.is_some() { self.e.len() } else { 0 }
     }
+
+    /// Name the desired motion, the error, the gravity torque, and the terms of the options.
+    fn name_terms(&mut self, desired: &[S], trig: &[(S, S)], q: &[S]) {
+        let n = self.e.len();
+        S::term("q_d", &[n], || desired[..n].to_vec());
+        if self.moves {
+            S::term("v_d", &[n], || desired[n..2 * n].to_vec());
+        }
+        S::term("e", &[n], || self.e.clone());
+        S::term("g", &[n], || {
+            let mut g = vec![S::zero(); n];
+            self.arm.gravity(&mut self.workspace, trig, q, &mut g);
+            g
+        });
+        for (name, values, present) in [
+            ("v_f", &self.speed, self.filter.is_some()),
+            ("friction", &self.drag, self.friction.is_some()),
+            ("disturbance", &self.disturbance, self.observer.is_some()),
+        ] {
+            if present {
+                S::term(name, &[n], || values.clone());
+            }
+        }
+    }
 }
 
 impl<S: Real> Law<S> for Pid<S> {
@@ -335,9 +328,11 @@ impl<S: Real> Law<S> for Pid<S> {
             }
         }
         self.free.copy_from_slice(tau);
+        self.name_terms(desired, trig, q);
 
         if let Some(ki) = &self.ki {
             ki.multiply(&self.e, dw);
+            S::term("integral", &[n], || w.to_vec());
         }
         if let Some(limits) = &self.limits {
             for ((rate, &free), &limit) in dw.iter_mut().zip(&self.free).zip(limits) {
@@ -348,6 +343,10 @@ impl<S: Real> Law<S> for Pid<S> {
                 *tau = tau.clamped(-limit, limit);
             }
         }
+        if self.ki.is_some() {
+            S::term("integral_rate", &[n], || dw.to_vec());
+        }
+        S::term("u", &[n], || self.free.clone());
         let (filtered, observed) = behind.split_at_mut(if self.filter.is_some() { n } else { 0 });
         filtered.copy_from_slice(&self.speed[..filtered.len()]);
         for (i, rate) in observed.iter_mut().enumerate() {

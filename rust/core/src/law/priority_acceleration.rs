@@ -7,8 +7,7 @@
 
 use super::definition::{Definition, Law, Route, Shape};
 use super::joint_limits::{LimitOverrides, MotionLimits};
-use super::level::{self, Level, require_levels, same_tasks, stack};
-use super::terms::{Instant, Term};
+use super::level::{self, Level, prioritised, require_levels, same_tasks, stack};
 use crate::dynamics::{AnyArm, Dynamics, Model, Workspace};
 use crate::error::{Error, Result};
 use crate::kinematics::TaskStack;
@@ -116,51 +115,7 @@ impl PriorityAccelerationSpec {
 }
 
 impl Definition for PriorityAccelerationSpec {
-    fn name(&self) -> &'static str {
-        "PriorityAcceleration"
-    }
-    fn plant(&self) -> PlantKind {
-        PlantKind::Rigid
-    }
-    fn model(&self) -> &Model {
-        &self.model
-    }
-    fn motions(&self) -> Vec<&Motion> {
-        self.levels.iter().map(|level| &level.target).collect()
-    }
-
-    /// The terms of the law: errors `e` and `e_dot`, Jacobians `J` and `J_dot`, commands and residuals of all levels, one level after
-    /// another. Commands and residuals are accelerations. `rows` has the number of rows of each level. The ranks, the joint acceleration
-    /// `a` and the torque follow.
-    fn terms(&self, at: &Instant) -> Vec<Term> {
-        let n = self.model.n();
-        let mut law = self.build::<f64>();
-        let mut tau = vec![0.0; n];
-        law.evaluate(at.desired, at.trig, at.x, &[], &mut tau, &mut []);
-        let total = law.e.len();
-        let (jacobian, command) = (law.jacobian[..total * n].to_vec(), law.command[..total].to_vec());
-        let rows = self.rows().iter().map(|&rows| rows as f64).collect();
-        let levels = self.levels.len();
-        vec![
-            ("rows", vec![levels], rows),
-            ("e", vec![total], law.e),
-            ("e_dot", vec![total], law.e_dot),
-            ("J", vec![total, n], jacobian),
-            ("J_dot", vec![total, n], law.rate),
-            ("command", vec![total], command),
-            ("residuals", vec![total], law.solution.residuals()[..total].to_vec()),
-            ("ranks", vec![levels], law.solution.ranks()[..levels].to_vec()),
-            ("a", vec![n], law.solution.v().to_vec()),
-            ("tau", vec![n], tau),
-        ]
-    }
-
-    fn route(&self) -> Route {
-        if self.options.method.has_bounds() { Route::Deciding } else { Route::Guarded }
-    }
-    fn levels(&self) -> &[Level] {
-        &self.levels
-    }
+    prioritised!("PriorityAcceleration", Rigid);
 }
 
 impl Shape for PriorityAccelerationSpec {
@@ -227,6 +182,16 @@ impl<S: Real> PriorityAcceleration<S> {
             limits.accelerations(|i| q[i], |i| v[i], lower, upper);
         }
         solution.solve(stack.rounding(), jacobian, command);
+        let levels = gains.len();
+        S::term("rows", &[levels], || stack.rows().iter().map(|&rows| S::splat(rows as f64)).collect());
+        S::term("e", &[total], || e.clone());
+        S::term("e_dot", &[total], || e_dot.clone());
+        S::term("J", &[total, n], || jacobian[..total * n].to_vec());
+        S::term("J_dot", &[total, n], || rate.clone());
+        S::term("command", &[total], || command[..total].to_vec());
+        S::term("residuals", &[total], || solution.residuals()[..total].to_vec());
+        S::term("ranks", &[levels], || solution.ranks()[..levels].to_vec());
+        S::term("a", &[n], || solution.v().to_vec());
     }
 }
 

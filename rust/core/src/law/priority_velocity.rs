@@ -11,8 +11,7 @@
 
 use super::definition::{Definition, Law, Route, Shape};
 use super::joint_limits::{LimitOverrides, MotionLimits};
-use super::level::{self, Level, require_levels, same_tasks, stack};
-use super::terms::{Instant, Term};
+use super::level::{self, Level, prioritised, require_levels, same_tasks, stack};
 use crate::dynamics::Model;
 use crate::error::{Error, Result};
 use crate::kinematics::TaskStack;
@@ -125,46 +124,7 @@ pub fn with_limits(model: &Model, mut options: PriorityOptions) -> Result<Priori
 }
 
 impl Definition for PriorityVelocitySpec {
-    fn name(&self) -> &'static str {
-        "PriorityVelocity"
-    }
-    fn plant(&self) -> PlantKind {
-        PlantKind::Velocity
-    }
-    fn model(&self) -> &Model {
-        &self.model
-    }
-    fn motions(&self) -> Vec<&Motion> {
-        self.levels.iter().map(|level| &level.target).collect()
-    }
-
-    /// The terms of the law: errors `e`, Jacobians `J`, commands and residuals of all levels, one level after another. `rows` has the
-    /// number of rows of each level. The ranks and the joint velocity follow.
-    fn terms(&self, at: &Instant) -> Vec<Term> {
-        let n = self.model.n();
-        let mut law = self.build::<f64>();
-        let mut v = vec![0.0; n];
-        law.evaluate(at.desired, at.trig, at.x, &[], &mut v, &mut []);
-        let (total, jacobian, command) = (law.command.len(), law.jacobian, law.command);
-        let rows = self.rows().iter().map(|&rows| rows as f64).collect();
-        vec![
-            ("rows", vec![self.levels.len()], rows),
-            ("e", vec![total], law.e),
-            ("J", vec![total, n], jacobian),
-            ("command", vec![total], command),
-            ("residuals", vec![total], law.solution.residuals().to_vec()),
-            ("ranks", vec![self.levels.len()], law.solution.ranks().to_vec()),
-            ("v", vec![n], v.clone()),
-            ("tau", vec![n], v),
-        ]
-    }
-
-    fn route(&self) -> Route {
-        if self.options.method.has_bounds() { Route::Deciding } else { Route::Guarded }
-    }
-    fn levels(&self) -> &[Level] {
-        &self.levels
-    }
+    prioritised!("PriorityVelocity", Velocity);
 }
 
 impl Shape for PriorityVelocitySpec {
@@ -211,5 +171,13 @@ impl<S: Real> Law<S> for PriorityVelocity<S> {
         }
         solution.solve(stack.rounding(), jacobian, command);
         tau.copy_from_slice(solution.v());
+        let (levels, total, n) = (gains.len(), e.len(), q.len());
+        S::term("rows", &[levels], || stack.rows().iter().map(|&rows| S::splat(rows as f64)).collect());
+        S::term("e", &[total], || e.clone());
+        S::term("J", &[total, n], || jacobian.clone());
+        S::term("command", &[total], || command.clone());
+        S::term("residuals", &[total], || solution.residuals().to_vec());
+        S::term("ranks", &[levels], || solution.ranks().to_vec());
+        S::term("v", &[n], || tau.to_vec());
     }
 }

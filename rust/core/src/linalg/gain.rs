@@ -197,6 +197,14 @@ impl<S: Real> AnyGain<S> {
         }
     }
 
+    /// Return the entries of the gain of size `n`, `(n, n)`.
+    pub fn matrix(&self, n: usize) -> Vec<S> {
+        match self {
+            AnyGain::Diagonal(k) => (0..n * n).map(|at| if at % (n + 1) == 0 { k[at / n] } else { S::zero() }).collect(),
+            AnyGain::Full(k) => k.clone(),
+        }
+    }
+
     /// Return `x' K x`.
     pub fn quadratic(&self, x: &[S]) -> S {
         let mut sum = S::zero();

@@ -179,6 +179,10 @@ pub trait Real:
         }
     }
 
+    /// Name an intermediate result of this shape. Only a recording of the terms of a law computes the `values`.
+    #[inline(always)]
+    fn term(_name: &'static str, _shape: &[usize], _values: impl FnOnce() -> Vec<Self>) {}
+
     /// Return zero in every lane.
     #[inline(always)]
     fn zero() -> Self {

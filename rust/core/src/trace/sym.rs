@@ -79,6 +79,23 @@ pub fn validity() -> Option<Sym> {
     on_tape(|tape| tape.validities()).into_iter().map(Sym).reduce(Sym::min)
 }
 
+/// A named intermediate result: its name, its shape and its values in row-major order.
+pub type NamedTerm = (&'static str, Vec<usize>, Vec<Sym>);
+
+thread_local! {
+    static TERMS: RefCell<Option<Vec<NamedTerm>>> = const { RefCell::new(None) };
+}
+
+/// Collect the named intermediate results from now on ([`Real::term`]).
+pub fn collect_terms() {
+    TERMS.set(Some(Vec::new()));
+}
+
+/// Return the collected intermediate results, and collect no more.
+pub fn terms() -> Vec<NamedTerm> {
+    TERMS.take().unwrap_or_default()
+}
+
 /// End the recording of this thread and return it.
 pub fn finish() -> Recording {
     let tape = on_tape(|tape| std::mem::replace(tape, Tape::new()));
@@ -225,6 +242,19 @@ impl Real for Sym {
         let (arguments, given) = (entries(arguments), entries(results));
         let decided = on_tape(|tape| tape.decide(kind, &arguments, &given));
         results.iter_mut().zip(decided).for_each(|(to, entry)| *to = Sym(entry));
+    }
+    /// A result replaces an earlier one of the same name.
+    fn term(name: &'static str, shape: &[usize], values: impl FnOnce() -> Vec<Sym>) {
+        if TERMS.with_borrow(Option::is_none) {
+            return;
+        }
+        let values = values();
+        TERMS.with_borrow_mut(|terms| {
+            if let Some(terms) = terms {
+                terms.retain(|(known, ..)| *known != name);
+                terms.push((name, shape.to_vec(), values));
+            }
+        });
     }
     fn lt(self, other: Sym) -> Sym {
         on_tape(|tape| Sym(tape.less(self.0, other.0)))

@@ -183,7 +183,11 @@ impl Law {
             let (t, x, z) = call_arguments("Law.terms", &self.spec, t, (q, v), [theta, theta_dot], state)?;
             let parts = PyDict::new(py);
             let rows = self.spec.level_rows();
-            for (name, shape, values) in self.spec.terms_at(t, &x, &z) {
+            let terms = match self.evaluator.try_lock() {
+                Ok(mut evaluator) => evaluator.terms(t, &[&x], Some(&z)),
+                Err(_) => self.spec.terms_at(t, &x, &z),
+            };
+            for (name, shape, values) in terms {
                 if !rows.is_empty() && matches!(name, "rows" | "ranks") {
                     parts.set_item(name, values.iter().map(|&count| count as usize).collect::<Vec<_>>())?;
                     continue;
