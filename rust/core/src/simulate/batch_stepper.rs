@@ -69,10 +69,8 @@ impl BatchStepper {
         let mut made = BatchStepper { plant: plant.clone(), law, options, recorded: None, lanes: form(packed).lanes() };
         let problem = made.problem();
         problem.validate()?;
-        if plant.sticks() {
-            return Ok(made);
-        }
-        made.recorded = recorded_step(&problem, Common::of(&problem, packed));
+        let recorded = (!plant.sticks()).then(|| recorded_step(&problem, Common::of(&problem, packed)));
+        made.recorded = recorded;
         Ok(made)
     }
 
@@ -149,10 +147,7 @@ impl BatchStepper {
     fn interpret(&self, tau: &[f64], steps: usize, x: &mut [f64]) {
         let problem = self.problem();
         let common = Common { engine: Engine::Interpreter, ..Common::of(&problem, false) };
-        match recorded_step(&problem, common) {
-            Some(recorded) => self.run(&recorded, 1, (tau, steps), x),
-            None => unreachable!("the step has been recorded for machine code"),
-        }
+        self.run(&recorded_step(&problem, common), 1, (tau, steps), x);
     }
 
     /// Advance rows of a plant whose joints stick and slip.
@@ -175,8 +170,8 @@ impl BatchStepper {
 }
 
 /// Record a step, with its loop parameters.
-fn recorded_step(problem: &Problem, common: Common) -> Option<(Arc<Recorded>, Vec<f64>)> {
+fn recorded_step(problem: &Problem, common: Common) -> (Arc<Recorded>, Vec<f64>) {
     let parameters = recorded::loop_parameters(problem, 0, common);
     let seen = recorded::of_run(problem, 0, common, &parameters);
-    seen.recorded.clone().map(|recorded| (recorded, parameters.values))
+    (seen.recorded.clone(), parameters.values)
 }

@@ -68,11 +68,9 @@ pub fn list_loop(problem: &Problem, batch: bool, part: Option<&str>) -> Result<L
     let common = if fixed { Common::of(problem, batch) } else { Common::of_functions(problem) };
     let parameters = recorded::loop_parameters(problem, 0, common);
     let mut parts: Vec<(String, Form, usize)> = Vec::new();
-    let seen = record(problem, common, fixed, None, &mut |name, part, stream, scratch, lanes| {
+    let found = record(problem, common, fixed, None, &mut |name, part, stream, scratch, lanes| {
         parts.push((name, form(lanes), Lowered::of(part, stream, scratch, form(lanes)).straight.operations()));
     });
-    let found =
-        seen.ok_or_else(|| Error::input("law", "runs directly: expected a loop without a branch on data, got one with branches"))?;
     let whole = parts.iter().any(|(name, ..)| name == "step");
     let chosen = part.unwrap_or(if whole { "step" } else { "rates" });
     let Some(&(_, chosen_form, _)) = parts.iter().find(|(name, ..)| name == chosen) else {
@@ -109,11 +107,11 @@ pub fn list_loop(problem: &Problem, batch: bool, part: Option<&str>) -> Result<L
 }
 
 /// Pass each program of the loop of run 0 to `watch`. The problem must have an explicit method of fixed steps. Return the loop parameters,
-/// which are the first slots of a frame, and the slot of the step size. The result is `None` if the loop branches on data.
-pub fn watch_steps(problem: &Problem, batch: bool, watch: Watch) -> Option<(Vec<f64>, usize)> {
+/// which are the first slots of a frame, and the slot of the step size.
+pub fn watch_steps(problem: &Problem, batch: bool, watch: Watch) -> (Vec<f64>, usize) {
     let common = Common::of(problem, batch);
-    let recorded = recorded::record_watched(problem, 0, common, None, watch)?;
-    Some((recorded::loop_parameters(problem, 0, common).values, recorded.layout.step()))
+    let recorded = recorded::record_watched(problem, 0, common, None, watch);
+    (recorded::loop_parameters(problem, 0, common).values, recorded.layout.step())
 }
 
 /// The layout of a recorded loop.
@@ -134,12 +132,12 @@ impl SlotMap {
 
 /// Record the loop. If `plain` is `None`, the operations are simplified. If it is `Some(in_parts)`, every operation is kept, and `in_parts`
 /// selects whether the step is divided into parts.
-fn record(problem: &Problem, common: Common, fixed: bool, plain: Option<bool>, watch: Watch) -> Option<SlotMap> {
+fn record(problem: &Problem, common: Common, fixed: bool, plain: Option<bool>, watch: Watch) -> SlotMap {
     if fixed {
-        return recorded::record_watched(problem, 0, common, plain, watch).map(|recorded| SlotMap::Fixed(recorded.layout));
+        return SlotMap::Fixed(recorded::record_watched(problem, 0, common, plain, watch).layout);
     }
     let (slots, moves) = rates_programs::record_watched(problem, 0, common, plain.is_none(), watch);
-    Some(SlotMap::Rates(slots, moves))
+    SlotMap::Rates(slots, moves)
 }
 
 /// Refuse a loop whose law is not recorded.

@@ -54,7 +54,7 @@ impl Structures {
         let evaluations = problem.options.method.evaluations_per_step().unwrap_or(1) as usize * fixed.schedule.steps * problem.runs();
         common.engine = recorded::engine_for(problem, common, &parameters, evaluations);
         let seen = recorded::of_run(problem, 0, common, &parameters);
-        let first = recorded_of(&seen);
+        let first = seen.recorded.clone();
         first.count(evaluations);
         let engine = first.engine();
         let world = world(problem, 1, |_| 0);
@@ -84,7 +84,7 @@ impl Structures {
     fn of_run(&self, problem: &Problem, run: usize) -> (Arc<Recorded>, Vec<f64>) {
         let seen = || self.seen.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(values) = &self.shared {
-            return (recorded_of(&seen()[0]), values.clone());
+            return (seen()[0].recorded.clone(), values.clone());
         }
         let parameters = recorded::loop_parameters(problem, run, self.common);
         let mut seen = seen();
@@ -95,13 +95,8 @@ impl Structures {
                 seen[seen.len() - 1].clone()
             }
         };
-        (recorded_of(&known), parameters.values)
+        (known.recorded.clone(), parameters.values)
     }
-}
-
-fn recorded_of(seen: &SeenLoop) -> Arc<Recorded> {
-    let Some(recorded) = &seen.recorded else { unreachable!("a recorded loop does not branch on data") };
-    recorded.clone()
 }
 
 /// Passes the records of some lanes of a group to the sink.
@@ -207,7 +202,7 @@ fn interpreted(structures: &Structures, group: General, fixed: &Fixed, (run, lan
     let General { problem, division, stop, sink, .. } = group;
     let common = Common { lanes: false, sums: false, notes: None, engine: Engine::Interpreter, ..structures.common };
     let parameters = recorded::loop_parameters(problem, run, common);
-    let recorded = recorded_of(&recorded::of_run(problem, run, common, &parameters));
+    let recorded = recorded::of_run(problem, run, common, &parameters).recorded.clone();
     let mut closed = loop_of::<f64>(problem, &recorded, |_| run, None, |_| &parameters.values);
     let mut chosen = SelectedLanes { sink, lanes: vec![Some(lane)] };
     let alone = General { problem, division, first: run, stop, sink: &mut chosen, observer: None };

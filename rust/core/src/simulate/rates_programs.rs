@@ -176,11 +176,10 @@ pub fn of_run(problem: &Problem, run: usize, common: Common, held: bool) -> Rate
     let record = || {
         let (tape, slots) = record(problem, run, common, held, true);
         let (interpreter, machine, attempt) = Default::default();
-        Some(RecordedRates { slots, held, tape, required, interpreter, machine, attempt, work: AtomicUsize::new(0) })
+        RecordedRates { slots, held, tape, required, interpreter, machine, attempt, work: AtomicUsize::new(0) }
     };
     let seen = Seen::of_run(&KNOWN, (problem, run, common), &parameters, (held, required), record);
-    let Some(recorded) = &seen.recorded else { unreachable!("rates are always recorded") };
-    (recorded.clone(), parameters.values)
+    (seen.recorded.clone(), parameters.values)
 }
 
 /// Record the rates of run `run` for a listing, with the derivatives that the method requires. If `folds` is false, the operations are not

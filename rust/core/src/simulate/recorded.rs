@@ -114,8 +114,7 @@ pub struct Seen<R, T> {
     /// For each loop parameter, in the order of recording: the index of its operation in the recording. Loops of one structure have equal
     /// lists.
     structure: Vec<u32>,
-    /// The recording. `None` means that the code branches on data.
-    pub recorded: Option<Arc<R>>,
+    pub recorded: Arc<R>,
 }
 
 impl<R, T: PartialEq> Seen<R, T> {
@@ -140,14 +139,14 @@ impl<R, T: PartialEq> Seen<R, T> {
         of: (&Problem, usize, Common),
         parameters: &LoopParameters,
         tag: T,
-        record: impl FnOnce() -> Option<R>,
+        record: impl FnOnce() -> R,
     ) -> Arc<Self> {
         if let Some(seen) = Self::known(kept, of, parameters, &tag) {
             return seen;
         }
         let (problem, run, common) = of;
         let (key, structure) = (Key::of(problem, run, common), parameters.structure.clone());
-        let seen = Arc::new(Seen { key, tag, structure, recorded: record().map(Arc::new) });
+        let seen = Arc::new(Seen { key, tag, structure, recorded: Arc::new(record()) });
         if seen.key.numbers() <= MOST_NUMBERS {
             kept.keep(seen.clone(), |all| all.iter().map(|seen| seen.key.numbers()).sum::<usize>() <= MOST_NUMBERS);
         }
@@ -164,9 +163,7 @@ static KNOWN: Cache<Arc<SeenLoop>> = Cache::new();
 pub fn of_run(problem: &Problem, run: usize, common: Common, parameters: &LoopParameters) -> Arc<SeenLoop> {
     let seen = Seen::of_run(&KNOWN, (problem, run, common), parameters, (), || record(problem, run, common));
     #[cfg(debug_assertions)]
-    if let Some(recorded) = &seen.recorded {
-        assert!(record(problem, run, common).is_some_and(|again| again.ops == recorded.ops), "two loops of one key differ");
-    }
+    assert!(record(problem, run, common).ops == seen.recorded.ops, "two loops of one key differ");
     seen
 }
 
@@ -176,24 +173,24 @@ pub fn engine_for(problem: &Problem, common: Common, parameters: &LoopParameters
     if common.lanes || engine() == Engine::Interpreter || evaluations >= REPAYS || known(Engine::Machine).is_some() {
         return engine();
     }
-    let work = known(Engine::Interpreter).and_then(|seen| Some(seen.recorded.as_ref()?.work.load(Ordering::Relaxed)));
-    if work.unwrap_or(0) + evaluations < REPAYS { Engine::Interpreter } else { engine() }
+    let work = known(Engine::Interpreter).map_or(0, |seen| seen.recorded.work.load(Ordering::Relaxed));
+    if work + evaluations < REPAYS { Engine::Interpreter } else { engine() }
 }
 
-fn record(problem: &Problem, run: usize, common: Common) -> Option<Recorded> {
+fn record(problem: &Problem, run: usize, common: Common) -> Recorded {
     record_watched(problem, run, common, None, &mut |_, _, _, _, _| ())
 }
 
 /// Record the loop of run `run` for a listing. If `plain` is `None`, the operations are simplified. If it is `Some(in_parts)`, every
 /// operation is kept, and `in_parts` selects whether the step is divided into parts.
-pub fn record_watched(problem: &Problem, run: usize, common: Common, plain: Option<bool>, watch: Watch) -> Option<Recorded> {
+pub fn record_watched(problem: &Problem, run: usize, common: Common, plain: Option<bool>, watch: Watch) -> Recorded {
     sym::begin_that(plain.is_none());
     let (closed, extras) = set_up(problem, run, common);
     let given = sym::end_set_up();
     let (kept, lasting) = extras.sums.as_ref().map_or((0, 0), Sums::sizes);
     let (monitors, firsts) = extras.notes.as_ref().map_or((0, 0), Notes::sizes);
     let noted = extras.notes.as_ref().map_or(0, |_| closed.tau.len() + monitors);
-    let MethodKind::ExplicitSteps(method) = problem.options.method.kind() else { return None };
+    let MethodKind::ExplicitSteps(method) = problem.options.method.kind() else { unreachable!("the steps are explicit") };
     let instants = method.instants();
     let mut layout = Layout {
         given,
@@ -210,21 +207,19 @@ pub fn record_watched(problem: &Problem, run: usize, common: Common, plain: Opti
         all_inputs: 0,
         shared: common.shared,
     };
-    let tracing = trace(closed, extras, (method, problem.law(run).route().is_recordable(), plain), &layout)?;
+    let tracing = trace(closed, extras, (method, problem.law(run).route().is_recordable(), plain), &layout);
     layout.all_inputs = sym::recorded().1 as usize;
     let recording = sym::finish();
-    if recording.failed {
-        return None;
-    }
+    assert!(!recording.failed, "a recorded law or plant does not branch on data");
     let programs = loop_programs::make(&recording.ops, &layout, tracing, (common.lanes, common.engine), watch);
-    Some(Recorded {
+    Recorded {
         layout,
         programs,
         plant_states: problem.plant(run).states(),
         work: AtomicUsize::new(0),
         #[cfg(debug_assertions)]
         ops: recording.ops,
-    })
+    }
 }
 
 /// Make the modes of contacts and joints inputs of a recorded loop.
@@ -246,13 +241,13 @@ pub fn instant(desired: usize, wrench: usize) -> Exogenous<Sym> {
 }
 
 /// Record the rates and the step, and the law if `with_law` is true. `in_parts` selects whether the step is divided into parts. If it is
-/// `None`, the size of the rates decides. The result is `None` for a method that cannot be recorded.
+/// `None`, the size of the rates decides.
 fn trace(
     closed: ClosedLoop,
     extras: MetricsAndRecords,
     (method, with_law, in_parts): (ExplicitSteps, bool, Option<bool>),
     layout: &Layout,
-) -> Option<Tracing> {
+) -> Tracing {
     let one = || instant(layout.desired, layout.wrench);
     let u: Vec<Exogenous<Sym>> = layout.instants.iter().map(|_| one()).collect();
     let (x, kept, h) = (inputs(layout.states), inputs(layout.kept), sym::input());
@@ -289,11 +284,11 @@ fn trace(
         closed.cuts = Some(Vec::new());
     }
     let first = u[0].clone();
-    let (next, cuts) = method.apply(closed, x, first, OneStep { u, h }).ok()?;
+    let Ok((next, cuts)) = method.apply(closed, x, first, OneStep { u, h }) else { unreachable!("plants without velocities were refused") };
     let rates = cuts.is_some().then(|| (entries(rates), stage_tau));
     let notes =
         notes.map(|[along, alone]| Noting { along: entries(along.numbers), alone: entries(alone.numbers), firsts: entries(alone.firsts) });
-    Some(Tracing { law: entries(law), rates, cuts: cuts.unwrap_or_default(), next: entries(next), sums, notes })
+    Tracing { law: entries(law), rates, cuts: cuts.unwrap_or_default(), next: entries(next), sums, notes }
 }
 
 /// Return the indices of the operations that compute `values`.
