@@ -5,6 +5,8 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
+import pytest
+
 ROOT = Path(__file__).resolve().parents[2]
 CORE = ROOT / "rust" / "core" / "src"
 #: Numbers with one lane per run: the number types, the planners, the motions, and the batches of programs.
@@ -30,6 +32,12 @@ def type_parameters(source: str) -> dict[str, set[str]]:
     return found
 
 
+def mentions(name: str, sources: dict[str, str]) -> dict[str, int]:
+    """The number of mentions of a type per file. Parts of longer names do not count, nor does the variant `Reaction::Float`."""
+    counts = {path: len(re.findall(rf"(?<!::)\b{name}\b(?!\(Option)", text)) for path, text in sources.items()}
+    return {path: count for path, count in counts.items() if count}
+
+
 def sources() -> dict[str, str]:
     return {path.relative_to(CORE).as_posix(): path.read_text() for path in sorted(CORE.rglob("*.rs"))}
 
@@ -51,3 +59,12 @@ def test_laws_and_plants_have_no_type_parameter_except_the_number_type() -> None
     assert {name: more for name, more in found.items() if more} == {}
     law = "impl<'a, S: Real, D, const TORQUE: bool> Law<S> for Tracking<'a, S, D, TORQUE>\nwhere\n"
     assert type_parameters(law) == {"Tracking": {"D"}}
+
+
+@pytest.mark.parametrize("name", ["Dual", "Float"])
+def test_there_is_no_second_number_type_of_one_run(name: str) -> None:
+    found = mentions(name, sources())
+    print(f"mentions of {name}: {sum(found.values())}")
+    assert found == {}
+    planted = {"law/pid.rs": f"use crate::scalar::{{{name}, Real}};\nlet x: {name} = {name}(1.0); // {name}s"}
+    assert mentions(name, planted) == {"law/pid.rs": 3}

@@ -10,7 +10,7 @@ the motors, `K` and `D` stiffness and damping of the joints. In a closed loop, `
 the law is the last part of x: adaptive estimates, integrals, and states of filters and observers.
 
 The linear system about `(x0, u0)` has the derivatives of x' with respect to x and u. For an arm with frames they are exact (Carpentier and
-Mansard 2018), and so are the derivatives of a law, by dual numbers. Derivatives of a closed-form arm (`pendulum`, `planar_pr`) and of a law
+Mansard 2018), and so are the derivatives of a law. Derivatives of a closed-form arm (`pendulum`, `planar_pr`) and of a law
 that branches on its data (`PriorityVelocity`, `PriorityAcceleration`) are five-point differences
 `f' = (f(-2h) - 8 f(-h) + 8 f(h) - f(2h)) / (12 h)`.
 """

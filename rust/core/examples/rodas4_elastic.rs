@@ -4,9 +4,10 @@
 //! The state is `[q, v, theta, theta']`. `tau = (1 - B/B0) K_J (theta - q) + B/B0 (u - D0 theta')`, `u = J' (K_m (x_d - x) - D_m x') + g`,
 //! with the tip position `x` and its target `x_d`. A force of `[5, -3]` N acts on the tip.
 
-use armlet_core::integrate::{Adaptive, DualSystem, Linearised, Rodas4, System, Tolerance, Work};
-use armlet_core::scalar::{Array8, Dual, Kernel, Real};
-use std::marker::PhantomData;
+use armlet_core::integrate::{Adaptive, Differentiable, Rodas4, System, Tolerance, Work};
+use armlet_core::scalar::Real;
+use armlet_core::trace::function::recorded;
+use armlet_core::trace::{Jacobian, Sym};
 use std::time::Instant;
 
 /// The joint stiffness, the reduced motor inertia and its damping.
@@ -54,54 +55,51 @@ impl<S: Real> System<S> for Loop {
     }
 }
 
-impl<V: Real> DualSystem<V> for Loop {
-    #[inline(always)]
-    fn moving_input(&mut self, _: f64, _: &mut ()) {}
-    #[inline(always)]
+/// The loop with its recorded right-hand side, which runs as machine code.
+struct Compiled {
+    rates: Jacobian,
+}
+
+impl Compiled {
+    fn new(plant: Loop) -> Self {
+        let record = |mut plant: Loop, x: &[Sym]| {
+            let mut dx = vec![Sym::zero(); 8];
+            plant.rhs(&(), x, &mut dx);
+            dx
+        };
+        let recorded = recorded(8, || plant, record).expect("it does not branch");
+        Compiled { rates: Jacobian::new(recorded, 8).compiled() }
+    }
+}
+
+impl System<f64> for Compiled {
+    type Input = ();
+    fn input(&mut self, _: f64, _: &mut ()) {}
+    fn rhs(&mut self, _: &(), x: &[f64], dx: &mut [f64]) {
+        dx.copy_from_slice(self.rates.value(x));
+    }
+}
+
+impl Differentiable<f64> for Compiled {
+    fn linearise(&mut self, _: f64, u: &(), x: &[f64], dx: &mut [f64], j: &mut [f64]) {
+        self.rhs(u, x, dx);
+        self.rates.slopes(x, |i, k, slope| j[8 * i + k] = slope);
+    }
+    fn time_derivative(&mut self, _: f64, _: &(), _: &[f64], dft: &mut [f64]) {
+        dft.fill(0.0);
+    }
     fn autonomous(&self) -> bool {
         true
     }
 }
 
-/// A run on plain numbers. `V` is the type of the eight derivatives in a dual number.
-struct Run<V> {
-    plant: Loop,
-    t_end: f64,
-    rtol: f64,
-    rates: PhantomData<V>,
-}
-
-impl<V: Real> Kernel for Run<V> {
-    type Output = ([f64; 8], Work);
-
-    #[inline(always)]
-    fn run(self) -> Self::Output {
-        let x = [-0.5, 1.6, 0.0, 0.0, -0.5, 1.6, 0.0, 0.0].map(V::One::splat);
-        let mut system: Twin<V> = Linearised::new(self.plant, self.plant, [Dual::splat(0.0); 8], ());
-        let tolerance = Tolerance { rtol: self.rtol, atol: 1e-3 * self.rtol, controlled: 8 };
-        let method = Rodas4::new(tolerance, x, [V::One::zero(); 64], [0usize; 8], ());
-        drive::<V::One, _, _>(method, &mut system, self.t_end)
-    }
-}
-
-type Twin<V> = Linearised<Loop, Loop, V, [Dual<V>; 8], ()>;
-
-#[inline(always)]
-fn drive<S: Real, F: System<S>, M: Adaptive<S, F, [S; 8]>>(mut method: M, system: &mut F, t_end: f64) -> ([f64; 8], Work) {
-    method.begin(system, 0.0, t_end, t_end).expect("a finite start");
-    while !method.step(system).expect("a step") {}
-    (method.x().map(|x| x.lane(0)), method.work())
-}
-
-/// Run the fastest variant on this processor. On x86-64 with AVX2, two AVX2 registers contain the eight rates, even if AVX-512 exists. A
-/// variant with one AVX-512 register is slower: a step of RODAS with 8 states takes 1.08 us instead of 0.73 us.
 fn run(plant: Loop, t_end: f64, rtol: f64) -> ([f64; 8], Work) {
-    #[cfg(target_arch = "x86_64")]
-    if armlet_core::scalar::isa() > armlet_core::scalar::Isa::Baseline {
-        type Rates = armlet_core::scalar::lanes::Pair<armlet_core::scalar::lanes::Avx2>;
-        return Rates::enter(Run::<Rates> { plant, t_end, rtol, rates: PhantomData });
-    }
-    Array8::enter(Run::<Array8> { plant, t_end, rtol, rates: PhantomData })
+    let mut system = Compiled::new(plant);
+    let tolerance = Tolerance { rtol, atol: 1e-3 * rtol, controlled: 8 };
+    let mut method = Rodas4::new(tolerance, [-0.5, 1.6, 0.0, 0.0, -0.5, 1.6, 0.0, 0.0], [0.0; 64], [0usize; 8], ());
+    method.begin(&mut system, 0.0, t_end, t_end).expect("a finite start");
+    while !method.step(&mut system).expect("a step") {}
+    (*Adaptive::<f64, Compiled, _>::x(&method), Adaptive::<f64, Compiled, [f64; 8]>::work(&method))
 }
 
 fn main() {

@@ -131,15 +131,14 @@ impl Model {
 ///
 /// ```
 /// use armlet_core::dynamics::{AnyArm, Dynamics, Model, PlanarPr};
-/// use armlet_core::scalar::{Dual, Real};
 ///
-/// // The mass matrix at q2 = 0, and its derivative along q2: M12 = B cos q2.
+/// // The mass matrix at q2 = 0, and its rate, which is zero there: M12 = B cos q2.
 /// let model = PlanarPr::new(3.0, 0.5, 0.2).map(Model::PlanarPr)?;
-/// let arm = AnyArm::<Dual>::new(&model);
-/// let (q, mut m) = ([Dual::zero(), Dual::new(0.0, 1.0)], [Dual::zero(); 4]);
-/// arm.mass_matrix(&mut arm.workspace(), &q.map(Real::sin_cos), &q, &mut m);
-/// assert_eq!(m.map(|entry| entry.value), [3.0, 0.5, 0.5, 0.2]);
-/// assert_eq!(m[1].rate, 0.0);
+/// let arm = AnyArm::<f64>::new(&model);
+/// let (q, mut m, mut rate) = ([0.0f64; 2], [0.0; 4], [1.0; 4]);
+/// arm.mass_matrix(&mut arm.workspace(), &q.map(f64::sin_cos), &q, &mut m);
+/// arm.mass_matrix_rate(&mut arm.workspace(), &q.map(f64::sin_cos), &q, &[0.0, 1.0], &mut rate);
+/// assert_eq!((m, rate), ([3.0, 0.5, 0.5, 0.2], [0.0; 4]));
 /// # Ok::<(), armlet_core::error::Error>(())
 /// ```
 #[derive(Clone, Debug)]

@@ -20,7 +20,6 @@ mod euler;
 pub mod events;
 mod first_step;
 mod fixed;
-mod linearised;
 mod method;
 mod radau5;
 mod radau5_tableau;
@@ -46,7 +45,6 @@ pub use embedded::Embedded;
 pub use equal_steps::{EqualSteps, Explicit, Stage};
 pub use euler::{Euler, Forward1};
 pub use fixed::Steps;
-pub use linearised::{DualSystem, Linearised};
 pub use method::{ExplicitAdaptive, ExplicitSteps, ImplicitAdaptive, ImplicitSteps, Method, MethodKind};
 pub use radau5::Radau5;
 pub use rk4::{Kutta4, Rk4};
@@ -114,19 +112,11 @@ pub trait System<S: Real> {
     /// Remove the rounding errors of an adaptive method from components that the system holds at rest, such as the velocities of stuck
     /// joints.
     fn still(&mut self, _x: &mut [S]) {}
-    /// The states of the system's switches, for the same system on dual numbers.
-    fn sides(&mut self) -> &[i8] {
-        &[]
-    }
     /// Add the contribution of time `t` to the metrics. `x` contains the state, and then the metrics. `h` is the time to the next step, s,
     /// and zero at the end of the run.
     fn sum_up(&mut self, _t: f64, _h: f64, _x: &mut [S]) {}
     /// Store the state at time `t` as record `i`. Only a system that stores the records of a run itself implements this function.
     fn note(&mut self, _i: usize, _t: f64, _x: &[S]) {}
-    /// The input of the plant and the rate of the law's state that are held since the last sample. `None` means that nothing is held.
-    fn held(&self) -> Option<(&[S], &[S])> {
-        None
-    }
     /// The index of the component that is the rate of component `i`: `x_i' = x_k` gives `Some(k)`. Methods that treat positions and
     /// velocities differently require this index. `None` means that no component is this rate.
     fn rate_of(&self, i: usize) -> Option<usize> {

@@ -1,6 +1,7 @@
 use super::*;
 use crate::linalg::gain::{AnyGain, Gain};
-use crate::scalar::Dual;
+use crate::trace::function::recorded;
+use crate::trace::{Jacobian, Sym};
 
 /// A body with a heavy core and four point masses, and a body that is physically impossible.
 const BODY: [f64; 10] = [3.0, 0.3, -0.2, 0.6, 0.9, 0.05, 0.8, -0.1, 0.07, 0.5];
@@ -38,10 +39,12 @@ fn negative_parts_of_matrices() {
     assert!((least_pivot(&full) > 0.0) == (n == zero) && least_pivot(&product(&full, &transposed(&full))) > 0.0);
 }
 
-/// The derivative of the negative part along `d`, by dual numbers.
+/// The derivative of the negative part along `d`, from its recording.
 fn slope(a: &Pseudo<f64>, d: &Pseudo<f64>) -> Pseudo<f64> {
-    let moving: Pseudo<Dual> = std::array::from_fn(|i| std::array::from_fn(|j| Dual::new(a[i][j], d[i][j])));
-    negative_part(&moving).map(|row| row.map(|x| x.rate))
+    let part = |(), a: &[Sym]| negative_part(&std::array::from_fn(|i| std::array::from_fn(|j| a[4 * i + j]))).as_flattened().to_vec();
+    let mut rates = [[0.0; 4]; 4];
+    Jacobian::new(recorded(16, || (), part).unwrap(), 16).along(a.as_flattened(), d.as_flattened(), rates.as_flattened_mut());
+    rates
 }
 
 #[test]

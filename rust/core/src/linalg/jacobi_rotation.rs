@@ -5,7 +5,7 @@
 use crate::scalar::Real;
 
 /// If two eigenvalues differ by less than this fraction of the matrix norm, they count as equal, and the axes are not rotated. The rounding
-/// error of the derivatives of dual numbers is 1e-16 divided by this number.
+/// error of derivatives of the recorded rotation is 1e-16 divided by this number.
 const SAME: f64 = 1e-7;
 
 /// The rotation of two axes.

@@ -30,14 +30,11 @@ const EXACT_FLOOR: f64 = 1e-6;
 ///
 /// ```
 /// use armlet_core::priority::{PriorityOptions, PrioritySolver};
-/// use armlet_core::scalar::Dual;
 ///
-/// // `J v = 1` with `J = [x, 0]`, `x = 2`: `v = [1/x, 0]`, with the derivative `-1/x^2`.
-/// let mut regular = PrioritySolver::new(2, &[1], &PriorityOptions::default())?.regular::<Dual>();
-/// let constant = |value| Dual::new(value, 0.0);
-/// let valid = regular.solve(constant(1e-15), &[Dual::seed(2.0, 0), constant(0.0)], &[constant(1.0)]);
-/// assert_eq!(valid.value, 1.0);
-/// assert!((regular.v[0].value - 0.5).abs() < 1e-15 && (regular.v[0].rate + 0.25).abs() < 1e-15);
+/// // `J v = 1` with `J = [2, 0]`: `v = [1/2, 0]`.
+/// let mut regular = PrioritySolver::new(2, &[1], &PriorityOptions::default())?.regular::<f64>();
+/// assert_eq!(regular.solve(1e-15, &[2.0, 0.0], &[1.0]), 1.0);
+/// assert!((regular.v[0] - 0.5).abs() < 1e-15 && regular.v[1] == 0.0);
 /// # Ok::<(), armlet_core::error::Error>(())
 /// ```
 #[derive(Debug, Clone)]

@@ -10,7 +10,6 @@ mod atan;
 #[doc(hidden)]
 pub mod decision;
 mod dispatch;
-pub mod dual;
 pub mod hex;
 #[doc(hidden)]
 pub mod hyperbolic;
@@ -27,7 +26,6 @@ mod scalars;
 pub mod trig;
 
 pub use dispatch::{GenericKernel, run_lanes};
-pub use dual::{Dual, Dual8};
 pub use instruction_set::{Isa, fuses, isa};
 pub use lanes::Array8;
 
@@ -37,14 +35,13 @@ use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
 /// A real number, or one real number per lane.
 ///
 /// ```
-/// use armlet_core::scalar::{Array8, Dual, Real};
+/// use armlet_core::scalar::{Array8, Real};
 ///
 /// /// `sqrt(1 + x^2)`, for any number type.
 /// fn length<S: Real>(x: S) -> S {
 ///     x.mul_add(x, S::splat(1.0)).sqrt()
 /// }
 /// assert_eq!(length(0.75), 1.25);
-/// assert!((length(Dual::<f64>::seed(0.75, 0)).rate - 0.6).abs() < 1e-15);
 /// assert_eq!(length(Array8::from_lanes(|lane| 0.75 * lane as f64)).lane(1), 1.25);
 /// ```
 pub trait Real:
@@ -66,17 +63,8 @@ pub trait Real:
 {
     /// One truth value per lane.
     type Mask: Copy + Send;
-    /// The number type of a single run with the same instruction set.
-    type One: Real;
     /// The number of lanes.
     const LANES: usize;
-
-    /// Return the number in lane 0, as the number of a single run.
-    fn first(self) -> Self::One;
-    /// Return `x` in every lane.
-    fn spread(x: Self::One) -> Self;
-    /// Return `yes` if the truth value of a single run is true, otherwise `no`, in every lane.
-    fn choose(mask: <Self::One as Real>::Mask, yes: Self, no: Self) -> Self;
 
     /// Return `x` in every lane.
     fn splat(x: f64) -> Self;

@@ -14,20 +14,7 @@ use super::{Kernel, Real, trig};
 /// ```
 impl Real for f64 {
     type Mask = bool;
-    type One = Self;
     const LANES: usize = 1;
-    #[inline]
-    fn first(self) -> Self {
-        self
-    }
-    #[inline]
-    fn spread(x: Self) -> Self {
-        x
-    }
-    #[inline]
-    fn choose(mask: Self::Mask, yes: Self, no: Self) -> Self {
-        Self::select(mask, yes, no)
-    }
     #[inline]
     fn splat(x: f64) -> Self {
         x

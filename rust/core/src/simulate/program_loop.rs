@@ -232,9 +232,6 @@ impl<S: Real> System<S> for ProgramLoop<'_, S> {
             log.note_rest(i, k, frame);
         }
     }
-    fn held(&self) -> Option<(&[S], &[S])> {
-        self.held.then_some((&self.tau, &self.dz))
-    }
 }
 
 impl<S: Real> Watched<S> for ProgramLoop<'_, S> {

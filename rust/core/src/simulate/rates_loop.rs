@@ -305,9 +305,6 @@ impl System<f64> for RatesLoop<'_> {
     fn still(&mut self, x: &mut [f64]) {
         self.remove_creep(x);
     }
-    fn held(&self) -> Option<(&[f64], &[f64])> {
-        self.held.then_some((&self.tau, &self.dz))
-    }
     fn pairs(&self) -> Pairs {
         self.pairs
     }

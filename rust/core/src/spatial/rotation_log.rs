@@ -76,8 +76,7 @@ pub fn rotation_exp<S: Real>(vector: [S; 3]) -> Matrix3<S> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scalar::Dual;
-    use crate::spatial::{Matrix, Vector};
+    use crate::spatial::Vector;
 
     #[test]
     fn log_undoes_exp_at_every_angle() {
@@ -94,50 +93,5 @@ mod tests {
         // At the angle pi, both signs of the axis are correct.
         let half_turn = rotation_log(&rotation_exp([pi, 0.0, 0.0])).array();
         assert!((half_turn[0].abs() - pi).abs() < 1e-15 && half_turn[1].abs() < 1e-15 && half_turn[2].abs() < 1e-15);
-    }
-
-    /// `d exp(r) = [J dr]x exp(r)` with the left Jacobian `J = 1 + (1 - cos t)/t^2 [r]x + (t - sin t)/t^3 [r]x^2`.
-    #[test]
-    fn exp_turns_at_the_rate_of_the_left_jacobian() {
-        let (axis, rate) = ([2.0 / 7.0, -3.0 / 7.0, 6.0 / 7.0], [0.3, -0.2, 0.5]);
-        for angle in [0.0, 1e-9, 9.9e-5, 1.01e-4, 0.1, 1.0, 3.0] {
-            let r = Vector3::from(axis.map(|a| a * angle));
-            let turned = rotation_exp(std::array::from_fn(|k| Dual::new(r[k], rate[k])));
-            let plain = rotation_exp(r.array());
-            let square: f64 = angle * angle;
-            let (b, c) = if angle < 0.2 {
-                (0.5 - square / 24.0 + square * square / 720.0, 1.0 / 6.0 - square / 120.0 + square * square / 5040.0)
-            } else {
-                ((1.0 - angle.cos()) / square, (angle - angle.sin()) / (square * angle))
-            };
-            let across = r.cross(Vector3::from(rate));
-            let spin = Vector3::from(rate) + across.scale(b) + r.cross(across).scale(c);
-            for column in 0..3 {
-                let expected = spin.cross(plain.axis(column));
-                for k in 0..3 {
-                    let got = turned[(k, column)];
-                    assert_eq!(got.value, plain.axis(column)[k]);
-                    // At its threshold t = 1e-4, the series has an error below t^4. The closed form divides 1 - cos t, which has the
-                    // rounding error 1e-16, by t^2. The quotient is multiplied by terms of size t, so that the rate has the error 1e-16 /
-                    // t.
-                    assert!((got.rate - expected[k]).abs() < 1e-12, "{angle}: {} against {}", got.rate, expected[k]);
-                }
-            }
-        }
-    }
-
-    #[test]
-    fn its_derivative_at_the_identity_is_the_rate_of_turning() {
-        let turning = rotation_exp([0.0; 3]);
-        let rate = [0.3, -0.2, 0.5];
-        // At R = 1, the derivative is R_dot = [rate]x R.
-        let r = Matrix3::from_columns(&std::array::from_fn::<_, 3, _>(|c| {
-            let column = Vector3::from(rate).cross(turning.axis(c));
-            Vector3::from(std::array::from_fn(|k| Dual::new(turning.axis(c)[k], column[k])))
-        }));
-        let log = rotation_log(&r);
-        for k in 0..3 {
-            assert!((log[k].rate - rate[k]).abs() < 1e-15);
-        }
     }
 }

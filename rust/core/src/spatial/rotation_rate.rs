@@ -49,36 +49,3 @@ pub fn rotation_rate<S: Real>(r: Vector3<S>, rate: Vector3<S>, acceleration: Vec
     let turning = acceleration + across.scale(b_rate) + across_rate.scale(b) + twice.scale(c_rate);
     (velocity, turning + (rate.cross(across) + r.cross(across_rate)).scale(c))
 }
-
-#[cfg(test)]
-mod tests {
-    use super::super::{Matrix, rotation_exp};
-    use super::*;
-    use crate::scalar::Dual;
-
-    /// The velocity is compared with dual numbers of `exp`, and the acceleration with dual numbers of the velocity, on both sides of the
-    /// threshold.
-    #[test]
-    fn it_is_the_rate_of_the_rotation() {
-        let (axis, rate, acceleration) = ([2.0 / 7.0, -3.0 / 7.0, 6.0 / 7.0], [0.3, -0.2, 0.5], [-1.0, 0.4, 0.7]);
-        for angle in [0.0, 1e-9, 1e-4, 0.1, 0.99999, 1.00001, 2.0, 3.0, 3.2, 6.0] {
-            let r = Vector3::from(axis.map(|a| a * angle));
-            let (w, w_dot) = rotation_rate(r, Vector3::from(rate), Vector3::from(acceleration));
-            let turned = rotation_exp(std::array::from_fn(|k| Dual::new(r[k], rate[k])));
-            let plain = rotation_exp(r.array());
-            for column in 0..3 {
-                let expected = w.cross(plain.axis(column));
-                for k in 0..3 {
-                    // The derivatives of `exp` have an error of at most t^4 below its threshold of 1e-4, and of at most 1e-16 / t^2 above
-                    // it.
-                    assert!((turned[(k, column)].rate - expected[k]).abs() < 2e-8, "{angle}");
-                }
-            }
-            let moving = |value: [f64; 3], rate: [f64; 3]| Vector3::from(std::array::from_fn(|k| Dual::new(value[k], rate[k])));
-            let (again, _) = rotation_rate(moving(r.array(), rate), moving(rate, acceleration), Vector3::zero());
-            for k in 0..3 {
-                assert!((again[k].value - w[k]).abs() < 1e-15 && (again[k].rate - w_dot[k]).abs() < 1e-14, "{angle}: {again:?}, {w_dot:?}");
-            }
-        }
-    }
-}

@@ -9,13 +9,10 @@ use nalgebra::Vector3;
 /// Products of [`Vector3`] over any [`Real`].
 ///
 /// ```
-/// use armlet_core::scalar::Dual;
 /// use armlet_core::spatial::{Vector, Vector3};
 ///
-/// // `|p|^2` and its derivative along x.
-/// let p = Vector3::new(Dual::seed(3.0, 0), Dual::new(4.0, 0.0), Dual::new(0.0, 0.0));
-/// let square: Dual = p.dot(p);
-/// assert_eq!((square.value, square.rate), (25.0, 6.0));
+/// let p = Vector3::new(3.0, 4.0, 0.0);
+/// assert_eq!(Vector::dot(p, p), 25.0);
 /// let (x, y) = (Vector3::<f64>::x(), Vector3::y());
 /// assert_eq!(x.cross(y).scale(2.0).array(), [0.0, 0.0, 2.0]);
 /// ```

@@ -3,7 +3,7 @@
 //! For `y = f(x)` with the Jacobian `J = dy/dx`, and a direction `x_dot` of the inputs, the tangent is `y_dot = J x_dot`. Its operations
 //! follow the operations of `y`. An *entry* is the index of a recorded operation. Entry 0 is the constant zero. An entry that does not
 //! depend on a differentiated input has the derivative zero, and folding removes all operations on this zero. At a corner (such as `|x|` at
-//! zero), the result is the derivative of the selected branch, as in `scalar::Dual`.
+//! zero), the result is the derivative of the selected branch.
 
 use super::tape::{Op, Tape};
 

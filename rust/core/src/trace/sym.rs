@@ -166,18 +166,7 @@ impl Neg for Sym {
 
 impl Real for Sym {
     type Mask = Sym;
-    type One = Sym;
     const LANES: usize = 1;
-
-    fn first(self) -> Sym {
-        self
-    }
-    fn spread(x: Sym) -> Sym {
-        x
-    }
-    fn choose(mask: Sym, yes: Sym, no: Sym) -> Sym {
-        Self::select(mask, yes, no)
-    }
 
     fn splat(x: f64) -> Sym {
         on_tape(|tape| Sym(tape.constant(x)))

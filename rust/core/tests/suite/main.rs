@@ -12,6 +12,7 @@ mod arm_quarter_turns;
 mod arm_urdf;
 mod arm_urdf_mutants;
 mod counting;
+mod derivatives;
 mod elastic_loops;
 mod elastic_oracle;
 mod emulated_loops;

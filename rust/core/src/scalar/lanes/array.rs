@@ -86,17 +86,8 @@ impl Array8 {
 impl Real for Array8 {
     /// All bits of a lane are set where the condition is true. So a selection consists of bit operations, which the compiler vectorises.
     type Mask = [u64; 8];
-    type One = f64;
     const LANES: usize = 8;
 
-    #[inline(always)]
-    fn first(self) -> f64 {
-        self.0[0]
-    }
-    #[inline(always)]
-    fn spread(x: f64) -> Self {
-        Self::splat(x)
-    }
     #[inline(always)]
     fn splat(x: f64) -> Self {
         Array8([x; 8])
@@ -161,10 +152,6 @@ impl Real for Array8 {
             }
         }
         (s, c)
-    }
-    #[inline(always)]
-    fn choose(mask: bool, yes: Self, no: Self) -> Self {
-        if mask { yes } else { no }
     }
     #[inline(always)]
     fn lt(self, other: Self) -> [u64; 8] {

@@ -49,21 +49,7 @@ impl<V: Real> Neg for Pair<V> {
 
 impl<V: Real> Real for Pair<V> {
     type Mask = (V::Mask, V::Mask);
-    type One = V::One;
     const LANES: usize = 2 * V::LANES;
-
-    #[inline(always)]
-    fn first(self) -> V::One {
-        self.0.first()
-    }
-    #[inline(always)]
-    fn spread(x: V::One) -> Self {
-        Pair(V::spread(x), V::spread(x))
-    }
-    #[inline(always)]
-    fn choose(mask: <V::One as Real>::Mask, yes: Self, no: Self) -> Self {
-        Pair(V::choose(mask, yes.0, no.0), V::choose(mask, yes.1, no.1))
-    }
 
     #[inline(always)]
     fn splat(x: f64) -> Self {

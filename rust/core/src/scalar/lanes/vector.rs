@@ -72,21 +72,8 @@ macro_rules! vector {
 
         impl Real for $name {
             type Mask = $mask;
-            type One = f64;
             const LANES: usize = $lanes;
 
-            #[inline(always)]
-            fn first(self) -> f64 {
-                self.lane(0)
-            }
-            #[inline(always)]
-            fn spread(x: f64) -> Self {
-                Self::splat(x)
-            }
-            #[inline(always)]
-            fn choose(mask: bool, yes: Self, no: Self) -> Self {
-                if mask { yes } else { no }
-            }
 
             #[inline(always)]
             fn splat(x: f64) -> Self {

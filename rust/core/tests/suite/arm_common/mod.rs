@@ -1,14 +1,8 @@
-//! Common parts of the arm tests: a task for every number type, seeded random trees, and chains from the vectors.
+//! Common parts of the arm tests: seeded random trees, and chains from the vectors.
 
 use armlet_core::arm::{Arm, ChainJoint, JointKind, JointType};
-use armlet_core::scalar::{Dual, GenericKernel, Real};
+use armlet_core::scalar::Real;
 use serde_json::Value;
-
-/// Run the task on the number types with which arms are evaluated directly.
-pub fn on_every_number<T: GenericKernel + Copy>(task: T) {
-    task.run::<f64>();
-    task.run::<Dual>();
-}
 
 pub fn lift<S: Real>(x: &[f64]) -> Vec<S> {
     x.iter().map(|&x| S::splat(x)).collect()

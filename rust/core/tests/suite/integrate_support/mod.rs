@@ -1,8 +1,10 @@
 //! Problems, most of them with known solutions, generic over the number type, and a common interface to the methods.
 
 use armlet_core::integrate::*;
-use armlet_core::scalar::{Array8, Dual8, Real};
+use armlet_core::scalar::Real;
 use armlet_core::status::Status;
+use armlet_core::trace::function::recorded;
+use armlet_core::trace::{Jacobian, Sym};
 
 /// A problem `x' = f(t, x)` with `N` states.
 pub trait Problem {
@@ -49,23 +51,79 @@ impl<P: Problem, S: Real> System<S> for Of<P> {
     }
 }
 
-impl<P: Problem> DualSystem<Array8> for Of<P> {
-    fn moving_input(&mut self, t: f64, u: &mut Dual8) {
-        *u = Dual8::seed(t, 0);
+/// A problem with the derivatives of its recorded right-hand side.
+pub struct Twin<P> {
+    plain: Of<P>,
+    /// The right-hand side as a function of the time and the state.
+    recorded: Jacobian,
+    /// The time and the state.
+    at: Vec<f64>,
+    /// The direction of the time.
+    along_time: Vec<f64>,
+}
+
+impl<P: Problem> Twin<P> {
+    fn place(&mut self, t: f64, x: &[f64]) {
+        self.at[0] = t;
+        self.at[1..].copy_from_slice(x);
+    }
+}
+
+impl<P: Problem> System<f64> for Twin<P> {
+    type Input = f64;
+    fn input(&mut self, t: f64, u: &mut f64) {
+        self.plain.input(t, u);
+    }
+    fn rhs(&mut self, t: &f64, x: &[f64], dx: &mut [f64]) {
+        self.plain.rhs(t, x, dx);
+    }
+    fn is_reversed(&self) -> bool {
+        P::is_reversed()
+    }
+    fn rate_of(&self, i: usize) -> Option<usize> {
+        P::rate_of(i)
+    }
+    fn chatter_budget(&self) -> u64 {
+        P::chatter_budget()
+    }
+}
+
+impl<P: Problem> Differentiable<f64> for Twin<P> {
+    fn linearise(&mut self, _: f64, t: &f64, x: &[f64], dx: &mut [f64], j: &mut [f64]) {
+        self.plain.rhs(t, x, dx);
+        self.place(*t, x);
+        self.recorded.slopes(&self.at, |i, k, slope| {
+            if k > 0 {
+                j[i * P::N + k - 1] = slope;
+            }
+        });
+    }
+    fn time_derivative(&mut self, _: f64, t: &f64, x: &[f64], dft: &mut [f64]) {
+        self.place(*t, x);
+        self.recorded.along(&self.at, &self.along_time, dft);
     }
     fn autonomous(&self) -> bool {
         P::autonomous()
     }
 }
 
-pub type Twin<P> = Linearised<Of<P>, Of<P>, Array8, Vec<Dual8>, Dual8>;
-
 pub fn of<P: Problem>() -> Of<P> {
     Of(std::marker::PhantomData)
 }
 
 pub fn twin<P: Problem>() -> Twin<P> {
-    Linearised::new(of(), of(), vec![Dual8::splat(0.0); P::N], Dual8::splat(0.0))
+    let record = |(), x: &[Sym]| {
+        let mut dx = vec![Sym::zero(); P::N];
+        P::f(x[0], &x[1..], &mut dx);
+        dx
+    };
+    let recorded = Jacobian::new(recorded(1 + P::N, || (), record).expect("it does not branch"), P::N);
+    let (at, mut along_time) = (vec![0.0; 1 + P::N], vec![0.0; 1 + P::N]);
+    along_time[0] = 1.0;
+    let mut twin = Twin { plain: of(), recorded, at, along_time };
+    // The first evaluation prepares the derivatives.
+    twin.time_derivative(0.0, &0.0, &P::start(), &mut vec![0.0; P::N]);
+    twin
 }
 
 pub type Boxed<P> = Box<dyn Adaptive<f64, Twin<P>, Vec<f64>>>;
