@@ -28,6 +28,8 @@ const NOTED: f64 = 0.05;
 const EXCESS: f64 = 0.3;
 /// The safety factor of the feasible tolerance.
 const MARGIN: f64 = 100.0;
+/// The number of measurements from which the feasible tolerance is computed.
+const MEASUREMENTS: u64 = 16;
 /// The feasible tolerance is computed for the present state multiplied by this factor. Close to rest, the rates are much smaller than now,
 /// but the rounding errors of the positions are not.
 const AT_REST: f64 = 1e-3;
@@ -133,7 +135,7 @@ impl<B> Rounding<B> {
         (x, slope, j): (&B, &B, &[S]),
         (y, dy, u): (&mut B, &mut B, &mut F::Input),
         (gain, finest): (f64, f64),
-        solve: impl FnOnce(&mut [S]),
+        mut solve: impl FnMut(&mut [S]),
     ) -> Result<Option<f64>, Status>
     where
         S: Real,
@@ -141,23 +143,27 @@ impl<B> Rounding<B> {
         B: Buffer<S>,
         A: Accuracy,
     {
-        self.looks += 1;
         let (x, n) = (x.as_ref(), x.as_ref().len());
-        for c in 0..n {
-            let by = if random_sign(self.looks, c as u64) { 2.0 } else { -2.0 } * f64::EPSILON;
-            y.as_mut()[c] = S::splat(by).mul_add(x[c], x[c]);
-            self.lost.as_mut()[c] = (x[c] - y.as_ref()[c]) + self.rest.as_ref()[c];
-        }
         system.input(controller.input_time(controller.t), u);
-        system.rhs(u, y.as_ref(), dy.as_mut());
+        // Write the effect of rounding on the error estimate to `dy`.
+        let mut measure = |rounding: &mut Self, y: &mut B, dy: &mut B| {
+            rounding.looks += 1;
+            for c in 0..n {
+                let by = if random_sign(rounding.looks, c as u64) { 2.0 } else { -2.0 } * f64::EPSILON;
+                y.as_mut()[c] = S::splat(by).mul_add(x[c], x[c]);
+                rounding.lost.as_mut()[c] = (x[c] - y.as_ref()[c]) + rounding.rest.as_ref()[c];
+            }
+            system.rhs(u, y.as_ref(), dy.as_mut());
+            if rounding.compensated {
+                add_product(j, rounding.lost.as_ref(), dy.as_mut());
+            }
+            for c in 0..n {
+                dy.as_mut()[c] = dy.as_ref()[c] - slope.as_ref()[c];
+            }
+            solve(dy.as_mut());
+        };
+        measure(self, y, dy);
         controller.work.evaluations += 1;
-        if self.compensated {
-            add_product(j, self.lost.as_ref(), dy.as_mut());
-        }
-        for c in 0..n {
-            dy.as_mut()[c] = dy.as_ref()[c] - slope.as_ref()[c];
-        }
-        solve(dy.as_mut());
         let left = gain * controller.norm(x, x, |c| dy.as_ref()[c]);
         if left < NOTED * finest {
             return Ok(None);
@@ -169,10 +175,16 @@ impl<B> Rounding<B> {
         if left < EXCESS {
             return Ok(Some(left));
         }
-        for c in 0..n {
-            y.as_mut()[c] = S::splat(AT_REST) * x[c];
+        // One measurement may be small by chance, so the feasible tolerance follows from the largest of several.
+        for _ in 0..MEASUREMENTS {
+            for c in 0..n {
+                y.as_mut()[c] = S::splat(AT_REST) * x[c];
+            }
+            let coarsen = MARGIN * gain * controller.norm(y.as_ref(), y.as_ref(), |c| dy.as_ref()[c]);
+            controller.work.coarsen = controller.work.coarsen.max(coarsen);
+            measure(self, y, dy);
         }
-        controller.work.coarsen = MARGIN * gain * controller.norm(y.as_ref(), y.as_ref(), |c| dy.as_ref()[c]);
+        controller.work.evaluations += MEASUREMENTS;
         Err(Status::ExcessAccuracy)
     }
 }
