@@ -11,16 +11,42 @@
 //!
 //! `r(q) = B0 B^-1 (tau(q, theta) - L(q))`, `theta = q + K^-1 L(q)`.
 
-use super::rest::Rest;
 use crate::dynamics::ArmAt;
 use crate::error::{Error, Result};
-use crate::law::Law;
+use crate::law::{Law, LawSpec};
 use crate::linalg::gain::{AnyGain, Gain};
-use crate::plant::{LoopWall, Stop, unilateral};
+use crate::plant::{LoopWall, PlantSpec, Stop, unilateral};
 use crate::scalar::Real;
 use crate::spatial::{Vector, Vector3};
 use crate::trace::function::recorded;
 use crate::trace::{Jacobian, Sym};
+
+/// A plant at rest, with its law and an external wrench.
+///
+/// ```
+/// # use armlet_core::{arm::Arm, dynamics::Model, law::{Gain, LawSpec, PdGravitySpec}, plant::{PlantSpec, RigidSpec}};
+/// use armlet_core::analysis::rest::Rest;
+/// # let model = Model::from(Arm::pendulum(2.0, 5.0)?);
+/// # let plant = PlantSpec::from(RigidSpec::new(model.clone()));
+///
+/// let law = LawSpec::from(PdGravitySpec::new(model, vec![0.5], Gain::scalar("kp", 1, 20.0)?, Gain::scalar("kd", 1, 4.0)?)?);
+/// let rest = Rest { plant: &plant, law: &law, wrench: [0.0; 6], frame: None };
+/// assert!((rest.unbalanced(&[0.3], &[])?.load[0] - 5.0 * 0.3f64.sin()).abs() < 1e-12);
+/// let mut q = vec![0.0];
+/// rest.descend(&mut q)?;
+/// assert!((q[0] - 0.5).abs() < 1e-9);
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
+pub struct Rest<'a> {
+    /// The plant.
+    pub plant: &'a PlantSpec,
+    /// A law of the links, or a law of motors.
+    pub law: &'a LawSpec,
+    /// External wrench `[f; m]`, N and N m, world axes.
+    pub wrench: [f64; 6],
+    /// Index of the frame at which the wrench acts; `None` for no wrench.
+    pub frame: Option<usize>,
+}
 
 /// The motor positions in the residual, and the factor of the balance of motor torques.
 pub(super) enum Motors {

@@ -7,42 +7,14 @@
 //! integrates `M q_dot = r`, `w_dot = K_i e` in time until the equilibrium is reached (pseudo-transient continuation). Each implicit step
 //! `d` solves `(diag(M, 1)/h - dr/dy) d = r`, with a step size `h` that grows.
 
+pub use super::residual::Rest;
 use super::residual::{Motors, Residual};
 use crate::error::{Error, Result, finite};
 use crate::interrupt::look;
-use crate::law::LawSpec;
 use crate::linalg::gain::Gain;
 use crate::linalg::symmetric_eigen;
-use crate::plant::PlantSpec;
 use crate::status::Status;
 use nalgebra::{DMatrix, DVector};
-
-/// A plant at rest, with its law and an external wrench.
-///
-/// ```
-/// # use armlet_core::{arm::Arm, dynamics::Model, law::{Gain, LawSpec, PdGravitySpec}, plant::{PlantSpec, RigidSpec}};
-/// use armlet_core::analysis::rest::Rest;
-/// # let model = Model::from(Arm::pendulum(2.0, 5.0)?);
-/// # let plant = PlantSpec::from(RigidSpec::new(model.clone()));
-///
-/// let law = LawSpec::from(PdGravitySpec::new(model, vec![0.5], Gain::scalar("kp", 1, 20.0)?, Gain::scalar("kd", 1, 4.0)?)?);
-/// let rest = Rest { plant: &plant, law: &law, wrench: [0.0; 6], frame: None };
-/// assert!((rest.unbalanced(&[0.3], &[])?.load[0] - 5.0 * 0.3f64.sin()).abs() < 1e-12);
-/// let mut q = vec![0.0];
-/// rest.descend(&mut q)?;
-/// assert!((q[0] - 0.5).abs() < 1e-9);
-/// # Ok::<(), armlet_core::error::Error>(())
-/// ```
-pub struct Rest<'a> {
-    /// The plant.
-    pub plant: &'a PlantSpec,
-    /// A law of the links, or a law of motors.
-    pub law: &'a LawSpec,
-    /// External wrench `[f; m]`, N and N m, world axes.
-    pub wrench: [f64; 6],
-    /// Index of the frame at which the wrench acts; `None` for no wrench.
-    pub frame: Option<usize>,
-}
 
 /// The load of an arm at rest, and the torque that the law does not balance.
 pub struct Unbalanced {

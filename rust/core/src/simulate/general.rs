@@ -1,6 +1,6 @@
 //! Runs of any plant with any law, by any method, on plain numbers or on lanes.
 
-use super::adaptive_steps::{self, Segments};
+use super::adaptive_steps;
 use super::assembly::Watched;
 use super::fixed_steps::{self, Record};
 use super::monitors;
@@ -8,6 +8,7 @@ use super::problem::{Division, Ended, Fixed, Problem};
 use super::rates_loop::RatesLoop;
 use super::rates_programs::Rates;
 use super::run_observer::RunObserver;
+use super::segments::Segments;
 use super::sink::Sink;
 use super::stop::Stop;
 use super::watching::Watching;

@@ -6,8 +6,8 @@
 use super::columns::Columns;
 use super::gauge::{Gauge, Identities, MetricInput, Start};
 use super::measures::Plan;
-use super::monitors::Monitors;
 use super::problem::Problem;
+use super::recorded_monitors::Monitors;
 use super::summary::Ends;
 use crate::error::all_finite;
 use crate::law::LawSpec;

@@ -1,12 +1,12 @@
 //! A problem is a set of runs with one set of options. This file also validates it.
 
-use super::adaptive_steps::{Clock, Outcome, Segments};
 use super::bound::Bound;
 use super::fixed_steps::Faults;
 use super::force::Force;
 use super::measure_options::Measures;
 use super::sampling::Sampling;
 use super::schedule::{Schedule, Times};
+use super::segments::{Clock, Outcome, Segments};
 use crate::dynamics::Model;
 use crate::error::{Error, Result, finite, positive};
 use crate::integrate::Method;

@@ -94,13 +94,13 @@ pub fn loop_parameters(problem: &Problem, run: usize, common: Common) -> LoopPar
 }
 
 /// The metrics and records that the programs of a loop compute in addition to steps.
-struct MetricsAndRecords {
+pub struct MetricsAndRecords {
     sums: Option<Sums<Sym>>,
-    notes: Option<Notes>,
+    pub notes: Option<Notes>,
 }
 
 /// Return the loop of run `run`, and its metrics and records.
-fn set_up(problem: &Problem, run: usize, common: Common) -> (ClosedLoop, MetricsAndRecords) {
+pub fn set_up(problem: &Problem, run: usize, common: Common) -> (ClosedLoop, MetricsAndRecords) {
     let closed = assemble(problem, run, common.monitored.storage);
     let sums = common.plan(problem, run).map(|plan| Sums::new(problem, run, &plan, common.monitored.storage));
     let notes = common.notes.map(|monitors| Notes::new(problem, run, monitors, common.monitored));

@@ -1,9 +1,9 @@
 //! The functions of time of a problem: forces that the caller supplies as functions, and tables of desired motions. Their time scales
 //! limit the steps of a run.
 
-use super::adaptive_steps::Segments;
 use super::force::Force;
 use super::problem::{Division, Problem};
+use super::segments::Segments;
 use super::stop::Stop;
 use super::time_scale::TimeScale;
 use crate::error::Result;

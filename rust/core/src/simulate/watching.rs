@@ -7,9 +7,9 @@
 //! Guards of the contacts and joints, and event functions, are evaluated at four times of every step. Two changes of sign between two of
 //! these times cancel. A parabola through three successive values predicts such a dip, which is then searched.
 
-use super::adaptive_steps::Cut;
 use super::rates_loop::RatesLoop;
 use super::run_observer::{Guard, RunObserver};
+use super::segments::Cut;
 use super::switching::{Probe, Switching};
 use crate::integrate::events::{crossing, dip};
 use crate::integrate::solve::node;

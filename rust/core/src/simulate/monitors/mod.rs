@@ -30,10 +30,8 @@ mod torque_error;
 
 pub use kind::{Flow, Moment, Monitor, MonitorKind, Monitored, Scope};
 
-use super::force::{Force, Wrench};
 use super::problem::Problem;
 use crate::law::ProjectionLoss;
-use crate::motion::{Motion, sample_all};
 use crate::scalar::Real;
 use identities::Theory;
 use level_norms::LevelNorms;
@@ -174,35 +172,5 @@ impl<S: Real> Checks<S> {
             monitor.evaluate(&mut at, own);
             out = rest;
         }
-    }
-}
-
-/// The monitors of one run with its desired motions and force.
-pub struct Monitors<'a> {
-    motions: Vec<&'a Motion>,
-    force: Option<&'a Force>,
-    checks: Checks<f64>,
-    desired: Vec<f64>,
-    /// `E - int P dt` and `V1 + int D dt` at the first record. `None` before the first record.
-    first: Option<[f64; 2]>,
-}
-
-impl<'a> Monitors<'a> {
-    /// Create the monitors of run `run` of a problem.
-    pub fn new(problem: &Problem<'a>, run: usize) -> Self {
-        let law = problem.law(run);
-        let scope = Scope { problem, run, monitored: Monitored::of(problem) };
-        Monitors { motions: law.motions(), force: problem.force(run), checks: Checks::new(&scope), desired: law.desired(0.0), first: None }
-    }
-
-    /// Compute the monitors at time `t`, s, state `x` and input `tau`, and write them to `out`.
-    pub fn evaluate(&mut self, t: f64, x: &[f64], tau: &[f64], out: &mut [f64]) {
-        if out.is_empty() {
-            return;
-        }
-        sample_all(self.motions.iter().copied(), t, &mut self.desired);
-        let wrench: Wrench = self.force.map_or([0.0; 6], |force| force.at(t));
-        let first = |own| *self.first.get_or_insert(own);
-        self.checks.evaluate((&self.desired, &wrench), (x, tau), first, out);
     }
 }
