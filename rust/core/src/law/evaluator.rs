@@ -176,15 +176,30 @@ impl LawEvaluator {
     }
 }
 
-/// Initialise the filters in the law's state `z` from the plant's state `x`. The other entries of `z` keep their values.
-pub(super) fn restart(spec: &LawSpec, x: &[f64], z: &mut [f64]) {
-    if spec.restarts() {
-        let mut restart = restart_of(spec, widths(spec)).interpreted(false);
-        z.copy_from_slice(call(&mut restart, &[x, z].concat(), z.len()));
+impl LawSpec {
+    /// The law's state at the start of a run, if the plant's state is `x0`.
+    pub fn start(&self, x0: &[f64]) -> Vec<f64> {
+        let mut z = self.initial_state().to_vec();
+        self.restart(x0, &mut z);
+        z
+    }
+
+    /// Initialise the filters in the law's state `z` from the plant's state `x`.
+    pub fn restart(&self, x: &[f64], z: &mut [f64]) {
+        if self.restarts() {
+            let mut restart = restart_of(self, widths(self)).interpreted(false);
+            z.copy_from_slice(call(&mut restart, &[x, &*z].concat(), z.len()));
+        }
+    }
+
+    /// The named terms of the law at time `t`, at the plant's state `x` and the law's state `z`. For a law with a state, the last two are
+    /// `z` and its rate.
+    pub fn terms_at(&self, t: f64, x: &[f64], z: &[f64]) -> Vec<Term> {
+        LawEvaluator::new(self).terms(t, &[x], Some(z))
     }
 }
 
-/// Record the law's state after [`restart`] as a function of the plant's state and the law's state.
+/// Record the law's state after [`LawSpec::restart`] as a function of the plant's state and the law's state.
 fn restart_of(spec: &LawSpec, [_, states, p]: [usize; 3]) -> Recorded {
     let begin = |mut law: RecordedLaw, inputs: &[Sym]| {
         let (x, z) = inputs.split_at(states);

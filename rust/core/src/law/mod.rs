@@ -204,30 +204,12 @@ impl LawSpec {
         breaks
     }
 
-    /// The law's state at the start of a run, if the plant's state is `x0`.
-    pub fn start(&self, x0: &[f64]) -> Vec<f64> {
-        let mut z = self.initial_state().to_vec();
-        self.restart(x0, &mut z);
-        z
-    }
-
-    /// Initialise the filters in the law's state `z` from the plant's state `x`.
-    pub fn restart(&self, x: &[f64], z: &mut [f64]) {
-        evaluator::restart(self, x, z);
-    }
-
     /// The samples of the law's motions at time `t`, in the order of [`Law::evaluate`].
     pub fn desired<S: Real>(&self, t: f64) -> Vec<S> {
         let motions = self.motions();
         let mut desired = vec![S::zero(); motions.iter().map(|motion| 3 * motion.dof()).sum()];
         sample_all(motions, t, &mut desired);
         desired
-    }
-
-    /// The named terms of the law at time `t`, at the plant's state `x` and the law's state `z`. For a law with a state, the last two are
-    /// `z` and its rate.
-    pub fn terms_at(&self, t: f64, x: &[f64], z: &[f64]) -> Vec<Term> {
-        LawEvaluator::new(self).terms(t, &[x], Some(z))
     }
 
     /// A copy of the law whose spring is `kappa` times as stiff; `None` for a law without a spring. The spring has the stiffness `K_m` of a

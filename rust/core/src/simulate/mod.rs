@@ -69,6 +69,7 @@ mod segments;
 mod single;
 mod sink;
 mod stepper;
+mod sticking_joints;
 mod sticking_plants;
 mod stop;
 mod summary;

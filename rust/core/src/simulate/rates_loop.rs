@@ -7,12 +7,12 @@
 
 use super::assembly::{Watched, sampler, start, world};
 use super::force::Wrench;
-use super::gripping::StickingJoints;
 use super::key::Common;
 use super::problem::Problem;
 use super::rates_programs::{self, Rates};
 use super::running_rates::Running;
 use super::sampler::Sampler;
+use super::sticking_joints::StickingJoints;
 use super::world::{Exogenous, World};
 use crate::integrate::{Attempt, Buffer, Differentiable, Scheme, System};
 use crate::law::{ExternalSpec, LawSpec};
