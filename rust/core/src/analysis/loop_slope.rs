@@ -24,7 +24,7 @@ pub fn loop_slope(
     force_frame: Option<usize>,
 ) -> Result<Vec<f64>> {
     let (n, states) = (plant.n(), x.len());
-    let set_up = || (plant.build::<Sym>(force_frame), law.build::<Sym>(), law.desired(t));
+    let set_up = || (plant.build::<Sym>(force_frame), law.build(), law.desired(t));
     let slope = slope(&[x, z].concat(), n, set_up, |(mut plant, mut law, desired), trig, state| {
         let (x, z) = state.split_at(states);
         let (mut tau, mut rates) = (vec![Sym::zero(); n], vec![Sym::zero(); state.len()]);
@@ -44,7 +44,7 @@ pub fn law_slope(law: &LawSpec, t: f64, x: &[f64], z: &[f64]) -> Option<Vec<f64>
         return None;
     }
     let (n, states) = (law.model().n(), x.len());
-    let set_up = || (law.build::<Sym>(), law.desired(t));
+    let set_up = || (law.build(), law.desired(t));
     slope(&[x, z].concat(), n, set_up, |(mut law, desired), trig, state| {
         let (x, z) = state.split_at(states);
         let mut results = vec![Sym::zero(); n + z.len()];

@@ -116,7 +116,7 @@ impl Residual {
 /// The operations of the residual `r`, with their buffers.
 struct Forces<'a> {
     rest: &'a Rest<'a>,
-    law: Box<dyn Law<Sym> + Send>,
+    law: Box<dyn Law + Send>,
     arm: ArmAt<Sym>,
     desired: Vec<Sym>,
     x: Vec<Sym>,

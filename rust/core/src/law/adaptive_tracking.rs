@@ -11,27 +11,28 @@
 use crate::dynamics::{AnyArm, Dynamics, Workspace};
 use crate::linalg::gain::AnyGain;
 use crate::scalar::Real;
+use crate::trace::Sym;
 
 /// The law in a control loop, without its options.
-pub struct Adaptive<S: Real> {
-    pub(super) arm: AnyArm<S>,
-    pub(super) workspace: Workspace<S>,
-    lambda: AnyGain<S>,
-    kd: AnyGain<S>,
-    pub(super) gamma: AnyGain<S>,
-    pub(super) s: Vec<S>,
-    pub(super) e: Vec<S>,
-    pub(super) e_dot: Vec<S>,
-    pub(super) v_r: Vec<S>,
-    pub(super) a_r: Vec<S>,
-    pub(super) yt_s: Vec<S>,
+pub struct Adaptive {
+    pub(super) arm: AnyArm<Sym>,
+    pub(super) workspace: Workspace<Sym>,
+    lambda: AnyGain<Sym>,
+    kd: AnyGain<Sym>,
+    pub(super) gamma: AnyGain<Sym>,
+    pub(super) s: Vec<Sym>,
+    pub(super) e: Vec<Sym>,
+    pub(super) e_dot: Vec<Sym>,
+    pub(super) v_r: Vec<Sym>,
+    pub(super) a_r: Vec<Sym>,
+    pub(super) yt_s: Vec<Sym>,
 }
 
-impl<S: Real> Adaptive<S> {
+impl Adaptive {
     /// Create the law with its buffers.
-    pub fn new(arm: AnyArm<S>, lambda: AnyGain<S>, kd: AnyGain<S>, gamma: AnyGain<S>) -> Self {
+    pub fn new(arm: AnyArm<Sym>, lambda: AnyGain<Sym>, kd: AnyGain<Sym>, gamma: AnyGain<Sym>) -> Self {
         let (n, p) = (arm.dof(), arm.parameter_count());
-        let zeros = || vec![S::zero(); n];
+        let zeros = || vec![Sym::zero(); n];
         Adaptive {
             workspace: arm.workspace(),
             arm,
@@ -43,13 +44,13 @@ impl<S: Real> Adaptive<S> {
             e_dot: zeros(),
             v_r: zeros(),
             a_r: zeros(),
-            yt_s: vec![S::zero(); p],
+            yt_s: vec![Sym::zero(); p],
         }
     }
 
     /// Compute the torque `tau` for the parameters `pi`. The law stores the sliding variable `s`, the reference acceleration `a_r`, and the
     /// product `Y' s` with the regressor `Y`.
-    pub(super) fn torque(&mut self, desired: &[S], trig: &[(S, S)], x: &[S], pi: &[S], tau: &mut [S]) {
+    pub(super) fn torque(&mut self, desired: &[Sym], trig: &[(Sym, Sym)], x: &[Sym], pi: &[Sym], tau: &mut [Sym]) {
         let n = tau.len();
         let (q, v) = (&x[..n], &x[n..2 * n]);
         let Adaptive { s, e, e_dot, v_r, a_r, .. } = self;
@@ -67,7 +68,7 @@ impl<S: Real> Adaptive<S> {
     }
 
     /// The dissipation `s' Kd s`, W.
-    pub(super) fn dissipation(&self) -> S {
+    pub(super) fn dissipation(&self) -> Sym {
         self.kd.quadratic(&self.s)
     }
 }

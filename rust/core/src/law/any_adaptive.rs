@@ -16,6 +16,7 @@ use crate::linalg::gain::{AnyGain, Gain};
 use crate::scalar::Real;
 use crate::spatial::PARAMETERS;
 use crate::spatial::pseudo_inertia::natural_rate;
+use crate::trace::Sym;
 
 impl Definition for AdaptiveSpec {
     facts!("Adaptive", Rigid, motion);
@@ -52,42 +53,42 @@ impl Shape for AdaptiveSpec {
 }
 
 /// The adaptive law in a control loop, for any arm.
-pub struct AnyAdaptive<S: Real> {
-    law: Adaptive<S>,
+pub struct AnyAdaptive {
+    law: Adaptive,
     /// Known rotor inertias, `(n,)`; empty if there are none.
-    armature: Vec<S>,
+    armature: Vec<Sym>,
     columns: Vec<usize>,
     /// The gain `gamma` of each body, then of each parameter of a joint column; empty in the Euclidean metric.
-    natural: Vec<S>,
+    natural: Vec<Sym>,
     /// All inertial parameters: the estimate in the entries of the base set, and zero in the other entries. Empty without a base set.
-    full: Vec<S>,
+    full: Vec<Sym>,
     /// The entries of the base set in `Y' s`, the product of the transposed regressor and the sliding variable.
-    kept: Vec<S>,
-    projector: Option<Projector<S>>,
+    kept: Vec<Sym>,
+    projector: Option<Projector<Sym>>,
     /// The buffers of joint columns, restraint, and composite or concurrent adaptation; `None` for the plain adaptation.
-    more: Option<More<S>>,
+    more: Option<More>,
 }
 
 /// The optional parts of an adaptive law: joint columns, restraint (leakage and dead zone), and composite or concurrent adaptation.
-struct More<S> {
-    joints: LoopColumns<S>,
-    restraint: LoopRestraint<S>,
-    composite: Option<LoopComposite<S>>,
-    concurrent: Option<LoopConcurrent<S>>,
+struct More {
+    joints: LoopColumns<Sym>,
+    restraint: LoopRestraint,
+    composite: Option<LoopComposite<Sym>>,
+    concurrent: Option<LoopConcurrent>,
     /// The entries of the joint columns of the regressor `Y`.
-    entries: Vec<S>,
+    entries: Vec<Sym>,
     /// The product `y = Y' s` of the transposed regressor and the sliding variable, `(p,)`.
-    y: Vec<S>,
+    y: Vec<Sym>,
     /// The vector `w` that replaces `y` in the rate of the estimate, `(p,)`. It is empty without restraint, composite and concurrent
     /// adaptation.
-    w: Vec<S>,
+    w: Vec<Sym>,
     /// The difference `y - w`, `(p,)`; empty if `w` is empty.
-    back: Vec<S>,
+    back: Vec<Sym>,
 }
 
-impl<S: Real> More<S> {
+impl More {
     fn new(spec: &AdaptiveSpec) -> Self {
-        let zeros = |k: usize| vec![S::zero(); k];
+        let zeros = |k: usize| vec![Sym::zero(); k];
         let p = spec.estimate.len();
         let restraint = LoopRestraint::new(&spec.restraint);
         let composite = spec.composite.is_some().then(|| LoopComposite::new(spec));
@@ -107,11 +108,11 @@ impl<S: Real> More<S> {
 }
 
 impl AdaptiveSpec {
-    pub(super) fn build<S: Real>(&self) -> AnyAdaptive<S> {
-        let zeros = |k: usize| vec![S::zero(); k];
+    pub(super) fn build(&self) -> AnyAdaptive {
+        let zeros = |k: usize| vec![Sym::zero(); k];
         let (gamma, natural) = match &self.adaptation {
             Adaptation::Euclidean(gamma) => (gamma, Vec::new()),
-            Adaptation::Natural(gammas) => (&Gain::unchecked(1, vec![1.0]), gammas.iter().map(|&gamma| S::varying(gamma)).collect()),
+            Adaptation::Natural(gammas) => (&Gain::unchecked(1, vec![1.0]), gammas.iter().map(|&gamma| Sym::varying(gamma)).collect()),
         };
         let armature = self.model.armature();
         let known = !self.columns.has(JointColumn::Armature) && armature.iter().any(|&a| a != 0.0);
@@ -123,7 +124,7 @@ impl AdaptiveSpec {
                 AnyGain::labelled("kd", &self.kd),
                 AnyGain::labelled("gamma", gamma),
             ),
-            armature: if known { armature.into_iter().map(S::fixed).collect() } else { Vec::new() },
+            armature: if known { armature.into_iter().map(Sym::fixed).collect() } else { Vec::new() },
             full: zeros(if columns.is_empty() { 0 } else { self.model.parameter_count() }),
             kept: zeros(columns.len()),
             projector: self.projection.as_ref().map(|projection| Projector::new(projection, self.estimate.len())),
@@ -134,10 +135,10 @@ impl AdaptiveSpec {
     }
 }
 
-impl<S: Real> AnyAdaptive<S> {
+impl AnyAdaptive {
     /// Compute the torque for the estimate `z` of the bodies, plus the torque of known rotors. The law stores `Y' s`, the product of the
     /// transposed regressor and the sliding variable.
-    fn torque(&mut self, desired: &[S], trig: &[(S, S)], x: &[S], z: &[S], tau: &mut [S]) {
+    fn torque(&mut self, desired: &[Sym], trig: &[(Sym, Sym)], x: &[Sym], z: &[Sym], tau: &mut [Sym]) {
         if self.columns.is_empty() {
             self.law.torque(desired, trig, x, z, tau);
         } else {
@@ -152,7 +153,7 @@ impl<S: Real> AnyAdaptive<S> {
     }
 
     /// Compute the torque, and the rate of the estimate, with the options in `more`.
-    fn evaluate_more(&mut self, desired: &[S], trig: &[(S, S)], x: &[S], z: &[S], tau: &mut [S], dz: &mut [S]) {
+    fn evaluate_more(&mut self, desired: &[Sym], trig: &[(Sym, Sym)], x: &[Sym], z: &[Sym], tau: &mut [Sym], dz: &mut [Sym]) {
         let Some(mut more) = self.more.take() else { return };
         let n = tau.len();
         let (z, filters) = z.split_at(more.y.len());
@@ -197,34 +198,34 @@ impl<S: Real> AnyAdaptive<S> {
 
     /// Name the desired motion, the errors `e` and `e_dot`, the references `v_r` and `a_r`, the sliding variable `s` and the regressor `Y`.
     /// The rate of the estimate and the terms of composite adaptation follow.
-    fn name_terms(&mut self, desired: &[S], trig: &[(S, S)], x: &[S], dz: &[S]) {
+    fn name_terms(&mut self, desired: &[Sym], trig: &[(Sym, Sym)], x: &[Sym], dz: &[Sym]) {
         let AnyAdaptive { law, columns, more, .. } = self;
         let (n, all) = (law.s.len(), law.yt_s.len());
         let entries = more.as_ref().map_or(&[][..], |more| &more.entries);
-        let own = |row: &[S], i: usize, entries: &[S]| -> Vec<S> {
-            let bodies: Vec<S> = if columns.is_empty() { row.to_vec() } else { columns.iter().map(|&column| row[column]).collect() };
-            bodies.into_iter().chain(entries.iter().enumerate().map(|(k, &entry)| if k % n == i { entry } else { S::zero() })).collect()
+        let own = |row: &[Sym], i: usize, entries: &[Sym]| -> Vec<Sym> {
+            let bodies: Vec<Sym> = if columns.is_empty() { row.to_vec() } else { columns.iter().map(|&column| row[column]).collect() };
+            bodies.into_iter().chain(entries.iter().enumerate().map(|(k, &entry)| if k % n == i { entry } else { Sym::zero() })).collect()
         };
         let p = entries.len() + if columns.is_empty() { all } else { columns.len() };
-        S::term("q_d", &[n], || desired[..n].to_vec());
-        S::term("v_d", &[n], || desired[n..2 * n].to_vec());
-        S::term("a_d", &[n], || desired[2 * n..].to_vec());
+        Sym::term("q_d", &[n], || desired[..n].to_vec());
+        Sym::term("v_d", &[n], || desired[n..2 * n].to_vec());
+        Sym::term("a_d", &[n], || desired[2 * n..].to_vec());
         for (name, values) in [("e", &law.e), ("e_dot", &law.e_dot), ("v_r", &law.v_r), ("a_r", &law.a_r), ("s", &law.s)] {
-            S::term(name, &[n], || values.clone());
+            Sym::term(name, &[n], || values.clone());
         }
-        S::term("Y", &[n, p], || {
-            let mut full = vec![S::zero(); n * all];
+        Sym::term("Y", &[n, p], || {
+            let mut full = vec![Sym::zero(); n * all];
             law.arm.regressor(&mut law.workspace, trig, &x[..n], [&x[n..2 * n], &law.v_r, &law.a_r], &mut full);
             full.chunks_exact(all).enumerate().flat_map(|(i, row)| own(row, i, entries)).collect()
         });
-        S::term("estimate_rate", &[p], || dz[..p].to_vec());
+        Sym::term("estimate_rate", &[p], || dz[..p].to_vec());
         if let Some(composite) = more.as_ref().and_then(|more| more.composite.as_ref()) {
             composite.name_terms();
         }
     }
 
     /// Compute the rates of the estimate in the natural metric: of each body, then of each parameter of a joint column.
-    fn natural_rates(&self, z: &[S], w: &[S], dz: &mut [S]) {
+    fn natural_rates(&self, z: &[Sym], w: &[Sym], dz: &mut [Sym]) {
         let bodies = (z.len() - self.natural.len()) / (PARAMETERS - 1);
         let (of_bodies, beside) = dz.split_at_mut(PARAMETERS * bodies);
         let ((estimates, _), (pushes, _), (rates, _)) =
@@ -238,8 +239,8 @@ impl<S: Real> AnyAdaptive<S> {
     }
 }
 
-impl<S: Real> Law<S> for AnyAdaptive<S> {
-    fn evaluate(&mut self, desired: &[S], trig: &[(S, S)], x: &[S], z: &[S], tau: &mut [S], dz: &mut [S]) {
+impl Law for AnyAdaptive {
+    fn evaluate(&mut self, desired: &[Sym], trig: &[(Sym, Sym)], x: &[Sym], z: &[Sym], tau: &mut [Sym], dz: &mut [Sym]) {
         if self.more.is_some() {
             self.evaluate_more(desired, trig, x, z, tau, dz);
             return self.name_terms(desired, trig, x, dz);
@@ -262,7 +263,7 @@ impl<S: Real> Law<S> for AnyAdaptive<S> {
         self.name_terms(desired, trig, x, dz);
     }
 
-    fn restart(&mut self, trig: &[(S, S)], x: &[S], z: &mut [S]) {
+    fn restart(&mut self, trig: &[(Sym, Sym)], x: &[Sym], z: &mut [Sym]) {
         let n = self.law.s.len();
         if let Some(More { composite: Some(composite), joints, y, .. }) = &mut self.more {
             composite.evaluate(&self.law.arm, &mut self.law.workspace, joints, trig, x);
@@ -270,11 +271,11 @@ impl<S: Real> Law<S> for AnyAdaptive<S> {
         }
     }
 
-    fn dissipation(&self) -> S {
+    fn dissipation(&self) -> Sym {
         self.law.dissipation()
     }
 
-    fn dissipation_of(&self, truth: &Truth<S>, friction: Option<&[S]>, x: &[S], z: &[S]) -> S {
+    fn dissipation_of(&self, truth: &Truth, friction: Option<&[Sym]>, x: &[Sym], z: &[Sym]) -> Sym {
         let Some(more) = &self.more else { return self.dissipation() };
         let n = self.law.s.len();
         self.dissipation() - truth.added([&self.law.s, &x[n..2 * n], &self.law.a_r], friction, &more.entries, z, &more.back)

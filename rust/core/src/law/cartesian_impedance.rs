@@ -20,6 +20,7 @@ use crate::motion::Motion;
 use crate::plant::PlantKind;
 use crate::scalar::Real;
 use crate::spatial::{Vector3, rotation_rate};
+use crate::trace::Sym;
 
 /// The Cartesian impedance law of an arm, with validated parameters.
 ///
@@ -141,10 +142,10 @@ impl Shape for CartesianImpedanceSpec {
 }
 
 impl CartesianImpedanceSpec {
-    pub(super) fn build<S: Real>(&self) -> CartesianImpedance<S> {
+    pub(super) fn build(&self) -> CartesianImpedance {
         let (n, m, options) = (self.model.n(), self.coordinates.m(), &self.options);
         let arm = AnyArm::new(&self.model);
-        let zeros = |k: usize| vec![S::zero(); k];
+        let zeros = |k: usize| vec![Sym::zero(); k];
         CartesianImpedance {
             workspace: arm.workspace(),
             arm,
@@ -166,45 +167,45 @@ impl CartesianImpedanceSpec {
 }
 
 /// The law in the control loop of a rigid arm, or as the outer loop of an elastic arm.
-pub struct CartesianImpedance<S: Real> {
-    pub(super) arm: AnyArm<S>,
-    pub(super) workspace: Workspace<S>,
+pub struct CartesianImpedance {
+    pub(super) arm: AnyArm<Sym>,
+    pub(super) workspace: Workspace<Sym>,
     pub(super) coordinates: Coordinates,
-    pub(super) stiffness: AnyGain<S>,
-    pub(super) damping: AnyGain<S>,
-    full: Vec<S>,
+    pub(super) stiffness: AnyGain<Sym>,
+    pub(super) damping: AnyGain<Sym>,
+    full: Vec<Sym>,
     /// Jacobian of the rows, `(m, n)`.
-    pub(super) jacobian: Vec<S>,
-    pub(super) e: Vec<S>,
+    pub(super) jacobian: Vec<Sym>,
+    pub(super) e: Vec<Sym>,
     /// Velocity error `x_d_dot - x_dot`, `(m,)`, m/s and rad/s.
-    pub(super) slip: Vec<S>,
+    pub(super) slip: Vec<Sym>,
     /// Spring wrench `K_m e`, `(m,)`, N and N m.
-    spring: Vec<S>,
+    spring: Vec<Sym>,
     /// Wrench, `(m,)`, N and N m: `K_m e + D_m (x_d_dot - x_dot)` and the terms of the options.
-    force: Vec<S>,
+    force: Vec<Sym>,
     /// Acceleration `x_d_ddot` of the target, `(m,)`, m/s^2 and rad/s^2.
-    acceleration: Vec<S>,
+    acceleration: Vec<Sym>,
     turns_target: bool,
-    null_space: Option<NullSpace<S>>,
-    pub(super) extras: Extras<S>,
+    null_space: Option<NullSpace>,
+    pub(super) extras: Extras,
 }
 
 /// Velocity `J v` of the rows, `(m,)`.
-fn velocity<S: Real>(jacobian: &[S], v: &[S]) -> Vec<S> {
-    jacobian.chunks_exact(v.len()).map(|row| row.iter().zip(v).fold(S::zero(), |sum, (&j, &v)| j.mul_add(v, sum))).collect()
+fn velocity(jacobian: &[Sym], v: &[Sym]) -> Vec<Sym> {
+    jacobian.chunks_exact(v.len()).map(|row| row.iter().zip(v).fold(Sym::zero(), |sum, (&j, &v)| j.mul_add(v, sum))).collect()
 }
 
-impl<S: Real> CartesianImpedance<S> {
+impl CartesianImpedance {
     /// The power `x_dot.(force) + (x_d_dot - x_dot).K_m e` at the last evaluation, W: the power of the wrench on the frame, plus the rate
     /// of the spring's energy.
     ///
     /// For a target at rest and without options it is `-x_dot' D_m x_dot`. A null space or a compensated coupling adds the power of its
     /// torque, `v.(N' tau_0 + C v)` (`null_space.rs`).
-    pub(super) fn power(&self, x: &[S]) -> S {
+    pub(super) fn power(&self, x: &[Sym]) -> Sym {
         let (m, n) = (self.e.len(), self.jacobian.len() / self.e.len());
-        let mut sum = S::zero();
+        let mut sum = Sym::zero();
         for k in 0..m {
-            let mut rate = S::zero();
+            let mut rate = Sym::zero();
             for i in 0..n {
                 rate = self.jacobian[k * n + i].mul_add(x[n + i], rate);
             }
@@ -220,10 +221,10 @@ impl<S: Real> CartesianImpedance<S> {
 
 /// Compute the angular velocity and the angular acceleration of the target for the rows of orientation, and write them to `rate` and
 /// `second`, `(m,)` each. `desired` has the samples of a rotation vector that changes with time.
-pub(crate) fn turn_rates<S: Real>(rows: &[usize], desired: &[S], rate: &mut [S], second: &mut [S]) {
+pub(crate) fn turn_rates(rows: &[usize], desired: &[Sym], rate: &mut [Sym], second: &mut [Sym]) {
     let m = rows.len();
     let part = |k: usize| {
-        let mut vector = [S::zero(); 3];
+        let mut vector = [Sym::zero(); 3];
         rows.iter().enumerate().filter(|(_, row)| **row > 2).for_each(|(at, row)| vector[row - 3] = desired[k * m + at]);
         Vector3::from(vector)
     };
@@ -233,8 +234,8 @@ pub(crate) fn turn_rates<S: Real>(rows: &[usize], desired: &[S], rate: &mut [S],
     }
 }
 
-impl<S: Real> Law<S> for CartesianImpedance<S> {
-    fn evaluate(&mut self, desired: &[S], trig: &[(S, S)], x: &[S], z: &[S], tau: &mut [S], dz: &mut [S]) {
+impl Law for CartesianImpedance {
+    fn evaluate(&mut self, desired: &[Sym], trig: &[(Sym, Sym)], x: &[Sym], z: &[Sym], tau: &mut [Sym], dz: &mut [Sym]) {
         let (n, m) = (tau.len(), self.e.len());
         let (q, v) = (&x[..n], &x[n..2 * n]);
         self.arm.gravity(&mut self.workspace, trig, q, tau);
@@ -254,17 +255,17 @@ impl<S: Real> Law<S> for CartesianImpedance<S> {
             }
             slip[k] = rate;
         }
-        S::term("x", &[m], || {
-            let mut position = vec![S::zero(); m];
+        Sym::term("x", &[m], || {
+            let mut position = vec![Sym::zero(); m];
             if let AnyArm::Tree(tree) = &*arm {
                 coordinates.position(tree, &mut workspace.poses, trig, q, &mut position);
             }
             position
         });
-        S::term("x_d", &[m], || desired[..m].to_vec());
-        S::term("x_dot", &[m], || velocity(jacobian, v));
-        S::term("e", &[m], || e.clone());
-        S::term("J", &[m, n], || jacobian.clone());
+        Sym::term("x_d", &[m], || desired[..m].to_vec());
+        Sym::term("x_dot", &[m], || velocity(jacobian, v));
+        Sym::term("e", &[m], || e.clone());
+        Sym::term("J", &[m, n], || jacobian.clone());
         stiffness.multiply(e, spring);
         force.copy_from_slice(spring);
         damping.add_to(slip, force);
@@ -282,11 +283,11 @@ impl<S: Real> Law<S> for CartesianImpedance<S> {
             tau.iter_mut().zip(&null_space.torque).for_each(|(tau, &torque)| *tau += torque);
         }
         self.extras.limit(jacobian, tau, dz);
-        S::term("force", &[m], || force.clone());
-        S::term("u", &[n], || tau.to_vec());
+        Sym::term("force", &[m], || force.clone());
+        Sym::term("u", &[n], || tau.to_vec());
         if !z.is_empty() {
-            S::term("integral", &[m], || z.to_vec());
-            S::term("integral_rate", &[m], || dz.to_vec());
+            Sym::term("integral", &[m], || z.to_vec());
+            Sym::term("integral_rate", &[m], || dz.to_vec());
         }
         if let Some(null_space) = &self.null_space {
             null_space.name_terms();

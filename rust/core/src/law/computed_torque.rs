@@ -10,6 +10,7 @@ use crate::error::Result;
 use crate::linalg::gain::{AnyGain, Gain};
 use crate::motion::Motion;
 use crate::scalar::Real;
+use crate::trace::Sym;
 
 /// The computed-torque law of an arm, with validated parameters.
 ///
@@ -61,8 +62,8 @@ impl Definition for ComputedTorqueSpec {
 impl Shape for ComputedTorqueSpec {}
 
 impl ComputedTorqueSpec {
-    pub(super) fn build<S: Real>(&self) -> ComputedTorque<S> {
-        let (arm, zeros) = (AnyArm::new(&self.model), vec![S::zero(); self.model.n()]);
+    pub(super) fn build(&self) -> ComputedTorque {
+        let (arm, zeros) = (AnyArm::new(&self.model), vec![Sym::zero(); self.model.n()]);
         ComputedTorque {
             workspace: arm.workspace(),
             arm,
@@ -77,19 +78,19 @@ impl ComputedTorqueSpec {
 }
 
 /// The computed-torque law in a control loop.
-pub struct ComputedTorque<S: Real> {
-    arm: AnyArm<S>,
-    workspace: Workspace<S>,
-    kp: AnyGain<S>,
-    kd: AnyGain<S>,
-    e: Vec<S>,
-    e_dot: Vec<S>,
-    kp_e: Vec<S>,
-    command: Vec<S>,
+pub struct ComputedTorque {
+    arm: AnyArm<Sym>,
+    workspace: Workspace<Sym>,
+    kp: AnyGain<Sym>,
+    kd: AnyGain<Sym>,
+    e: Vec<Sym>,
+    e_dot: Vec<Sym>,
+    kp_e: Vec<Sym>,
+    command: Vec<Sym>,
 }
 
-impl<S: Real> Law<S> for ComputedTorque<S> {
-    fn evaluate(&mut self, desired: &[S], trig: &[(S, S)], x: &[S], _: &[S], tau: &mut [S], _: &mut [S]) {
+impl Law for ComputedTorque {
+    fn evaluate(&mut self, desired: &[Sym], trig: &[(Sym, Sym)], x: &[Sym], _: &[Sym], tau: &mut [Sym], _: &mut [Sym]) {
         let n = tau.len();
         let (q, v) = (&x[..n], &x[n..2 * n]);
         let ComputedTorque { e, e_dot, kp_e, command, .. } = self;
@@ -102,12 +103,12 @@ impl<S: Real> Law<S> for ComputedTorque<S> {
         for i in 0..n {
             command[i] += kp_e[i] + desired[2 * n + i];
         }
-        S::term("q_d", &[n], || desired[..n].to_vec());
-        S::term("v_d", &[n], || desired[n..2 * n].to_vec());
-        S::term("a_d", &[n], || desired[2 * n..].to_vec());
-        S::term("e", &[n], || e.clone());
-        S::term("e_dot", &[n], || e_dot.clone());
-        S::term("a", &[n], || command.clone());
+        Sym::term("q_d", &[n], || desired[..n].to_vec());
+        Sym::term("v_d", &[n], || desired[n..2 * n].to_vec());
+        Sym::term("a_d", &[n], || desired[2 * n..].to_vec());
+        Sym::term("e", &[n], || e.clone());
+        Sym::term("e_dot", &[n], || e_dot.clone());
+        Sym::term("a", &[n], || command.clone());
         self.arm.inverse_dynamics(&mut self.workspace, trig, q, v, command, tau);
     }
 }

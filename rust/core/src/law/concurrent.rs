@@ -22,6 +22,7 @@ use crate::interrupt::look;
 use crate::linalg::gain::Gain;
 use crate::memory;
 use crate::scalar::Real;
+use crate::trace::Sym;
 
 /// A record of a motion at `K` instants: positions, velocities and torques, `(K, n)` each.
 ///
@@ -277,20 +278,20 @@ fn place(w: &mut [f64], p: usize, of_bodies: impl Fn(usize, usize) -> f64, bodie
 }
 
 /// The sums over the stored samples in a control loop.
-pub(super) struct LoopConcurrent<S> {
-    gram: Vec<S>,
-    moment: Vec<S>,
+pub(super) struct LoopConcurrent {
+    gram: Vec<Sym>,
+    moment: Vec<Sym>,
 }
 
-impl<S: Real> LoopConcurrent<S> {
+impl LoopConcurrent {
     pub fn new(concurrent: &Concurrent) -> Self {
-        let numbers = |values: &[f64]| values.iter().map(|&x| S::varying(x)).collect();
+        let numbers = |values: &[f64]| values.iter().map(|&x| Sym::varying(x)).collect();
         LoopConcurrent { gram: numbers(&concurrent.gram), moment: numbers(&concurrent.moment) }
     }
 
     /// Add the adaptation from stored samples, `sum W_j' R e_j`, to `w`, and subtract it from `back`, `(p,)` each. Here `W_j` is the
     /// regressor of sample `j`, `R` the weight matrix, and `e_j = tau_j - W_j estimate` the torque error.
-    pub fn push(&self, estimate: &[S], w: &mut [S], back: &mut [S]) {
+    pub fn push(&self, estimate: &[Sym], w: &mut [Sym], back: &mut [Sym]) {
         for ((row, &moment), (w, back)) in self.gram.chunks_exact(estimate.len()).zip(&self.moment).zip(w.iter_mut().zip(back)) {
             let push = row.iter().zip(estimate).fold(moment, |left, (&g, &a)| g.neg_mul_add(a, left));
             *w += push;

@@ -20,6 +20,7 @@ use super::inertia_reduction::{Reduction, ReductionSpec, described, reduced_fact
 use crate::kinematics::Coordinates;
 use crate::plant::PlantSpec;
 use crate::scalar::Real;
+use crate::trace::Sym;
 
 /// Cartesian impedance of an arm with elastic joints, with validated parameters.
 ///
@@ -79,28 +80,28 @@ impl Shape for ElasticImpedanceSpec {
 }
 
 impl ElasticImpedanceSpec {
-    pub(super) fn build<S: Real>(&self) -> ElasticImpedance<S> {
-        let mut outer: CartesianImpedance<S> = self.outer.build();
-        let zeros = vec![S::zero(); self.outer.model.n()];
+    pub(super) fn build(&self) -> ElasticImpedance {
+        let mut outer: CartesianImpedance = self.outer.build();
+        let zeros = vec![Sym::zero(); self.outer.model.n()];
         ElasticImpedance { limits: outer.extras.take_torque_limits(), outer, inner: self.inner.build(), column: zeros.clone(), push: zeros }
     }
 }
 
 /// Cartesian impedance through elastic joints in a control loop.
-pub struct ElasticImpedance<S: Real> {
-    outer: CartesianImpedance<S>,
-    inner: Reduction<S>,
+pub struct ElasticImpedance {
+    outer: CartesianImpedance,
+    inner: Reduction,
     /// Limits of the motor torque, `(n,)`, N m; `None` without limits.
-    limits: Option<Vec<S>>,
+    limits: Option<Vec<Sym>>,
     /// The effect of the rate of entry `k` of the integral wrench on the joint torques: row `k` of `J` times this rate, `(n,)`.
-    column: Vec<S>,
+    column: Vec<Sym>,
     /// The effect of `column` on the motor torque, `(n,)`.
-    push: Vec<S>,
+    push: Vec<Sym>,
 }
 
-impl<S: Real> ElasticImpedance<S> {
+impl ElasticImpedance {
     /// Limit the motor torque. Stop the rate `dz` of the integral where it would move a torque further beyond its limit.
-    fn limit(&mut self, tau: &mut [S], dz: &mut [S]) {
+    fn limit(&mut self, tau: &mut [Sym], dz: &mut [Sym]) {
         let Some(limits) = &self.limits else { return };
         let n = tau.len();
         for (k, rate) in dz.iter_mut().enumerate() {
@@ -118,19 +119,19 @@ impl<S: Real> ElasticImpedance<S> {
     }
 }
 
-impl<S: Real> Law<S> for ElasticImpedance<S> {
-    fn evaluate(&mut self, desired: &[S], trig: &[(S, S)], x: &[S], z: &[S], tau: &mut [S], dz: &mut [S]) {
+impl Law for ElasticImpedance {
+    fn evaluate(&mut self, desired: &[Sym], trig: &[(Sym, Sym)], x: &[Sym], z: &[Sym], tau: &mut [Sym], dz: &mut [Sym]) {
         self.outer.evaluate(desired, trig, x, z, tau, dz);
         let n = tau.len();
         self.outer.name_target_dynamics(trig, &x[..n], &x[n..2 * n]);
         self.inner.apply(x, tau);
         self.limit(tau, dz);
         if !dz.is_empty() {
-            S::term("integral_rate", &[dz.len()], || dz.to_vec());
+            Sym::term("integral_rate", &[dz.len()], || dz.to_vec());
         }
     }
 
-    fn storage_rate(&self, x: &[S], outside: S) -> S {
+    fn storage_rate(&self, x: &[Sym], outside: Sym) -> Sym {
         outside + self.inner.power(x) + self.outer.power(x)
     }
 }

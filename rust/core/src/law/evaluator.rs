@@ -14,7 +14,7 @@ const MOST_JOINTS: usize = 12;
 
 /// A law in a recording.
 struct RecordedLaw {
-    law: Box<dyn Law<Sym> + Send>,
+    law: Box<dyn Law + Send>,
     trig: Vec<(Sym, Sym)>,
     tau: Vec<Sym>,
     dz: Vec<Sym>,

@@ -5,6 +5,7 @@ use crate::dynamics::Model;
 use crate::motion::Motion;
 use crate::plant::PlantKind;
 use crate::scalar::Real;
+use crate::trace::Sym;
 use std::sync::Arc;
 
 /// The function `call(t, x, tau)` of the time `t`, s, and the plant's state `x`. It writes the plant's input `tau`, `(n,)`. Its result is
@@ -93,7 +94,7 @@ impl Definition for ExternalSpec {
 impl Shape for ExternalSpec {}
 
 impl ExternalSpec {
-    pub(super) fn build<S: Real>(&self) -> impl Law<S> + Send + use<S> {
+    pub(super) fn build(&self) -> impl Law + Send + use<> {
         HeldInput
     }
 }
@@ -101,8 +102,8 @@ impl ExternalSpec {
 /// The law in a recorded loop, whose input is held. The caller's function is called outside of the recording.
 struct HeldInput;
 
-impl<S: Real> Law<S> for HeldInput {
-    fn evaluate(&mut self, _: &[S], _: &[(S, S)], _: &[S], _: &[S], tau: &mut [S], _: &mut [S]) {
-        tau.fill(S::splat(f64::NAN));
+impl Law for HeldInput {
+    fn evaluate(&mut self, _: &[Sym], _: &[(Sym, Sym)], _: &[Sym], _: &[Sym], tau: &mut [Sym], _: &mut [Sym]) {
+        tau.fill(Sym::splat(f64::NAN));
     }
 }

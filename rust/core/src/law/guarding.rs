@@ -5,9 +5,10 @@ use super::guarded::{GuardedSpec, Reaction};
 use crate::dynamics::{AnyArm, Dynamics, Workspace};
 use crate::linalg::gain::{AnyGain, Gain};
 use crate::scalar::{Real, labelled_numbers, sign};
+use crate::trace::Sym;
 
 impl GuardedSpec {
-    pub(super) fn build<S: Real>(&self) -> Guarded<S> {
+    pub(super) fn build(&self) -> Guarded {
         let n = self.model.n();
         let arm = AnyArm::new(&self.model);
         let (stiffness, damping) = self.reaction.as_ref().map_or((None, None), Reaction::gains);
@@ -30,18 +31,18 @@ impl GuardedSpec {
             thresholds: if self.reacts() { labelled_numbers("threshold", &self.thresholds) } else { Vec::new() },
             stiffness: stiffness.map(|gain| AnyGain::labelled("reaction_stiffness", gain)),
             damping: damping.map(|gain| AnyGain::labelled("reaction_damping", gain)),
-            retreat: retreat.map(|numbers| numbers.map(|(name, x)| S::labelled(name, 0, || S::varying(x)))),
+            retreat: retreat.map(|numbers| numbers.map(|(name, x)| Sym::labelled(name, 0, || Sym::varying(x)))),
             limits: Vec::new(),
-            mass: vec![S::zero(); n * n],
-            coriolis: vec![S::zero(); n * n],
-            momentum: vec![S::zero(); n],
-            gravity: vec![S::zero(); n],
-            residual: vec![S::zero(); n],
-            observed: vec![S::zero(); n],
-            work: vec![S::zero(); n],
-            push: vec![S::zero(); n],
-            reaction: vec![S::zero(); n],
-            reacting: S::zero(),
+            mass: vec![Sym::zero(); n * n],
+            coriolis: vec![Sym::zero(); n * n],
+            momentum: vec![Sym::zero(); n],
+            gravity: vec![Sym::zero(); n],
+            residual: vec![Sym::zero(); n],
+            observed: vec![Sym::zero(); n],
+            work: vec![Sym::zero(); n],
+            push: vec![Sym::zero(); n],
+            reaction: vec![Sym::zero(); n],
+            reacting: Sym::zero(),
         }
     }
 }
@@ -58,80 +59,80 @@ impl Shape for GuardedSpec {
 }
 
 /// A guarded law in a control loop.
-pub struct Guarded<S: Real> {
-    inner: Box<dyn Law<S> + Send>,
+pub struct Guarded {
+    inner: Box<dyn Law + Send>,
     /// Length of the state of the inner law.
     own: usize,
-    arm: AnyArm<S>,
-    workspace: Workspace<S>,
+    arm: AnyArm<Sym>,
+    workspace: Workspace<Sym>,
     /// Observer gain, 1/s: `K` in a continuous loop, `K_T = K (I + K T)^-1` in a sampled loop with the sample time `T`.
-    gain: AnyGain<S>,
+    gain: AnyGain<Sym>,
     /// Observer gain `K`, from which `gain` is computed.
     continuous_gain: Gain,
-    viscous: Vec<S>,
-    coulomb: Vec<S>,
+    viscous: Vec<Sym>,
+    coulomb: Vec<Sym>,
     /// Joint stiffness `K_J` of an elastic arm, N m/rad or N/m; `None` for a rigid arm.
-    springs: Option<AnyGain<S>>,
+    springs: Option<AnyGain<Sym>>,
     /// Thresholds of contact, `(n,)`; empty without a reaction.
-    thresholds: Vec<S>,
-    stiffness: Option<AnyGain<S>>,
-    damping: Option<AnyGain<S>>,
+    thresholds: Vec<Sym>,
+    stiffness: Option<AnyGain<Sym>>,
+    damping: Option<AnyGain<Sym>>,
     /// Speed `V` (rad/s or m/s) and duration (s) of a retreat.
-    retreat: Option<[S; 2]>,
+    retreat: Option<[Sym; 2]>,
     /// Limits of the plant's input, `(n,)`, N m or N; empty without limits.
-    limits: Vec<S>,
-    mass: Vec<S>,
-    coriolis: Vec<S>,
-    pub(super) momentum: Vec<S>,
-    gravity: Vec<S>,
-    pub(super) residual: Vec<S>,
+    limits: Vec<Sym>,
+    mass: Vec<Sym>,
+    coriolis: Vec<Sym>,
+    pub(super) momentum: Vec<Sym>,
+    gravity: Vec<Sym>,
+    pub(super) residual: Vec<Sym>,
     /// The torque that the observer uses as `tau`, `(n,)`, N m or N.
-    observed: Vec<S>,
-    work: Vec<S>,
-    push: Vec<S>,
-    reaction: Vec<S>,
+    observed: Vec<Sym>,
+    work: Vec<Sym>,
+    push: Vec<Sym>,
+    reaction: Vec<Sym>,
     /// 1 from the sample of contact on, else 0.
-    pub(super) reacting: S,
+    pub(super) reacting: Sym,
 }
 
-impl<S: Real> Guarded<S> {
+impl Guarded {
     /// Compute the momentum `p` and the gravity torque `g` at the plant's state `x`.
-    fn look(&mut self, trig: &[(S, S)], x: &[S]) {
+    fn look(&mut self, trig: &[(Sym, Sym)], x: &[Sym]) {
         let n = self.momentum.len();
         let (q, v) = (&x[..n], &x[n..2 * n]);
         self.arm.mass_matrix(&mut self.workspace, trig, q, &mut self.mass);
         for (p, row) in self.momentum.iter_mut().zip(self.mass.chunks_exact(n)) {
-            *p = row.iter().zip(v).fold(S::zero(), |sum, (&m, &v)| m.mul_add(v, sum));
+            *p = row.iter().zip(v).fold(Sym::zero(), |sum, (&m, &v)| m.mul_add(v, sum));
         }
         self.arm.gravity(&mut self.workspace, trig, q, &mut self.gravity);
     }
 
     /// Detect contact, and compute the torque of the reaction. `z` and `dz` are the part of the law's state that starts with `c`, and its
     /// rate.
-    fn react(&mut self, x: &[S], z: &[S], tau: &mut [S], dz: &mut [S]) {
+    fn react(&mut self, x: &[Sym], z: &[Sym], tau: &mut [Sym], dz: &mut [Sym]) {
         let n = tau.len();
         let at = if self.springs.is_some() { 2 * n } else { 0 };
         let (y, y_dot) = (&x[at..at + n], &x[at + n..at + 2 * n]);
-        let (zero, one) = (S::zero(), S::splat(1.0));
+        let (zero, one) = (Sym::zero(), Sym::splat(1.0));
         let level = self.residual.iter().zip(&self.thresholds).fold(zero, |most, (&r, &limit)| most.max(r.abs() / limit));
         let (count, elapsed) = (z[0], z[1]);
         let before = zero.lt(count);
-        let first = S::select(before, zero, S::select(one.lt(level), one, zero));
-        let hot = S::select(before, one, first);
+        let first = Sym::select(before, zero, Sym::select(one.lt(level), one, zero));
+        let hot = Sym::select(before, one, first);
         let reacting = zero.lt(hot);
-        let whole = S::select(before, count, one);
+        let whole = Sym::select(before, count, one);
 
         self.reaction.copy_from_slice(&self.gravity);
         for i in 0..n {
-            self.work[i] = S::select(before, z[2 + i] / whole, y[i]) - y[i];
+            self.work[i] = Sym::select(before, z[2 + i] / whole, y[i]) - y[i];
             self.push[i] = -y_dot[i];
         }
         if let Some([speed, duration]) = self.retreat {
             // At the sample of contact, `r_c` is the residual of this sample.
-            let latched = |i: usize| S::select(before, z[2 + n + i], self.residual[i]);
+            let latched = |i: usize| Sym::select(before, z[2 + n + i], self.residual[i]);
             let most = (0..n).fold(zero, |most, i| most.max(latched(i).abs()));
-            let most = S::select(zero.lt(most), most, one);
-            let (travel, rate) = (speed * elapsed.min(duration), S::select(elapsed.lt(duration), speed, zero));
+            let most = Sym::select(zero.lt(most), most, one);
+            let (travel, rate) = (speed * elapsed.min(duration), Sym::select(elapsed.lt(duration), speed, zero));
             for i in 0..n {
                 let along = latched(i) / most;
                 self.work[i] = travel.mul_add(along, self.work[i]);
@@ -145,7 +146,7 @@ impl<S: Real> Guarded<S> {
             damping.add_to(&self.push, &mut self.reaction);
         }
         for i in 0..n {
-            tau[i] = S::select(reacting, self.reaction[i], tau[i]);
+            tau[i] = Sym::select(reacting, self.reaction[i], tau[i]);
             dz[2 + i] = first * y[i];
             dz[2 + n + i] = first * self.residual[i];
         }
@@ -154,15 +155,15 @@ impl<S: Real> Guarded<S> {
     }
 }
 
-impl<S: Real> Law<S> for Guarded<S> {
-    fn restart(&mut self, trig: &[(S, S)], x: &[S], z: &mut [S]) {
+impl Law for Guarded {
+    fn restart(&mut self, trig: &[(Sym, Sym)], x: &[Sym], z: &mut [Sym]) {
         let (inner, own) = z.split_at_mut(self.own);
         self.inner.restart(trig, x, inner);
         self.look(trig, x);
         own[..self.momentum.len()].copy_from_slice(&self.momentum);
     }
 
-    fn configure(&mut self, period: Option<f64>, limits: &[S]) {
+    fn configure(&mut self, period: Option<f64>, limits: &[Sym]) {
         self.inner.configure(period, limits);
         self.limits = limits.to_vec();
         if let Some(period) = period {
@@ -170,7 +171,7 @@ impl<S: Real> Law<S> for Guarded<S> {
         }
     }
 
-    fn evaluate(&mut self, desired: &[S], trig: &[(S, S)], x: &[S], z: &[S], tau: &mut [S], dz: &mut [S]) {
+    fn evaluate(&mut self, desired: &[Sym], trig: &[(Sym, Sym)], x: &[Sym], z: &[Sym], tau: &mut [Sym], dz: &mut [Sym]) {
         let n = tau.len();
         let ((inner, own), (inner_rate, own_rate)) = (z.split_at(self.own), dz.split_at_mut(self.own));
         self.inner.evaluate(desired, trig, x, inner, tau, inner_rate);
@@ -183,18 +184,18 @@ impl<S: Real> Law<S> for Guarded<S> {
 
         if !self.thresholds.is_empty() {
             self.react(x, &own[2 * n..], tau, &mut own_rate[2 * n..]);
-            let reacting = S::zero().lt(self.reacting);
+            let reacting = Sym::zero().lt(self.reacting);
             for rate in inner_rate {
-                *rate = S::select(reacting, S::zero(), *rate);
+                *rate = Sym::select(reacting, Sym::zero(), *rate);
             }
         }
         for (tau, &limit) in tau.iter_mut().zip(&self.limits) {
             *tau = tau.clamped(-limit, limit);
         }
 
-        S::term("momentum", &[n], || self.momentum.clone());
-        S::term("residual", &[n], || self.residual.clone());
-        S::term("reacting", &[1], || vec![self.reacting]);
+        Sym::term("momentum", &[n], || self.momentum.clone());
+        Sym::term("residual", &[n], || self.residual.clone());
+        Sym::term("reacting", &[1], || vec![self.reacting]);
         // The observer: w_dot = tau - tau_f + C' v - g + r.
         match &self.springs {
             None => self.observed.copy_from_slice(tau),

@@ -13,6 +13,7 @@ use super::sizes::require_size;
 use crate::error::{Error, Result, finite, positive};
 use crate::linalg::gain::{AnyGain, Gain};
 use crate::scalar::{Real, labelled_numbers};
+use crate::trace::Sym;
 
 /// Options of a Cartesian impedance law, validated by [`super::CartesianImpedanceSpec::with`].
 ///
@@ -133,14 +134,14 @@ impl ImpedanceOptions {
 }
 
 /// The feed-forward wrench, the integral and the limits in a control loop.
-pub(super) struct Extras<S> {
-    feedforward: Option<Vec<S>>,
-    integral_gain: Option<AnyGain<S>>,
-    wrench_max: Option<Vec<S>>,
-    tau_max: Option<Vec<S>>,
+pub(super) struct Extras {
+    feedforward: Option<Vec<Sym>>,
+    integral_gain: Option<AnyGain<Sym>>,
+    wrench_max: Option<Vec<Sym>>,
+    tau_max: Option<Vec<Sym>>,
 }
 
-impl<S: Real> Extras<S> {
+impl Extras {
     pub fn new(options: &ImpedanceOptions) -> Self {
         let numbers = |name, numbers: &Option<Vec<f64>>| numbers.as_ref().map(|numbers| labelled_numbers(name, numbers));
         Extras {
@@ -153,7 +154,7 @@ impl<S: Real> Extras<S> {
 
     /// Add the feed-forward wrench and the integral wrench `z` to the wrench `force`, and limit `force`. Compute the rate `dz` of `z` from
     /// the error `e`. An entry of `dz` is zero if it would increase the excess of the wrench over its limit.
-    pub fn add(&self, e: &[S], z: &[S], force: &mut [S], dz: &mut [S]) {
+    pub fn add(&self, e: &[Sym], z: &[Sym], force: &mut [Sym], dz: &mut [Sym]) {
         if let Some(feedforward) = &self.feedforward {
             force.iter_mut().zip(feedforward).for_each(|(force, &added)| *force += added);
         }
@@ -172,12 +173,12 @@ impl<S: Real> Extras<S> {
     }
 
     /// Remove and return the torque limits, for a law that contains this law and limits its torque itself.
-    pub fn take_torque_limits(&mut self) -> Option<Vec<S>> {
+    pub fn take_torque_limits(&mut self) -> Option<Vec<Sym>> {
         self.tau_max.take()
     }
 
     /// Limit the torque. Stop the rate `dz` of the integral where it would move a torque further beyond its limit.
-    pub fn limit(&self, jacobian: &[S], tau: &mut [S], dz: &mut [S]) {
+    pub fn limit(&self, jacobian: &[Sym], tau: &mut [Sym], dz: &mut [Sym]) {
         let Some(limits) = &self.tau_max else { return };
         let n = tau.len();
         for (k, rate) in dz.iter_mut().enumerate() {
@@ -193,8 +194,8 @@ impl<S: Real> Extras<S> {
 
 /// Return the rate of an integral, or zero if it increases the excess over a limit. `free` is the unlimited value, and the sign of `push`
 /// is the direction in which `rate` moves it.
-pub(super) fn held<S: Real>(free: S, limit: S, push: S, rate: S) -> S {
-    let zero = S::zero();
-    let down = S::select(free.lt(-limit), S::select(push.lt(zero), zero, rate), rate);
-    S::select(limit.lt(free), S::select(zero.lt(push), zero, rate), down)
+pub(super) fn held(free: Sym, limit: Sym, push: Sym, rate: Sym) -> Sym {
+    let zero = Sym::zero();
+    let down = Sym::select(free.lt(-limit), Sym::select(push.lt(zero), zero, rate), rate);
+    Sym::select(limit.lt(free), Sym::select(zero.lt(push), zero, rate), down)
 }

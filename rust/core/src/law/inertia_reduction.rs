@@ -14,6 +14,7 @@ use crate::linalg::gain::{AnyGain, Gain};
 use crate::linalg::ratio_damping;
 use crate::plant::{ElasticSpec, PlantSpec};
 use crate::scalar::Real;
+use crate::trace::Sym;
 
 /// Implement the common functions of laws with the fields `outer`, a law of the links, and `inner`, a reduction.
 macro_rules! reduced_facts {
@@ -119,13 +120,13 @@ impl ReductionSpec {
             && plant.joint_damping.iter().chain(&plant.motor_friction).all(|&d| d == 0.0)
     }
 
-    pub(super) fn build<S: Real>(&self) -> Reduction<S> {
-        let zeros = vec![S::zero(); self.ratio.n()];
+    pub(super) fn build(&self) -> Reduction {
+        let zeros = vec![Sym::zero(); self.ratio.n()];
         Reduction {
             joint_stiffness: AnyGain::labelled("law_joint_stiffness", &self.joint_stiffness),
             motor_damping: AnyGain::labelled("motor_damping", &self.motor_damping),
             ratio: AnyGain::labelled("inertia_ratio", &self.ratio),
-            relative: S::varying(f64::from(self.relative)),
+            relative: Sym::varying(f64::from(self.relative)),
             u: zeros.clone(),
             spring: zeros.clone(),
             damped: zeros.clone(),
@@ -135,24 +136,24 @@ impl ReductionSpec {
 }
 
 /// The motor-inertia reduction in a control loop.
-pub struct Reduction<S: Real> {
-    joint_stiffness: AnyGain<S>,
-    motor_damping: AnyGain<S>,
-    ratio: AnyGain<S>,
+pub struct Reduction {
+    joint_stiffness: AnyGain<Sym>,
+    motor_damping: AnyGain<Sym>,
+    ratio: AnyGain<Sym>,
     /// 1 with relative damping, else 0.
-    relative: S,
+    relative: Sym,
     /// The output `u` of the outer loop at the last evaluation, `(n,)`, N m.
-    pub u: Vec<S>,
+    pub u: Vec<Sym>,
     /// Joint torque `tau_J`, `(n,)`, N m.
-    pub spring: Vec<S>,
+    pub spring: Vec<Sym>,
     /// Damping torque `D0 w`, `(n,)`, N m.
-    damped: Vec<S>,
-    work: Vec<S>,
+    damped: Vec<Sym>,
+    work: Vec<Sym>,
 }
 
-impl<S: Real> Reduction<S> {
+impl Reduction {
     /// Replace `u` in `tau` by the motor torque, at the plant's state `x`.
-    pub fn apply(&mut self, x: &[S], tau: &mut [S]) {
+    pub fn apply(&mut self, x: &[Sym], tau: &mut [Sym]) {
         let n = tau.len();
         let (q, v, theta, theta_dot) = (&x[..n], &x[n..2 * n], &x[2 * n..3 * n], &x[3 * n..4 * n]);
         self.u.copy_from_slice(tau);
@@ -160,9 +161,9 @@ impl<S: Real> Reduction<S> {
             self.work[i] = theta[i] - q[i];
         }
         self.joint_stiffness.multiply(&self.work, &mut self.spring);
-        S::term("D0", &[n, n], || self.motor_damping.matrix(n));
-        S::term("u", &[n], || self.u.clone());
-        S::term("tau_J", &[n], || self.spring.clone());
+        Sym::term("D0", &[n, n], || self.motor_damping.matrix(n));
+        Sym::term("u", &[n], || self.u.clone());
+        Sym::term("tau_J", &[n], || self.spring.clone());
         for i in 0..n {
             self.work[i] = self.relative.neg_mul_add(v[i], theta_dot[i]);
         }
@@ -175,14 +176,14 @@ impl<S: Real> Reduction<S> {
     }
 
     /// Compute the contribution of a part of the outer loop's output `u` to the motor torque, `B B0^-1 u`.
-    pub fn spread(&self, u: &[S], out: &mut [S]) {
+    pub fn spread(&self, u: &[Sym], out: &mut [Sym]) {
         self.ratio.multiply(u, out);
     }
 
     /// The power `(theta_dot - v).u - theta_dot.D0 w` at the last evaluation, W.
-    pub fn power(&self, x: &[S]) -> S {
+    pub fn power(&self, x: &[Sym]) -> Sym {
         let n = self.u.len();
-        let mut sum = S::zero();
+        let mut sum = Sym::zero();
         for i in 0..n {
             let (v, theta_dot) = (x[n + i], x[3 * n + i]);
             sum = (theta_dot - v).mul_add(self.u[i], sum);

@@ -4,7 +4,7 @@
 use super::definition::{Definition, JointReference, Law, Shape};
 use super::inertia_reduction::{Reduction, ReductionSpec, reduced_facts};
 use super::pd_gravity::{PdGravity, PdGravitySpec};
-use crate::scalar::Real;
+use crate::trace::Sym;
 
 /// Joint impedance of an arm with elastic joints, with validated parameters.
 ///
@@ -44,19 +44,19 @@ impl Definition for JointImpedanceSpec {
 impl Shape for JointImpedanceSpec {}
 
 impl JointImpedanceSpec {
-    pub(super) fn build<S: Real>(&self) -> JointImpedance<S> {
+    pub(super) fn build(&self) -> JointImpedance {
         JointImpedance { outer: self.outer.build(), inner: self.inner.build() }
     }
 }
 
 /// Joint impedance in a control loop.
-pub struct JointImpedance<S: Real> {
-    outer: PdGravity<S>,
-    inner: Reduction<S>,
+pub struct JointImpedance {
+    outer: PdGravity,
+    inner: Reduction,
 }
 
-impl<S: Real> Law<S> for JointImpedance<S> {
-    fn evaluate(&mut self, desired: &[S], trig: &[(S, S)], x: &[S], z: &[S], tau: &mut [S], dz: &mut [S]) {
+impl Law for JointImpedance {
+    fn evaluate(&mut self, desired: &[Sym], trig: &[(Sym, Sym)], x: &[Sym], z: &[Sym], tau: &mut [Sym], dz: &mut [Sym]) {
         self.outer.evaluate(desired, trig, x, z, tau, dz);
         self.inner.apply(x, tau);
     }

@@ -11,43 +11,44 @@ use crate::plant::PlantSpec;
 use crate::scalar::Real;
 use crate::spatial::PARAMETERS;
 use crate::spatial::pseudo_inertia::divergence;
+use crate::trace::Sym;
 
 /// The metric of the distance between an estimate and the true parameters.
-enum EstimateMetric<S> {
+enum EstimateMetric {
     /// The diagonal of the gain `Gamma`.
-    Diagonal(Vec<S>),
+    Diagonal(Vec<Sym>),
     /// The inverse gain `Gamma^-1`.
-    Full(AnyGain<S>),
+    Full(AnyGain<Sym>),
     /// The gain `gamma` of each body, then of each parameter of a joint column.
-    Natural(Vec<S>),
+    Natural(Vec<Sym>),
 }
 
 /// The Lyapunov function of a law in a control loop.
-pub struct Lyapunov<S: Real> {
-    lambda: AnyGain<S>,
-    metric: EstimateMetric<S>,
+pub struct Lyapunov {
+    lambda: AnyGain<Sym>,
+    metric: EstimateMetric,
     /// The plant's values of the estimated parameters, `(p,)`.
-    truth: Vec<S>,
-    e: Vec<S>,
-    s: Vec<S>,
-    mass: Vec<S>,
-    error: Vec<S>,
+    truth: Vec<Sym>,
+    e: Vec<Sym>,
+    s: Vec<Sym>,
+    mass: Vec<Sym>,
+    error: Vec<Sym>,
 }
 
-impl<S: Real> Lyapunov<S> {
+impl Lyapunov {
     /// The Lyapunov function of `law` on `plant`. `None` for a law without adaptation.
     pub fn new(law: &LawSpec, plant: &PlantSpec) -> Option<Self> {
         let law = law.adaptive()?;
         let metric = match &law.adaptation {
             Adaptation::Euclidean(gamma) if gamma.is_diagonal() => {
-                EstimateMetric::Diagonal((0..gamma.n()).map(|i| S::varying(gamma.at(i, i))).collect())
+                EstimateMetric::Diagonal((0..gamma.n()).map(|i| Sym::varying(gamma.at(i, i))).collect())
             }
             Adaptation::Euclidean(gamma) => EstimateMetric::Full(AnyGain::new(&gamma.inverse())),
-            Adaptation::Natural(gammas) => EstimateMetric::Natural(gammas.iter().map(|&gamma| S::varying(gamma)).collect()),
+            Adaptation::Natural(gammas) => EstimateMetric::Natural(gammas.iter().map(|&gamma| Sym::varying(gamma)).collect()),
         };
-        let truth: Vec<S> = law.truth(plant).into_iter().map(S::varying).collect();
+        let truth: Vec<Sym> = law.truth(plant).into_iter().map(Sym::varying).collect();
         let n = law.model.n();
-        let zeros = |k: usize| vec![S::zero(); k];
+        let zeros = |k: usize| vec![Sym::zero(); k];
         Some(Lyapunov {
             lambda: AnyGain::new(&law.lambda),
             metric,
@@ -60,7 +61,7 @@ impl<S: Real> Lyapunov<S> {
     }
 
     /// Compute the Lyapunov function `V1`, J, for the desired motion, at `q`, `v` and the estimate. The arm `links` must already be at `q`.
-    pub fn value(&mut self, desired: &[S], links: &mut ArmAt<S>, q: &[S], v: &[S], estimate: &[S]) -> S {
+    pub fn value(&mut self, desired: &[Sym], links: &mut ArmAt<Sym>, q: &[Sym], v: &[Sym], estimate: &[Sym]) -> Sym {
         let n = self.e.len();
         for i in 0..n {
             self.e[i] = desired[i] - q[i];
@@ -70,9 +71,9 @@ impl<S: Real> Lyapunov<S> {
             self.s[i] = desired[n + i] - v[i] + self.s[i];
         }
         links.mass_matrix(&mut self.mass);
-        let mut kinetic = S::zero();
+        let mut kinetic = Sym::zero();
         for i in 0..n {
-            let mut row = S::zero();
+            let mut row = Sym::zero();
             for j in 0..n {
                 row = self.mass[n * i + j].mul_add(self.s[j], row);
             }
@@ -81,10 +82,10 @@ impl<S: Real> Lyapunov<S> {
         for (error, (&a, &a_hat)) in self.error.iter_mut().zip(self.truth.iter().zip(estimate)) {
             *error = a - a_hat;
         }
-        let half = S::splat(0.5);
+        let half = Sym::splat(0.5);
         let rest = match &self.metric {
             EstimateMetric::Diagonal(gamma) => {
-                let mut sum = S::zero();
+                let mut sum = Sym::zero();
                 for (&error, &gamma) in self.error.iter().zip(gamma) {
                     sum = error.mul_add(error / gamma, sum);
                 }
@@ -98,11 +99,11 @@ impl<S: Real> Lyapunov<S> {
 }
 
 /// The sum over the bodies of `d(P || P_hat) / gamma`, plus the sum over the other parameters of `(a_k - a_hat_k)^2 / (2 gamma_k)`.
-fn natural<S: Real>(gamma: &[S], truth: &[S], error: &[S], estimate: &[S]) -> S {
+fn natural(gamma: &[Sym], truth: &[Sym], error: &[Sym], estimate: &[Sym]) -> Sym {
     let bodies = (truth.len() - gamma.len()) / (PARAMETERS - 1);
     let ((pi, _), (pi_hat, _)) = (truth.as_chunks::<PARAMETERS>(), estimate.as_chunks::<PARAMETERS>());
     let pairs = pi.iter().zip(pi_hat).zip(&gamma[..bodies]);
-    let sum = pairs.fold(S::zero(), |sum, ((pi, pi_hat), &gamma)| sum + divergence(pi, pi_hat) / gamma);
+    let sum = pairs.fold(Sym::zero(), |sum, ((pi, pi_hat), &gamma)| sum + divergence(pi, pi_hat) / gamma);
     let beside = error[PARAMETERS * bodies..].iter().zip(&gamma[bodies..]);
-    beside.fold(sum, |sum, (&error, &gamma)| (S::splat(0.5) * error).mul_add(error / gamma, sum))
+    beside.fold(sum, |sum, (&error, &gamma)| (Sym::splat(0.5) * error).mul_add(error / gamma, sum))
 }

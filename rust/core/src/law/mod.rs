@@ -146,10 +146,10 @@ macro_rules! laws {
         }
 
         impl LawSpec {
-            /// Build the law for a control loop on the number type `S`.
-            pub fn build<S: Real>(&self) -> Box<dyn Law<S> + Send> {
+            /// Build the law for a recording.
+            pub fn build(&self) -> Box<dyn Law + Send> {
                 match self {
-                    $(LawSpec::$law(law) => Box::new(law.build::<S>()),)*
+                    $(LawSpec::$law(law) => Box::new(law.build()),)*
                 }
             }
 

@@ -12,6 +12,7 @@ use crate::error::Result;
 use crate::linalg::gain::{AnyGain, Gain};
 use crate::motion::Motion;
 use crate::scalar::Real;
+use crate::trace::Sym;
 
 /// Regulation by feedback of the motors, with validated parameters. With `TORQUE`, the joint torque and its rate are fed back too.
 ///
@@ -126,10 +127,10 @@ impl<const TORQUE: bool> Shape for MotorRegulationSpec<TORQUE> {
 }
 
 impl<const TORQUE: bool> MotorRegulationSpec<TORQUE> {
-    pub(super) fn build<S: Real>(&self) -> MotorRegulation<S, TORQUE> {
+    pub(super) fn build(&self) -> MotorRegulation<TORQUE> {
         let arm = AnyArm::new(&self.model);
         let n = self.model.n();
-        let zeros = vec![S::zero(); n];
+        let zeros = vec![Sym::zero(); n];
         MotorRegulation {
             workspace: arm.workspace(),
             arm,
@@ -141,9 +142,9 @@ impl<const TORQUE: bool> MotorRegulationSpec<TORQUE> {
             ],
             joint_stiffness: AnyGain::labelled("law_joint_stiffness", &self.joint_stiffness),
             online: self.online,
-            load: self.load.iter().map(|&x| S::varying(x)).collect(),
-            sag: self.sag.iter().map(|&x| S::varying(x)).collect(),
-            trig: vec![(S::zero(), S::zero()); n],
+            load: self.load.iter().map(|&x| Sym::varying(x)).collect(),
+            sag: self.sag.iter().map(|&x| Sym::varying(x)).collect(),
+            trig: vec![(Sym::zero(), Sym::zero()); n],
             spring: zeros.clone(),
             part: zeros.clone(),
             work: zeros,
@@ -152,23 +153,23 @@ impl<const TORQUE: bool> MotorRegulationSpec<TORQUE> {
 }
 
 /// Regulation by feedback of the motors in a control loop.
-pub struct MotorRegulation<S: Real, const TORQUE: bool> {
-    arm: AnyArm<S>,
-    workspace: Workspace<S>,
-    gains: [AnyGain<S>; 4],
-    joint_stiffness: AnyGain<S>,
+pub struct MotorRegulation<const TORQUE: bool> {
+    arm: AnyArm<Sym>,
+    workspace: Workspace<Sym>,
+    gains: [AnyGain<Sym>; 4],
+    joint_stiffness: AnyGain<Sym>,
     online: bool,
-    load: Vec<S>,
-    sag: Vec<S>,
-    trig: Vec<(S, S)>,
-    spring: Vec<S>,
-    part: Vec<S>,
-    work: Vec<S>,
+    load: Vec<Sym>,
+    sag: Vec<Sym>,
+    trig: Vec<(Sym, Sym)>,
+    spring: Vec<Sym>,
+    part: Vec<Sym>,
+    work: Vec<Sym>,
 }
 
-impl<S: Real, const TORQUE: bool> MotorRegulation<S, TORQUE> {
+impl<const TORQUE: bool> MotorRegulation<TORQUE> {
     /// Write the compensated gravity torque to `self.part`.
-    fn compensate(&mut self, theta: &[S]) {
+    fn compensate(&mut self, theta: &[Sym]) {
         if !self.online {
             self.part.copy_from_slice(&self.load);
             return;
@@ -185,23 +186,23 @@ impl<S: Real, const TORQUE: bool> MotorRegulation<S, TORQUE> {
     }
 }
 
-impl<S: Real, const TORQUE: bool> MotorRegulation<S, TORQUE> {
+impl<const TORQUE: bool> MotorRegulation<TORQUE> {
     /// Name the target, the error, the torque of the springs, and the compensated gravity torque `g`.
-    fn name_terms(&self, desired: &[S], [q, theta]: [&[S]; 2], g: &[S]) {
+    fn name_terms(&self, desired: &[Sym], [q, theta]: [&[Sym]; 2], g: &[Sym]) {
         let n = q.len();
-        S::term("theta_d", &[n], || desired[..n].to_vec());
-        S::term("e", &[n], || self.work.clone());
-        S::term("tau_J", &[n], || {
-            let (stretch, mut spring): (Vec<S>, _) = ((0..n).map(|i| theta[i] - q[i]).collect(), vec![S::zero(); n]);
+        Sym::term("theta_d", &[n], || desired[..n].to_vec());
+        Sym::term("e", &[n], || self.work.clone());
+        Sym::term("tau_J", &[n], || {
+            let (stretch, mut spring): (Vec<Sym>, _) = ((0..n).map(|i| theta[i] - q[i]).collect(), vec![Sym::zero(); n]);
             self.joint_stiffness.multiply(&stretch, &mut spring);
             spring
         });
-        S::term("g", &[n], || g.to_vec());
+        Sym::term("g", &[n], || g.to_vec());
     }
 }
 
-impl<S: Real, const TORQUE: bool> Law<S> for MotorRegulation<S, TORQUE> {
-    fn evaluate(&mut self, desired: &[S], _: &[(S, S)], x: &[S], _: &[S], tau: &mut [S], _: &mut [S]) {
+impl<const TORQUE: bool> Law for MotorRegulation<TORQUE> {
+    fn evaluate(&mut self, desired: &[Sym], _: &[(Sym, Sym)], x: &[Sym], _: &[Sym], tau: &mut [Sym], _: &mut [Sym]) {
         let n = tau.len();
         let (q, v, theta, theta_dot) = (&x[..n], &x[n..2 * n], &x[2 * n..3 * n], &x[3 * n..4 * n]);
         self.compensate(theta);

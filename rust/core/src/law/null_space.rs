@@ -24,6 +24,7 @@ use crate::linalg::gain::{AnyGain, Gain};
 use crate::linalg::{ClampedInverse, cholesky};
 use crate::motion::Motion;
 use crate::scalar::Real;
+use crate::trace::Sym;
 
 /// The default `eps` of the clamp, equal to the default threshold of task priority.
 pub const NULL_SPACE_EPS: f64 = 0.02;
@@ -102,60 +103,60 @@ impl NullSpaceSpec {
 }
 
 /// Null space and compensated coupling of a law in a control loop.
-pub(super) struct NullSpace<S: Real> {
-    posture: Option<(AnyGain<S>, AnyGain<S>, NullProjection)>,
+pub(super) struct NullSpace {
+    posture: Option<(AnyGain<Sym>, AnyGain<Sym>, NullProjection)>,
     coupling: bool,
     /// The square `eps^2` of the clamp.
-    floor: S,
+    floor: Sym,
     /// The mass matrix `M`, `(n, n)`.
-    mass: Vec<S>,
+    mass: Vec<Sym>,
     /// The Cholesky factor of the mass matrix `M`, `(n, n)`.
-    factor: Vec<S>,
-    consistent: NullSpaceProjector<S>,
-    fixed: NullSpaceProjector<S>,
-    rate: Vec<S>,
-    full: Vec<S>,
+    factor: Vec<Sym>,
+    consistent: NullSpaceProjector,
+    fixed: NullSpaceProjector,
+    rate: Vec<Sym>,
+    full: Vec<Sym>,
     /// Memory for a wrench, `(m,)`.
-    wrench: Vec<S>,
-    work: Vec<S>,
+    wrench: Vec<Sym>,
+    work: Vec<Sym>,
     /// The torque `tau_0` of spring and damper before the projection, `(n,)`, N m or N.
-    tau_0: Vec<S>,
+    tau_0: Vec<Sym>,
     /// The projected torque `N' tau_0`, `(n,)`, N m or N.
-    projected: Vec<S>,
+    projected: Vec<Sym>,
     /// The added torque `N' tau_0 + C v`, `(n,)`, N m or N.
-    pub torque: Vec<S>,
+    pub torque: Vec<Sym>,
 }
 
 /// The clamped inverse `L = (J W^-1 J')^-1`, computed from the matrix `J W^-1/2` with the metric `W`.
-pub(super) struct NullSpaceProjector<S: Real> {
-    inverse: ClampedInverse<S>,
+pub(super) struct NullSpaceProjector {
+    inverse: ClampedInverse<Sym>,
     /// The matrix `J W^-1/2`, `(m, n)`, which the caller writes.
-    pub spread: Vec<S>,
+    pub spread: Vec<Sym>,
     /// The product `J W^-1 J'`, `(m, m)`.
-    square: Vec<S>,
+    square: Vec<Sym>,
     /// The clamped inverse `L`, `(m, m)`.
-    l: Vec<S>,
-    scales: Vec<S>,
+    l: Vec<Sym>,
+    scales: Vec<Sym>,
     /// The loss `1 - min(1, (sigma/eps)^2)` for the smallest singular value `sigma`.
-    pub loss: S,
+    pub loss: Sym,
 }
 
-impl<S: Real> NullSpaceProjector<S> {
+impl NullSpaceProjector {
     pub fn new(m: usize, n: usize) -> Self {
-        let zeros = |k: usize| vec![S::zero(); k];
+        let zeros = |k: usize| vec![Sym::zero(); k];
         NullSpaceProjector {
             inverse: ClampedInverse::new(m),
             spread: zeros(m * n),
             square: zeros(m * m),
             l: zeros(m * m),
             scales: zeros(m),
-            loss: S::zero(),
+            loss: Sym::zero(),
         }
     }
 
     /// Compute the clamped inverse `L` from `spread`. `rows` are the indices of the controlled rows in a pose, and `floor` is `eps^2`.
-    pub fn prepare(&mut self, rows: &[usize], floor: S) {
-        let (m, one, zero) = (rows.len(), S::splat(1.0), S::zero());
+    pub fn prepare(&mut self, rows: &[usize], floor: Sym) {
+        let (m, one, zero) = (rows.len(), Sym::splat(1.0), Sym::zero());
         let n = self.spread.len() / m;
         for k in 0..m {
             for l in 0..=k {
@@ -167,10 +168,10 @@ impl<S: Real> NullSpaceProjector<S> {
         for turns in [false, true] {
             let of = |&k: &usize| (rows[k] > 2) == turns;
             let count = (0..m).filter(of).count();
-            let sum = (0..m).filter(of).fold(zero, |sum, k| sum + self.square[k * m + k]) * S::splat(1.0 / count.max(1) as f64);
+            let sum = (0..m).filter(of).fold(zero, |sum, k| sum + self.square[k * m + k]) * Sym::splat(1.0 / count.max(1) as f64);
             // Rows that no joint moves are not scaled.
-            let moved = S::splat(f64::MIN_POSITIVE).lt(sum);
-            let scale = S::select(moved, one / S::select(moved, sum, one).sqrt(), one);
+            let moved = Sym::splat(f64::MIN_POSITIVE).lt(sum);
+            let scale = Sym::select(moved, one / Sym::select(moved, sum, one).sqrt(), one);
             (0..m).filter(of).for_each(|k| self.scales[k] = scale);
         }
         for k in 0..m {
@@ -188,35 +189,35 @@ impl<S: Real> NullSpaceProjector<S> {
     }
 
     /// Write the product `L x` to `out`.
-    fn apply(&self, x: &[S], out: &mut [S]) {
+    fn apply(&self, x: &[Sym], out: &mut [Sym]) {
         for (row, out) in self.l.chunks_exact(x.len()).zip(out) {
-            *out = row.iter().zip(x).fold(S::zero(), |sum, (&l, &x)| l.mul_add(x, sum));
+            *out = row.iter().zip(x).fold(Sym::zero(), |sum, (&l, &x)| l.mul_add(x, sum));
         }
     }
 }
 
 /// The arguments of an evaluation: the state of the joints, the Jacobian, and the samples of the motions.
-pub(super) struct Place<'a, S> {
-    pub trig: &'a [(S, S)],
-    pub q: &'a [S],
-    pub v: &'a [S],
-    pub jacobian: &'a [S],
+pub(super) struct Place<'a> {
+    pub trig: &'a [(Sym, Sym)],
+    pub q: &'a [Sym],
+    pub v: &'a [Sym],
+    pub jacobian: &'a [Sym],
     /// Desired acceleration `x_d_ddot` of the rows, `(m,)`, m/s^2 and rad/s^2.
-    pub acceleration: &'a [S],
+    pub acceleration: &'a [Sym],
     /// Desired posture `q_n`, then its velocity and its acceleration, `(n,)` each; empty without a null space.
-    pub posture: &'a [S],
+    pub posture: &'a [Sym],
     /// Gravity torque `g(q)`, `(n,)`.
-    pub gravity: &'a [S],
+    pub gravity: &'a [Sym],
 }
 
-impl<S: Real> NullSpace<S> {
+impl NullSpace {
     /// Create the terms of a law with `m` rows and `n` joints, with the threshold `eps` of the clamp. `None` if there is neither a null space
     /// nor a compensated coupling.
     pub fn new(null_space: Option<&NullSpaceSpec>, coupling: bool, eps: f64, [m, n]: [usize; 2]) -> Option<Self> {
         if null_space.is_none() && !coupling {
             return None;
         }
-        let zeros = |k: usize| vec![S::zero(); k];
+        let zeros = |k: usize| vec![Sym::zero(); k];
         let posture = null_space.map(|spec| {
             let stiffness = AnyGain::labelled("null_stiffness", &spec.stiffness);
             let damping = AnyGain::labelled("null_damping", &spec.damping);
@@ -225,7 +226,7 @@ impl<S: Real> NullSpace<S> {
         Some(NullSpace {
             posture,
             coupling,
-            floor: S::labelled("null_eps_squared", 0, || S::varying(eps * eps)),
+            floor: Sym::labelled("null_eps_squared", 0, || Sym::varying(eps * eps)),
             mass: zeros(n * n),
             factor: zeros(n * n),
             consistent: NullSpaceProjector::new(m, n),
@@ -241,7 +242,7 @@ impl<S: Real> NullSpace<S> {
     }
 
     /// The projector of the null space; without a null space, the projector of the coupling.
-    fn projector(&self) -> &NullSpaceProjector<S> {
+    fn projector(&self) -> &NullSpaceProjector {
         match self.posture {
             Some((_, _, NullProjection::Static)) => &self.fixed,
             Some((_, _, NullProjection::Consistent)) | None => &self.consistent,
@@ -251,17 +252,17 @@ impl<S: Real> NullSpace<S> {
     /// Name the results of the last evaluation: `L` of the projector, `(m, m)`, its loss, `tau_0` and `N' tau_0`.
     pub fn name_terms(&self) {
         let (projector, n, m) = (self.projector(), self.tau_0.len(), self.wrench.len());
-        S::term("L", &[m, m], || projector.l.clone());
-        S::term("loss", &[], || vec![projector.loss]);
+        Sym::term("L", &[m, m], || projector.l.clone());
+        Sym::term("loss", &[], || vec![projector.loss]);
         if self.posture.is_some() {
-            S::term("tau_0", &[n], || self.tau_0.clone());
-            S::term("null_torque", &[n], || self.projected.clone());
+            Sym::term("tau_0", &[n], || self.tau_0.clone());
+            Sym::term("null_torque", &[n], || self.projected.clone());
         }
     }
 
     /// Write the torque of null space and coupling to `self.torque`. The law adds this torque to `J' F + g`. If the coupling is
     /// compensated, add its wrench to `force`.
-    pub fn evaluate(&mut self, arm: &AnyArm<S>, ws: &mut Workspace<S>, coordinates: &Coordinates, at: &Place<S>, force: &mut [S]) {
+    pub fn evaluate(&mut self, arm: &AnyArm<Sym>, ws: &mut Workspace<Sym>, coordinates: &Coordinates, at: &Place, force: &mut [Sym]) {
         let n = at.q.len();
         let consistent = matches!(self.posture, Some((_, _, NullProjection::Consistent)));
         if consistent || self.coupling {
@@ -271,7 +272,7 @@ impl<S: Real> NullSpace<S> {
             self.consistent.spread.chunks_exact_mut(n).for_each(|row| cholesky::solve_lower(n, &self.factor, row));
             self.consistent.prepare(&coordinates.rows, self.floor);
         }
-        self.torque.fill(S::zero());
+        self.torque.fill(Sym::zero());
         if self.coupling {
             arm.bias(ws, at.trig, at.q, at.v, &mut self.torque);
             self.torque.iter_mut().zip(at.gravity).for_each(|(torque, &g)| *torque -= g);
@@ -283,7 +284,7 @@ impl<S: Real> NullSpace<S> {
     }
 
     /// Add the wrench `L (x_d_ddot - J_dot v)` to `force`.
-    fn couple(&mut self, arm: &AnyArm<S>, ws: &mut Workspace<S>, coordinates: &Coordinates, at: &Place<S>, force: &mut [S]) {
+    fn couple(&mut self, arm: &AnyArm<Sym>, ws: &mut Workspace<Sym>, coordinates: &Coordinates, at: &Place, force: &mut [Sym]) {
         let (n, m) = (at.q.len(), force.len());
         if let AnyArm::Tree(tree) = arm {
             jacobian_dot(tree, &mut ws.poses, &mut ws.motion, (at.trig, at.q), at.v, coordinates.frame, &mut self.full);
@@ -298,7 +299,7 @@ impl<S: Real> NullSpace<S> {
     }
 
     /// Compute the projected torque `N' tau_0`, and add it to `self.torque`.
-    fn project(&mut self, rows: &[usize], at: &Place<S>) {
+    fn project(&mut self, rows: &[usize], at: &Place) {
         let (n, m) = (at.q.len(), self.wrench.len());
         let Some((stiffness, damping, projection)) = &self.posture else { return };
         for i in 0..n {
@@ -319,7 +320,7 @@ impl<S: Real> NullSpace<S> {
             &self.consistent
         };
         for (row, wrench) in projector.spread.chunks_exact(n).zip(&mut self.wrench) {
-            *wrench = row.iter().zip(&self.work).fold(S::zero(), |sum, (&a, &b)| a.mul_add(b, sum));
+            *wrench = row.iter().zip(&self.work).fold(Sym::zero(), |sum, (&a, &b)| a.mul_add(b, sum));
         }
         projector.apply(&self.wrench, &mut self.work[..m]);
         for i in 0..n {

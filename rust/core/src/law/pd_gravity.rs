@@ -7,6 +7,7 @@ use crate::error::Result;
 use crate::linalg::gain::{AnyGain, Gain};
 use crate::motion::Motion;
 use crate::scalar::Real;
+use crate::trace::Sym;
 use nalgebra::DVector;
 
 /// PD control with gravity compensation, with validated parameters.
@@ -66,11 +67,11 @@ impl Definition for PdGravitySpec {
 impl Shape for PdGravitySpec {}
 
 impl PdGravitySpec {
-    pub(super) fn build<S: Real>(&self) -> PdGravity<S> {
+    pub(super) fn build(&self) -> PdGravity {
         let arm = AnyArm::new(&self.model);
         PdGravity {
             workspace: arm.workspace(),
-            work: vec![S::zero(); self.model.n()],
+            work: vec![Sym::zero(); self.model.n()],
             arm,
             kp: AnyGain::labelled("kp", &self.kp),
             kd: AnyGain::labelled("kd", &self.kd),
@@ -79,25 +80,25 @@ impl PdGravitySpec {
 }
 
 /// PD control with gravity compensation in a control loop.
-pub struct PdGravity<S: Real> {
-    arm: AnyArm<S>,
-    workspace: Workspace<S>,
-    kp: AnyGain<S>,
-    kd: AnyGain<S>,
-    work: Vec<S>,
+pub struct PdGravity {
+    arm: AnyArm<Sym>,
+    workspace: Workspace<Sym>,
+    kp: AnyGain<Sym>,
+    kd: AnyGain<Sym>,
+    work: Vec<Sym>,
 }
 
-impl<S: Real> Law<S> for PdGravity<S> {
-    fn evaluate(&mut self, desired: &[S], trig: &[(S, S)], x: &[S], _: &[S], tau: &mut [S], _: &mut [S]) {
+impl Law for PdGravity {
+    fn evaluate(&mut self, desired: &[Sym], trig: &[(Sym, Sym)], x: &[Sym], _: &[Sym], tau: &mut [Sym], _: &mut [Sym]) {
         let n = tau.len();
         let (q, v) = (&x[..n], &x[n..2 * n]);
         self.arm.gravity(&mut self.workspace, trig, q, tau);
         for i in 0..n {
             self.work[i] = desired[i] - q[i];
         }
-        S::term("q_d", &[n], || desired[..n].to_vec());
-        S::term("e", &[n], || self.work.clone());
-        S::term("g", &[n], || tau.to_vec());
+        Sym::term("q_d", &[n], || desired[..n].to_vec());
+        Sym::term("e", &[n], || self.work.clone());
+        Sym::term("g", &[n], || tau.to_vec());
         self.kp.add_to(&self.work, tau);
         for i in 0..n {
             self.work[i] = -v[i];

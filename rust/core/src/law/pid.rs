@@ -24,6 +24,7 @@ use crate::linalg::gain::{AnyGain, Gain};
 use crate::motion::Motion;
 use crate::scalar::hyperbolic::tanh;
 use crate::scalar::{Real, labelled_numbers};
+use crate::trace::Sym;
 
 /// PID control with gravity compensation, with validated parameters.
 ///
@@ -165,7 +166,7 @@ impl Definition for PidSpec {
 }
 
 impl PidSpec {
-    pub(super) fn build<S: Real>(&self) -> Pid<S> {
+    pub(super) fn build(&self) -> Pid {
         let (n, options) = (self.model.n(), &self.options);
         let arm = AnyArm::new(&self.model);
         let option = |name, numbers: &Option<Vec<f64>>| numbers.as_ref().map(|numbers| labelled_numbers(name, numbers));
@@ -183,13 +184,13 @@ impl PidSpec {
                 [labelled_numbers("damping", &damping), labelled_numbers("friction", &friction), speed]
             }),
             observer: option("observer_bandwidth", &options.observer_bandwidth).zip(option("nominal_inertia", &options.nominal_inertia)),
-            e: vec![S::zero(); n],
-            speed: vec![S::zero(); n],
-            drag: vec![S::zero(); n],
-            disturbance: vec![S::zero(); n],
-            nominal: vec![S::zero(); n],
-            work: vec![S::zero(); n],
-            free: vec![S::zero(); n],
+            e: vec![Sym::zero(); n],
+            speed: vec![Sym::zero(); n],
+            drag: vec![Sym::zero(); n],
+            disturbance: vec![Sym::zero(); n],
+            nominal: vec![Sym::zero(); n],
+            work: vec![Sym::zero(); n],
+            free: vec![Sym::zero(); n],
         }
     }
 }
@@ -206,52 +207,52 @@ impl Shape for PidSpec {
 }
 
 /// PID control with gravity compensation in a control loop.
-pub struct Pid<S: Real> {
-    arm: AnyArm<S>,
-    workspace: Workspace<S>,
-    kp: AnyGain<S>,
-    ki: Option<AnyGain<S>>,
-    kd: AnyGain<S>,
+pub struct Pid {
+    arm: AnyArm<Sym>,
+    workspace: Workspace<Sym>,
+    kp: AnyGain<Sym>,
+    ki: Option<AnyGain<Sym>>,
+    kd: AnyGain<Sym>,
     /// Whether the desired motion changes with time.
     moves: bool,
-    limits: Option<Vec<S>>,
+    limits: Option<Vec<Sym>>,
     /// Bandwidth `N` of the velocity filter, `(n,)`, 1/s.
-    filter: Option<Vec<S>>,
+    filter: Option<Vec<Sym>>,
     /// Viscous friction, Coulomb friction and the speed `v_s`, `(n,)` each.
-    friction: Option<[Vec<S>; 3]>,
+    friction: Option<[Vec<Sym>; 3]>,
     /// Bandwidth `h`, 1/s, and nominal inertia `m`, kg m^2 or kg, of the disturbance observer, `(n,)` each.
-    observer: Option<(Vec<S>, Vec<S>)>,
+    observer: Option<(Vec<Sym>, Vec<Sym>)>,
     /// Position error `q_d - q`, `(n,)`, rad or m.
-    e: Vec<S>,
+    e: Vec<Sym>,
     /// Filtered velocity `v_f`, `(n,)`, rad/s or m/s.
-    speed: Vec<S>,
+    speed: Vec<Sym>,
     /// Feed-forward torque of friction, `f(v_d)`, `(n,)`, N m or N.
-    drag: Vec<S>,
+    drag: Vec<Sym>,
     /// Disturbance torque `d` that the observer estimates, `(n,)`, N m or N.
-    disturbance: Vec<S>,
+    disturbance: Vec<Sym>,
     /// The feed-forward torque: `g + f` with an observer, else `g + f + M a_d`, `(n,)`, N m or N.
-    nominal: Vec<S>,
-    work: Vec<S>,
+    nominal: Vec<Sym>,
+    work: Vec<Sym>,
     /// Torque `u` before its limits, `(n,)`, N m or N.
-    free: Vec<S>,
+    free: Vec<Sym>,
 }
 
-impl<S: Real> Pid<S> {
+impl Pid {
     /// The length of the integral torque `w` in the law's state: zero without an integral gain.
     fn integrals(&self) -> usize {
         if self.ki.is_some() { self.e.len() } else { 0 }
     }
 
     /// Name the desired motion, the error, the gravity torque, and the terms of the options.
-    fn name_terms(&mut self, desired: &[S], trig: &[(S, S)], q: &[S]) {
+    fn name_terms(&mut self, desired: &[Sym], trig: &[(Sym, Sym)], q: &[Sym]) {
         let n = self.e.len();
-        S::term("q_d", &[n], || desired[..n].to_vec());
+        Sym::term("q_d", &[n], || desired[..n].to_vec());
         if self.moves {
-            S::term("v_d", &[n], || desired[n..2 * n].to_vec());
+            Sym::term("v_d", &[n], || desired[n..2 * n].to_vec());
         }
-        S::term("e", &[n], || self.e.clone());
-        S::term("g", &[n], || {
-            let mut g = vec![S::zero(); n];
+        Sym::term("e", &[n], || self.e.clone());
+        Sym::term("g", &[n], || {
+            let mut g = vec![Sym::zero(); n];
             self.arm.gravity(&mut self.workspace, trig, q, &mut g);
             g
         });
@@ -261,15 +262,15 @@ impl<S: Real> Pid<S> {
             ("disturbance", &self.disturbance, self.observer.is_some()),
         ] {
             if present {
-                S::term(name, &[n], || values.clone());
+                Sym::term(name, &[n], || values.clone());
             }
         }
     }
 }
 
-impl<S: Real> Law<S> for Pid<S> {
+impl Law for Pid {
     /// Set the states of the velocity filter and the observer such that the filter's output and the disturbance `d` start at zero.
-    fn restart(&mut self, _: &[(S, S)], x: &[S], z: &mut [S]) {
+    fn restart(&mut self, _: &[(Sym, Sym)], x: &[Sym], z: &mut [Sym]) {
         let n = self.e.len();
         let first = self.integrals();
         if self.filter.is_some() {
@@ -278,12 +279,12 @@ impl<S: Real> Law<S> for Pid<S> {
         if let Some((_, inertia)) = &self.observer {
             let before = z.len() - n;
             for (i, s) in z[before..].iter_mut().enumerate() {
-                *s = if self.filter.is_some() { S::zero() } else { inertia[i] * x[n + i] };
+                *s = if self.filter.is_some() { Sym::zero() } else { inertia[i] * x[n + i] };
             }
         }
     }
 
-    fn evaluate(&mut self, desired: &[S], trig: &[(S, S)], x: &[S], z: &[S], tau: &mut [S], dz: &mut [S]) {
+    fn evaluate(&mut self, desired: &[Sym], trig: &[(Sym, Sym)], x: &[Sym], z: &[Sym], tau: &mut [Sym], dz: &mut [Sym]) {
         let n = tau.len();
         let (q, v) = (&x[..n], &x[n..2 * n]);
         let (v_d, a_d) = (&desired[n..2 * n], &desired[2 * n..3 * n]);
@@ -298,7 +299,7 @@ impl<S: Real> Law<S> for Pid<S> {
         }
 
         if self.moves && self.observer.is_none() {
-            self.work.fill(S::zero());
+            self.work.fill(Sym::zero());
             self.arm.inverse_dynamics(&mut self.workspace, trig, q, &self.work, a_d, tau);
         } else {
             self.arm.gravity(&mut self.workspace, trig, q, tau);
@@ -323,7 +324,7 @@ impl<S: Real> Law<S> for Pid<S> {
             let s = &filters[filters.len() - n..];
             for i in 0..n {
                 self.disturbance[i] = bandwidth[i] * inertia[i].mul_add(self.speed[i], -s[i]);
-                let ahead = if self.moves { inertia[i] * a_d[i] } else { S::zero() };
+                let ahead = if self.moves { inertia[i] * a_d[i] } else { Sym::zero() };
                 tau[i] += ahead - self.disturbance[i];
             }
         }
@@ -332,21 +333,21 @@ impl<S: Real> Law<S> for Pid<S> {
 
         if let Some(ki) = &self.ki {
             ki.multiply(&self.e, dw);
-            S::term("integral", &[n], || w.to_vec());
+            Sym::term("integral", &[n], || w.to_vec());
         }
         if let Some(limits) = &self.limits {
             for ((rate, &free), &limit) in dw.iter_mut().zip(&self.free).zip(limits) {
-                let down = S::select(free.lt(-limit), rate.max(S::zero()), *rate);
-                *rate = S::select(limit.lt(free), rate.min(S::zero()), down);
+                let down = Sym::select(free.lt(-limit), rate.max(Sym::zero()), *rate);
+                *rate = Sym::select(limit.lt(free), rate.min(Sym::zero()), down);
             }
             for (tau, &limit) in tau.iter_mut().zip(limits) {
                 *tau = tau.clamped(-limit, limit);
             }
         }
         if self.ki.is_some() {
-            S::term("integral_rate", &[n], || dw.to_vec());
+            Sym::term("integral_rate", &[n], || dw.to_vec());
         }
-        S::term("u", &[n], || self.free.clone());
+        Sym::term("u", &[n], || self.free.clone());
         let (filtered, observed) = behind.split_at_mut(if self.filter.is_some() { n } else { 0 });
         filtered.copy_from_slice(&self.speed[..filtered.len()]);
         for (i, rate) in observed.iter_mut().enumerate() {

@@ -16,6 +16,7 @@ use crate::motion::Motion;
 use crate::plant::PlantKind;
 use crate::priority::{PriorityMethod, PriorityOptions, PrioritySolver, StackFormula};
 use crate::scalar::Real;
+use crate::trace::Sym;
 
 /// Joint accelerations for tasks in order of priority, with validated parameters.
 ///
@@ -91,11 +92,11 @@ impl PriorityAccelerationSpec {
     }
 
     /// Create the law for a control loop on the number type `S`.
-    pub(crate) fn build<S: Real>(&self) -> PriorityAcceleration<S> {
+    pub(crate) fn build(&self) -> PriorityAcceleration {
         let (Ok(arm), Ok(solver)) = (self.model.tree("arm"), self.solver()) else { unreachable!("refused when the law was made") };
         let (n, total) = (self.model.n(), self.rows().iter().sum::<usize>());
         let model = AnyArm::new(&self.model);
-        let zeros = |k: usize| vec![S::zero(); k];
+        let zeros = |k: usize| vec![Sym::zero(); k];
         PriorityAcceleration {
             stack: stack(arm, &self.levels),
             solution: StackFormula::of(&solver),
@@ -103,7 +104,7 @@ impl PriorityAccelerationSpec {
             arm: model,
             gains: self.levels.iter().map(|level| AnyGain::labelled("gain", &level.gain)).collect(),
             dampings: self.levels.iter().map(Level::rate_gain).map(|gain| AnyGain::labelled("rate_gain", &gain)).collect(),
-            joint_damping: S::labelled("joint_damping", 0, || S::varying(self.joint_damping)),
+            joint_damping: Sym::labelled("joint_damping", 0, || Sym::varying(self.joint_damping)),
             limits: self.limits.as_ref().map(MotionLimits::lift),
             e: zeros(total),
             e_dot: zeros(total),
@@ -125,32 +126,32 @@ impl Shape for PriorityAccelerationSpec {
 }
 
 /// The law in a control loop.
-pub struct PriorityAcceleration<S: Real> {
-    stack: TaskStack<S>,
-    solution: StackFormula<S>,
-    arm: AnyArm<S>,
-    workspace: Workspace<S>,
-    gains: Vec<AnyGain<S>>,
-    dampings: Vec<AnyGain<S>>,
-    joint_damping: S,
-    limits: Option<MotionLimits<S>>,
-    e: Vec<S>,
-    e_dot: Vec<S>,
+pub struct PriorityAcceleration {
+    stack: TaskStack<Sym>,
+    solution: StackFormula<Sym>,
+    arm: AnyArm<Sym>,
+    workspace: Workspace<Sym>,
+    gains: Vec<AnyGain<Sym>>,
+    dampings: Vec<AnyGain<Sym>>,
+    joint_damping: Sym,
+    limits: Option<MotionLimits<Sym>>,
+    e: Vec<Sym>,
+    e_dot: Vec<Sym>,
     /// Rate of the Jacobians, `dJ/dt`, `(sum rows, n)`.
-    rate: Vec<S>,
+    rate: Vec<Sym>,
     /// The Jacobians of the tasks and of the joint damping.
-    jacobian: Vec<S>,
-    command: Vec<S>,
+    jacobian: Vec<Sym>,
+    command: Vec<Sym>,
 }
 
-impl<S: Real> PriorityAcceleration<S> {
+impl PriorityAcceleration {
     /// Write two norms per level at the last evaluation: of the error (m or rad), and of the residual (m/s^2 or rad/s^2).
-    pub fn norms(&self, out: &mut [S]) {
+    pub fn norms(&self, out: &mut [Sym]) {
         level::norms(self.stack.rows(), &self.e, self.solution.residuals(), out);
     }
 
     /// Compute the joint accelerations.
-    fn command(&mut self, desired: &[S], q: &[S], v: &[S]) {
+    fn command(&mut self, desired: &[Sym], q: &[Sym], v: &[Sym]) {
         let PriorityAcceleration { stack, solution, gains, dampings, limits, e, e_dot, rate, joint_damping, jacobian, command, .. } = self;
         let (n, total) = (v.len(), e.len());
         stack.set_moving(v);
@@ -172,9 +173,9 @@ impl<S: Real> PriorityAcceleration<S> {
             from += width;
         }
         let (identity, rest) = (&mut jacobian[total * n..], &mut command[total..]);
-        identity.fill(S::zero());
+        identity.fill(Sym::zero());
         for i in 0..n {
-            identity[i * n + i] = S::splat(1.0);
+            identity[i * n + i] = Sym::splat(1.0);
             rest[i] = -*joint_damping * v[i];
         }
         if let Some(limits) = limits {
@@ -183,24 +184,24 @@ impl<S: Real> PriorityAcceleration<S> {
         }
         solution.solve(stack.rounding(), jacobian, command);
         let levels = gains.len();
-        S::term("rows", &[levels], || stack.rows().iter().map(|&rows| S::splat(rows as f64)).collect());
-        S::term("e", &[total], || e.clone());
-        S::term("e_dot", &[total], || e_dot.clone());
-        S::term("J", &[total, n], || jacobian[..total * n].to_vec());
-        S::term("J_dot", &[total, n], || rate.clone());
-        S::term("command", &[total], || command[..total].to_vec());
-        S::term("residuals", &[total], || solution.residuals()[..total].to_vec());
-        S::term("ranks", &[levels], || solution.ranks()[..levels].to_vec());
-        S::term("a", &[n], || solution.v().to_vec());
+        Sym::term("rows", &[levels], || stack.rows().iter().map(|&rows| Sym::splat(rows as f64)).collect());
+        Sym::term("e", &[total], || e.clone());
+        Sym::term("e_dot", &[total], || e_dot.clone());
+        Sym::term("J", &[total, n], || jacobian[..total * n].to_vec());
+        Sym::term("J_dot", &[total, n], || rate.clone());
+        Sym::term("command", &[total], || command[..total].to_vec());
+        Sym::term("residuals", &[total], || solution.residuals()[..total].to_vec());
+        Sym::term("ranks", &[levels], || solution.ranks()[..levels].to_vec());
+        Sym::term("a", &[n], || solution.v().to_vec());
     }
 }
 
-fn product<S: Real>(x: &[S], y: &[S]) -> S {
-    x.iter().zip(y).fold(S::zero(), |sum, (&x, &y)| sum + x * y)
+fn product(x: &[Sym], y: &[Sym]) -> Sym {
+    x.iter().zip(y).fold(Sym::zero(), |sum, (&x, &y)| sum + x * y)
 }
 
-impl<S: Real> Law<S> for PriorityAcceleration<S> {
-    fn evaluate(&mut self, desired: &[S], trig: &[(S, S)], x: &[S], _: &[S], tau: &mut [S], _: &mut [S]) {
+impl Law for PriorityAcceleration {
+    fn evaluate(&mut self, desired: &[Sym], trig: &[(Sym, Sym)], x: &[Sym], _: &[Sym], tau: &mut [Sym], _: &mut [Sym]) {
         let (q, v) = x.split_at(tau.len());
         self.stack.place_at(q, trig);
         self.command(desired, q, v);

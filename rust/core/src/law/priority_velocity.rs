@@ -20,6 +20,7 @@ use crate::motion::Motion;
 use crate::plant::PlantKind;
 use crate::priority::{PriorityMethod, PriorityOptions, PrioritySolver, StackFormula};
 use crate::scalar::Real;
+use crate::trace::Sym;
 
 /// Joint velocities for tasks in order of priority, with validated parameters.
 ///
@@ -94,10 +95,10 @@ impl PriorityVelocitySpec {
     }
 
     /// Create the law for a control loop on the number type `S`.
-    pub(crate) fn build<S: Real>(&self) -> PriorityVelocity<S> {
+    pub(crate) fn build(&self) -> PriorityVelocity {
         let (Ok(arm), Ok(solver)) = (self.model.tree("arm"), self.solver()) else { unreachable!("refused when the law was made") };
         let total: usize = self.rows().iter().sum();
-        let zeros = |k: usize| vec![S::zero(); k];
+        let zeros = |k: usize| vec![Sym::zero(); k];
         PriorityVelocity {
             stack: stack(arm, &self.levels),
             solution: StackFormula::of(&solver),
@@ -134,25 +135,25 @@ impl Shape for PriorityVelocitySpec {
 }
 
 /// The law in a control loop.
-pub struct PriorityVelocity<S: Real> {
-    stack: TaskStack<S>,
-    solution: StackFormula<S>,
-    gains: Vec<AnyGain<S>>,
-    limits: Option<MotionLimits<S>>,
-    e: Vec<S>,
-    jacobian: Vec<S>,
-    command: Vec<S>,
+pub struct PriorityVelocity {
+    stack: TaskStack<Sym>,
+    solution: StackFormula<Sym>,
+    gains: Vec<AnyGain<Sym>>,
+    limits: Option<MotionLimits<Sym>>,
+    e: Vec<Sym>,
+    jacobian: Vec<Sym>,
+    command: Vec<Sym>,
 }
 
-impl<S: Real> PriorityVelocity<S> {
+impl PriorityVelocity {
     /// Write two norms per level at the last evaluation: `|e_i|` (m or rad) and `|v_i - J_i u|` (m/s or rad/s).
-    pub fn norms(&self, out: &mut [S]) {
+    pub fn norms(&self, out: &mut [Sym]) {
         level::norms(self.stack.rows(), &self.e, self.solution.residuals(), out);
     }
 }
 
-impl<S: Real> Law<S> for PriorityVelocity<S> {
-    fn evaluate(&mut self, desired: &[S], trig: &[(S, S)], q: &[S], _: &[S], tau: &mut [S], _: &mut [S]) {
+impl Law for PriorityVelocity {
+    fn evaluate(&mut self, desired: &[Sym], trig: &[(Sym, Sym)], q: &[Sym], _: &[Sym], tau: &mut [Sym], _: &mut [Sym]) {
         let PriorityVelocity { stack, solution, gains, limits, e, jacobian, command } = self;
         stack.place_at(q, trig);
         stack.jacobians(jacobian);
@@ -172,12 +173,12 @@ impl<S: Real> Law<S> for PriorityVelocity<S> {
         solution.solve(stack.rounding(), jacobian, command);
         tau.copy_from_slice(solution.v());
         let (levels, total, n) = (gains.len(), e.len(), q.len());
-        S::term("rows", &[levels], || stack.rows().iter().map(|&rows| S::splat(rows as f64)).collect());
-        S::term("e", &[total], || e.clone());
-        S::term("J", &[total, n], || jacobian.clone());
-        S::term("command", &[total], || command.clone());
-        S::term("residuals", &[total], || solution.residuals().to_vec());
-        S::term("ranks", &[levels], || solution.ranks().to_vec());
-        S::term("v", &[n], || tau.to_vec());
+        Sym::term("rows", &[levels], || stack.rows().iter().map(|&rows| Sym::splat(rows as f64)).collect());
+        Sym::term("e", &[total], || e.clone());
+        Sym::term("J", &[total, n], || jacobian.clone());
+        Sym::term("command", &[total], || command.clone());
+        Sym::term("residuals", &[total], || solution.residuals().to_vec());
+        Sym::term("ranks", &[levels], || solution.ranks().to_vec());
+        Sym::term("v", &[n], || tau.to_vec());
     }
 }

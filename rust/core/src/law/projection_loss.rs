@@ -10,23 +10,24 @@ use crate::dynamics::ArmAt;
 use crate::kinematics::Coordinates;
 use crate::linalg::cholesky;
 use crate::scalar::Real;
+use crate::trace::Sym;
 
 /// The projection loss of one law at the records of a run.
-pub struct ProjectionLoss<S: Real> {
+pub struct ProjectionLoss {
     coordinates: Coordinates,
     /// The arm of the law's model.
-    arm: ArmAt<S>,
-    floor: S,
-    consistent: Option<NullSpaceProjector<S>>,
-    fixed: Option<NullSpaceProjector<S>>,
+    arm: ArmAt<Sym>,
+    floor: Sym,
+    consistent: Option<NullSpaceProjector>,
+    fixed: Option<NullSpaceProjector>,
     /// The mass matrix `M`, `(n, n)`.
-    mass: Vec<S>,
+    mass: Vec<Sym>,
     /// The Cholesky factor of the mass matrix `M`, `(n, n)`.
-    factor: Vec<S>,
+    factor: Vec<Sym>,
     /// Target and error of the rows, `(m,)`, and their Jacobian, `(m, n)`.
-    target: Vec<S>,
-    error: Vec<S>,
-    jacobian: Vec<S>,
+    target: Vec<Sym>,
+    error: Vec<Sym>,
+    jacobian: Vec<Sym>,
 }
 
 /// The Cartesian impedance law that `law` is or contains.
@@ -41,7 +42,7 @@ impl LawSpec {
     }
 }
 
-impl<S: Real> ProjectionLoss<S> {
+impl ProjectionLoss {
     /// The projection loss of a law; `None` if `has_projection_loss` is false.
     pub fn new(law: &LawSpec) -> Option<Self> {
         let law = impedance(law).filter(|_| law.has_projection_loss())?;
@@ -49,11 +50,11 @@ impl<S: Real> ProjectionLoss<S> {
         let options = law.options();
         let projection = options.null_space.as_ref().map(|null_space| null_space.projection);
         let consistent = projection == Some(NullProjection::Consistent) || options.compensate_coupling;
-        let zeros = |k: usize| vec![S::zero(); k];
+        let zeros = |k: usize| vec![Sym::zero(); k];
         Some(ProjectionLoss {
             coordinates: law.coordinates.clone(),
             arm: ArmAt::new(&law.model),
-            floor: S::labelled("null_eps_squared", 0, || S::varying(options.eps * options.eps)),
+            floor: Sym::labelled("null_eps_squared", 0, || Sym::varying(options.eps * options.eps)),
             consistent: consistent.then(|| NullSpaceProjector::new(m, n)),
             fixed: (projection == Some(NullProjection::Static)).then(|| NullSpaceProjector::new(m, n)),
             mass: zeros(n * n),
@@ -65,12 +66,12 @@ impl<S: Real> ProjectionLoss<S> {
     }
 
     /// Compute the loss at the joint positions `q`, `(n,)`.
-    pub fn evaluate(&mut self, q: &[S]) -> S {
+    pub fn evaluate(&mut self, q: &[Sym]) -> Sym {
         let n = q.len();
         let ProjectionLoss { coordinates, arm, floor, consistent, fixed, mass, factor, target, error, jacobian } = self;
         arm.move_to(q);
         arm.error_and_jacobian(coordinates, target, error, jacobian);
-        let mut loss = S::zero();
+        let mut loss = Sym::zero();
         if let Some(projector) = consistent {
             arm.mass_matrix(mass);
             cholesky::factor_into(n, mass, factor);

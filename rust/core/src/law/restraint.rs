@@ -12,6 +12,7 @@
 //! disturbances cause. Both leave an error of the estimate, of the order of `sigma` or `s_0`.
 
 use crate::scalar::{Real, labelled_numbers};
+use crate::trace::Sym;
 
 /// The factor of `sigma` in the leakage.
 ///
@@ -91,14 +92,14 @@ impl Restraint {
 }
 
 /// Leakage and dead zone in a control loop.
-pub(super) struct LoopRestraint<S> {
-    leakage: Option<(S, LeakageForm, Vec<S>)>,
-    dead_zone: Option<S>,
+pub(super) struct LoopRestraint {
+    leakage: Option<(Sym, LeakageForm, Vec<Sym>)>,
+    dead_zone: Option<Sym>,
 }
 
-impl<S: Real> LoopRestraint<S> {
+impl LoopRestraint {
     pub fn new(restraint: &Restraint) -> Self {
-        let number = |name, x: f64| S::labelled(name, 0, || S::varying(x));
+        let number = |name, x: f64| Sym::labelled(name, 0, || Sym::varying(x));
         let leakage = (restraint.leakage > 0.0)
             .then(|| (number("leakage", restraint.leakage), restraint.form, labelled_numbers("leakage_centre", &restraint.centre)));
         let dead_zone = (restraint.dead_zone > 0.0).then(|| number("dead_zone", restraint.dead_zone));
@@ -110,9 +111,9 @@ impl<S: Real> LoopRestraint<S> {
     }
 
     /// Subtract the leakage from `y = Y' s`: write the difference to `w`, and the leakage to `back`. The dead zone is not applied here.
-    pub fn leak(&self, s: &[S], estimate: &[S], y: &[S], w: &mut [S], back: &mut [S]) {
+    pub fn leak(&self, s: &[Sym], estimate: &[Sym], y: &[Sym], w: &mut [Sym], back: &mut [Sym]) {
         let Some((sigma, form, centre)) = &self.leakage else {
-            back.fill(S::zero());
+            back.fill(Sym::zero());
             return w.copy_from_slice(y);
         };
         let sigma = match form {
@@ -126,17 +127,17 @@ impl<S: Real> LoopRestraint<S> {
     }
 
     /// Within the dead zone, set the rate `dz` of the estimate to zero, and `back` to `y = Y' s`.
-    pub fn rest(&self, s: &[S], y: &[S], dz: &mut [S], back: &mut [S]) {
+    pub fn rest(&self, s: &[Sym], y: &[Sym], dz: &mut [Sym], back: &mut [Sym]) {
         let Some(zone) = self.dead_zone else { return };
         let inside = square(s).lt(zone * zone);
         for k in 0..y.len() {
-            dz[k] = S::select(inside, S::zero(), dz[k]);
-            back[k] = S::select(inside, y[k], back[k]);
+            dz[k] = Sym::select(inside, Sym::zero(), dz[k]);
+            back[k] = Sym::select(inside, y[k], back[k]);
         }
     }
 }
 
 /// The squared norm `s's`.
-fn square<S: Real>(s: &[S]) -> S {
-    s.iter().fold(S::zero(), |sum, &s| s.mul_add(s, sum))
+fn square(s: &[Sym]) -> Sym {
+    s.iter().fold(Sym::zero(), |sum, &s| s.mul_add(s, sum))
 }

@@ -10,19 +10,20 @@ use crate::kinematics::Coordinates;
 use crate::linalg::gain::AnyGain;
 use crate::plant::Stored;
 use crate::scalar::Real;
+use crate::trace::Sym;
 
 /// The storage function of a law in a control loop.
-pub struct Storage<S: Real> {
+pub struct Storage {
     coordinates: Coordinates,
-    stiffness: AnyGain<S>,
-    joint_stiffness: AnyGain<S>,
-    reduced_inertia: AnyGain<S>,
-    stretch: Vec<S>,
-    error: Vec<S>,
-    jacobian: Vec<S>,
+    stiffness: AnyGain<Sym>,
+    joint_stiffness: AnyGain<Sym>,
+    reduced_inertia: AnyGain<Sym>,
+    stretch: Vec<Sym>,
+    error: Vec<Sym>,
+    jacobian: Vec<Sym>,
 }
 
-impl<S: Real> Storage<S> {
+impl Storage {
     /// The storage function of `law`; `None` for a law without one.
     pub fn new(law: &LawSpec) -> Option<Self> {
         let law = law.storage()?;
@@ -32,15 +33,15 @@ impl<S: Real> Storage<S> {
             stiffness: AnyGain::new(&law.outer.stiffness),
             joint_stiffness: AnyGain::new(&law.inner.joint_stiffness),
             reduced_inertia: AnyGain::new(&law.inner.reduced_inertia),
-            stretch: vec![S::zero(); n],
-            error: vec![S::zero(); m],
-            jacobian: vec![S::zero(); m * n],
+            stretch: vec![Sym::zero(); n],
+            error: vec![Sym::zero(); m],
+            jacobian: vec![Sym::zero(); m * n],
         })
     }
 
     /// Compute the storage function `E`, J, for the desired motions at the plant's state `x`. The arm `links` must already be at the joint
     /// positions of `x`.
-    pub fn energy(&mut self, desired: &[S], links: &mut ArmAt<S>, plant: &Stored<S>, x: &[S]) -> S {
+    pub fn energy(&mut self, desired: &[Sym], links: &mut ArmAt<Sym>, plant: &Stored<Sym>, x: &[Sym]) -> Sym {
         let n = self.stretch.len();
         let target = &desired[..self.error.len()];
         links.error_and_jacobian(&self.coordinates, target, &mut self.error, &mut self.jacobian);
@@ -48,7 +49,7 @@ impl<S: Real> Storage<S> {
         for (i, stretch) in self.stretch.iter_mut().enumerate() {
             *stretch = x[2 * n + i] - x[i];
         }
-        let half = S::splat(0.5);
+        let half = Sym::splat(0.5);
         let inner = half * (self.joint_stiffness.quadratic(&self.stretch) + self.reduced_inertia.quadratic(&x[3 * n..4 * n]));
         let (wall, stops) = plant.contacts(links, x);
         kinetic + inner + half * self.stiffness.quadratic(&self.error) + wall + stops

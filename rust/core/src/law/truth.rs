@@ -14,6 +14,7 @@ use super::adaptive::AdaptiveSpec;
 use super::joint_columns::JointColumn;
 use crate::plant::PlantSpec;
 use crate::scalar::{Real, labelled_numbers, sign};
+use crate::trace::Sym;
 
 impl AdaptiveSpec {
     /// The plant's values of the estimated parameters, `(p,)`.
@@ -33,6 +34,8 @@ impl AdaptiveSpec {
 /// # use armlet_core::motion::Motion;
 /// # use armlet_core::plant::{PlantSpec, RigidSpec};
 /// use armlet_core::law::{Adaptation, AdaptiveSpec, Gain, LawSpec, LeakageForm, Truth};
+/// use armlet_core::scalar::Real;
+/// use armlet_core::trace::function::recorded;
 /// # let model = Model::from(Arm::pendulum(2.0, 5.0)?);
 /// # let gain = |n: usize, k: f64| Gain::scalar("gain", n, k);
 /// # let (motion, adaptation) = (Motion::hold(vec![0.0])?, Adaptation::Euclidean(gain(10, 2.0)?));
@@ -40,28 +43,34 @@ impl AdaptiveSpec {
 /// # let law = AdaptiveSpec::new(model.clone(), motion, gain(1, 50.0)?, gain(1, 10.0)?, adaptation, None, None)?;
 ///
 /// let law = law.leaking(0.1, LeakageForm::Sigma, None)?;
-/// let (truth, mut control) = (Truth::new(&law, &plant), LawSpec::from(law).build::<f64>());
-/// let (x, z, mut tau, mut rate) = ([0.0, 0.2], model.parameters(), [0.0], [0.0; 10]);
-/// control.evaluate(&[0.0; 3], &[(0.0, 1.0)], &x, &z, &mut tau, &mut rate);
+/// let law = LawSpec::from(law);
+/// let set_up = || (law.adaptive().and_then(|law| Truth::new(law, &plant)), law.build());
+/// let recording = recorded(12, set_up, |(truth, mut control), inputs| {
+///     let ((x, z), mut tau, mut rate) = (inputs.split_at(2), [inputs[0]], [inputs[0]; 10]);
+///     control.evaluate(&law.desired(0.0), &[x[0].sin_cos()], x, z, &mut tau, &mut rate);
+///     truth.map(|truth| control.dissipation_of(&truth, None, x, z)).into_iter().collect()
+/// });
+/// let mut dissipation = recording.expect("a law does not branch on its numbers").interpreted(false);
+/// dissipation.all_inputs().copy_from_slice(&[&[0.0, 0.2], &model.parameters()[..]].concat());
+/// dissipation.run();
 /// // With the true parameters as estimate, the leakage adds nothing to the dissipation s Kd s.
-/// let dissipation = truth.map(|truth| control.dissipation_of(&truth, None, &x, &z));
-/// assert!(dissipation.is_some_and(|power| (power - 10.0 * 0.2 * 0.2).abs() < 1e-12));
+/// assert!((dissipation.output(0)[0] - 10.0 * 0.2 * 0.2).abs() < 1e-12);
 /// # Ok::<(), armlet_core::error::Error>(())
 /// ```
-pub struct Truth<S> {
+pub struct Truth {
     /// True values `a` of the estimated parameters, `(p,)`.
-    parameters: Vec<S>,
+    parameters: Vec<Sym>,
     /// Friction parameters `a_f` of the joint columns; zero for rotors.
-    rubbing: Vec<S>,
+    rubbing: Vec<Sym>,
     /// Viscous friction of the plant, `(n,)`.
-    viscous: Vec<S>,
+    viscous: Vec<Sym>,
     /// Coulomb friction of the plant, `(n,)`.
-    coulomb: Vec<S>,
+    coulomb: Vec<Sym>,
     /// Difference `B - B_0` of rotor inertias, `(n,)`.
-    rotors: Vec<S>,
+    rotors: Vec<Sym>,
 }
 
-impl<S: Real> Truth<S> {
+impl Truth {
     /// Create the true parameters for a law with joint columns, restraint, composite or concurrent adaptation; `None` for another law.
     pub fn new(law: &AdaptiveSpec, plant: &PlantSpec) -> Option<Self> {
         if law.is_plain() {
@@ -69,7 +78,7 @@ impl<S: Real> Truth<S> {
         }
         let parameters = labelled_numbers("plant", &law.truth(plant));
         let (model, n) = (plant.model(), plant.n());
-        let fixed = |values: Vec<f64>| values.into_iter().map(S::splat).collect::<Vec<S>>();
+        let fixed = |values: Vec<f64>| values.into_iter().map(Sym::splat).collect::<Vec<Sym>>();
         let [viscous, coulomb] = model.friction(plant.has_friction()).map(fixed);
         let mut rubbing = law.columns.truth(model, plant.has_friction());
         let rotors = if law.columns.has(JointColumn::Armature) {
@@ -85,8 +94,8 @@ impl<S: Real> Truth<S> {
     /// effects of the plant's friction, known rotors, restraint (leakage and dead zone), and composite and concurrent adaptation.
     ///
     /// `friction` are the torques of the plant's stick-slip friction, if there is one. `columns` has the entries of the joint columns, and `back` is `y - w`.
-    pub(super) fn added(&self, [s, v, a_r]: [&[S]; 3], friction: Option<&[S]>, columns: &[S], estimate: &[S], back: &[S]) -> S {
-        let (n, mut sum) = (s.len(), S::zero());
+    pub(super) fn added(&self, [s, v, a_r]: [&[Sym]; 3], friction: Option<&[Sym]>, columns: &[Sym], estimate: &[Sym], back: &[Sym]) -> Sym {
+        let (n, mut sum) = (s.len(), Sym::zero());
         for i in 0..n {
             let torque = friction.map_or_else(|| self.coulomb[i].mul_add(sign(v[i]), self.viscous[i] * v[i]), |torques| torques[i]);
             sum = s[i].mul_add(self.rotors[i].mul_add(a_r[i], torque), sum);

@@ -30,7 +30,7 @@ pub fn world<'a>(problem: &'a Problem, lanes: usize, run: impl Fn(usize) -> usiz
 pub fn assemble(problem: &Problem, run: usize, storage: bool) -> ClosedLoop {
     let (o, plant, law) = (&problem.options, problem.plant(run), problem.law(run));
     let loop_plant = plant.build::<Sym>(problem.force_frame());
-    let loop_law = law.build::<Sym>();
+    let loop_law = law.build();
     let closing = Closing { held: o.sampling.is_some(), monitored: o.monitors, storage };
     let desired = law.motions().iter().map(|motion| 3 * motion.dof()).sum();
     let sizes = (plant.states(), plant.seen(), law.initial_state().len(), desired, plant.model().angles());

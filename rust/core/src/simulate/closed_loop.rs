@@ -29,7 +29,7 @@ impl Closing {
 
 pub struct ClosedLoop {
     plant: Box<dyn Plant<Sym> + Send>,
-    law: Box<dyn Law<Sym> + Send>,
+    law: Box<dyn Law + Send>,
     closing: Closing,
     /// The saturation limits of the input. Empty if there is no saturation.
     limits: Vec<Sym>,
@@ -49,13 +49,13 @@ pub struct ClosedLoop {
     /// The size of the law's state.
     p: usize,
     /// The true parameters of the plants, for the dissipation in the Lyapunov balance. `None` if the law alone determines it.
-    truth: Option<Truth<Sym>>,
+    truth: Option<Truth>,
 }
 
 impl ClosedLoop {
     pub fn new(
         plant: Box<dyn Plant<Sym> + Send>,
-        law: Box<dyn Law<Sym> + Send>,
+        law: Box<dyn Law + Send>,
         tau_max: Option<&[f64]>,
         closing: Closing,
         (states, seen, p, desired, angles): (usize, usize, usize, usize, Vec<bool>),
@@ -81,7 +81,7 @@ impl ClosedLoop {
     }
 
     /// Return the loop with a dissipation that is computed with the true parameters `truth` of the plants.
-    pub fn judged_by(self, truth: Option<Truth<Sym>>) -> Self {
+    pub fn judged_by(self, truth: Option<Truth>) -> Self {
         ClosedLoop { truth, ..self }
     }
 

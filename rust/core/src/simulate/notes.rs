@@ -20,7 +20,7 @@ pub struct Noted {
 
 /// The recorded operations that compute the part of a record that follows the state: the input and the monitors.
 pub struct Notes {
-    checks: Option<Checks<Sym>>,
+    checks: Option<Checks>,
     monitors: usize,
 }
 

@@ -95,7 +95,7 @@ pub fn loop_parameters(problem: &Problem, run: usize, common: Common) -> LoopPar
 
 /// The metrics and records that the programs of a loop compute in addition to steps.
 pub struct MetricsAndRecords {
-    sums: Option<Sums<Sym>>,
+    sums: Option<Sums>,
     pub notes: Option<Notes>,
 }
 

@@ -6,13 +6,13 @@ use super::measures::Plan;
 use super::monitors::identities::Theory;
 use super::problem::Problem;
 use super::schedule::Times;
-use crate::scalar::Real;
+use crate::trace::Sym;
 
 /// The metrics of one run.
-pub struct Sums<S: Real> {
+pub struct Sums {
     columns: Columns,
-    gauge: Gauge<S>,
-    theory: Option<Theory<S>>,
+    gauge: Gauge<Sym>,
+    theory: Option<Theory>,
 }
 
 impl Problem<'_> {
@@ -22,7 +22,7 @@ impl Problem<'_> {
     }
 }
 
-impl<S: Real> Sums<S> {
+impl Sums {
     /// Create the metrics `plan` of run `run` of a problem. `storage`: whether the monitored energy is the law's storage function.
     pub fn new(problem: &Problem, run: usize, plan: &Plan, storage: bool) -> Self {
         let (plant, law) = (problem.plant(run), problem.law(run));
@@ -39,7 +39,7 @@ impl<S: Real> Sums<S> {
     }
 
     /// Update the metrics with the state `x`, the desired motions and the input `tau`. `h`: the time to the next record, s.
-    pub fn add(&mut self, desired: &[S], x: &[S], tau: &[S], h: S, start: Start, kept: &mut [S]) {
+    pub fn add(&mut self, desired: &[Sym], x: &[Sym], tau: &[Sym], h: Sym, start: Start, kept: &mut [Sym]) {
         let parts = self.columns.split(x, tau);
         let identities = self.theory.as_mut().map_or_else(Identities::default, |theory| {
             theory.arm.move_to(parts.q);

@@ -10,23 +10,24 @@ use crate::law::{LawSpec, Lyapunov, Storage};
 use crate::plant::{PlantSpec, Stored};
 use crate::scalar::Real;
 use crate::simulate::gauge::Identities;
+use crate::trace::Sym;
 
 /// Computes skewness, energy and Lyapunov function, which satisfy identities of the theory.
-pub struct Theory<S: Real> {
+pub struct Theory {
     states: usize,
     /// Size of the law's state.
     p: usize,
-    pub arm: ArmAt<S>,
+    pub arm: ArmAt<Sym>,
     /// `dM/dt`, shape `(n, n)`.
-    mass_rate: Vec<S>,
+    mass_rate: Vec<Sym>,
     /// `C`, shape `(n, n)`.
-    coriolis: Vec<S>,
-    stored: Stored<S>,
-    storage: Option<Storage<S>>,
-    lyapunov: Option<Lyapunov<S>>,
+    coriolis: Vec<Sym>,
+    stored: Stored<Sym>,
+    storage: Option<Storage>,
+    lyapunov: Option<Lyapunov>,
 }
 
-impl<S: Real> Theory<S> {
+impl Theory {
     /// Create the computation for a plant and a law. If `storage` is true, the energy is the law's storage function.
     pub fn new(plant: &PlantSpec, law: &LawSpec, storage: bool) -> Self {
         let n = plant.n();
@@ -34,8 +35,8 @@ impl<S: Real> Theory<S> {
             states: plant.states(),
             p: law.initial_state().len(),
             arm: ArmAt::new(plant.model()),
-            mass_rate: vec![S::zero(); n * n],
-            coriolis: vec![S::zero(); n * n],
+            mass_rate: vec![Sym::zero(); n * n],
+            coriolis: vec![Sym::zero(); n * n],
             stored: Stored::new(plant),
             storage: if storage { Storage::new(law) } else { None },
             lyapunov: Lyapunov::new(law, plant),
@@ -44,7 +45,7 @@ impl<S: Real> Theory<S> {
 
     /// Compute skewness, energy and Lyapunov function at state `x = [plant, z, integrals]`, whose first integrals are the integrals of
     /// [`Exchange`]. The arm must already be at the position `q` of `x`.
-    pub fn identities(&mut self, desired: &[S], x: &[S]) -> Identities<S> {
+    pub fn identities(&mut self, desired: &[Sym], x: &[Sym]) -> Identities<Sym> {
         let n = self.arm.trig().len();
         let (plant, rest) = x.split_at(self.states);
         let (z, quadratures) = rest.split_at(self.p);
@@ -55,23 +56,23 @@ impl<S: Real> Theory<S> {
         };
         let lyapunov = match &mut self.lyapunov {
             Some(lyapunov) => lyapunov.value(desired, &mut self.arm, q, v, z),
-            None => S::zero(),
+            None => Sym::zero(),
         };
         Identities { skewness: self.skewness(v), energy, lyapunov, quadratures: [quadratures[0], quadratures[1]] }
     }
 
     /// Return the largest absolute entry of `N + N'`.
-    fn skewness(&mut self, v: &[S]) -> S {
+    fn skewness(&mut self, v: &[Sym]) -> Sym {
         let n = v.len();
         self.arm.mass_matrix_rate(v, &mut self.mass_rate);
         self.arm.coriolis_matrix(v, &mut self.coriolis);
-        let entry = |i: usize, j: usize| S::splat(2.0).neg_mul_add(self.coriolis[n * i + j], self.mass_rate[n * i + j]);
-        let mut worst = S::zero();
+        let entry = |i: usize, j: usize| Sym::splat(2.0).neg_mul_add(self.coriolis[n * i + j], self.mass_rate[n * i + j]);
+        let mut worst = Sym::zero();
         for i in 0..n {
             for j in i..n {
                 let sum = (entry(i, j) + entry(j, i)).abs();
                 // A maximum would ignore a sum that is NaN.
-                worst = S::select(sum.lt(worst), worst, sum);
+                worst = Sym::select(sum.lt(worst), worst, sum);
             }
         }
         worst
@@ -87,7 +88,7 @@ impl MonitorKind for Exchange {
     const NAMES: &'static [&'static str] = &[];
     const INTEGRALS: &'static [&'static str] = &["dissipated", "supplied"];
 
-    fn rates<S: Real>(flow: &Flow<S>, out: &mut [S]) {
+    fn rates(flow: &Flow, out: &mut [Sym]) {
         (out[0], out[1]) = match flow.stored {
             Some(stored) => (flow.power.outside - stored, stored),
             None => (flow.dissipated, flow.power.input + flow.power.outside),
@@ -98,7 +99,7 @@ impl MonitorKind for Exchange {
         false
     }
 
-    fn build<S: Real>(_: &Scope) -> Option<Box<dyn Monitor<S> + Send>> {
+    fn build(_: &Scope) -> Option<Box<dyn Monitor + Send>> {
         None
     }
 }
@@ -113,13 +114,13 @@ impl MonitorKind for Skewness {
         scope.plant().kind().has_speeds()
     }
 
-    fn build<S: Real>(_: &Scope) -> Option<Box<dyn Monitor<S> + Send>> {
+    fn build(_: &Scope) -> Option<Box<dyn Monitor + Send>> {
         Some(Box::new(Skewness))
     }
 }
 
-impl<S: Real> Monitor<S> for Skewness {
-    fn evaluate(&mut self, at: &mut Moment<S>, out: &mut [S]) {
+impl Monitor for Skewness {
+    fn evaluate(&mut self, at: &mut Moment, out: &mut [Sym]) {
         out[0] = at.identities.skewness;
     }
 }
@@ -134,13 +135,13 @@ impl MonitorKind for Energy {
         scope.plant().kind().has_speeds()
     }
 
-    fn build<S: Real>(_: &Scope) -> Option<Box<dyn Monitor<S> + Send>> {
+    fn build(_: &Scope) -> Option<Box<dyn Monitor + Send>> {
         Some(Box::new(Energy))
     }
 }
 
-impl<S: Real> Monitor<S> for Energy {
-    fn evaluate(&mut self, at: &mut Moment<S>, out: &mut [S]) {
+impl Monitor for Energy {
+    fn evaluate(&mut self, at: &mut Moment, out: &mut [Sym]) {
         let Identities { energy, quadratures: [_, put_in], .. } = at.identities;
         out[0] = energy;
         out[1] = energy - put_in - at.first[0];
@@ -158,13 +159,13 @@ impl MonitorKind for Passivity {
         scope.monitored.storage
     }
 
-    fn build<S: Real>(_: &Scope) -> Option<Box<dyn Monitor<S> + Send>> {
+    fn build(_: &Scope) -> Option<Box<dyn Monitor + Send>> {
         Some(Box::new(Passivity))
     }
 }
 
-impl<S: Real> Monitor<S> for Passivity {
-    fn evaluate(&mut self, at: &mut Moment<S>, out: &mut [S]) {
+impl Monitor for Passivity {
+    fn evaluate(&mut self, at: &mut Moment, out: &mut [Sym]) {
         let Identities { energy, quadratures: [dissipated, put_in], .. } = at.identities;
         out[0] = dissipated + put_in + at.first[0] - energy;
     }
@@ -180,13 +181,13 @@ impl MonitorKind for LyapunovBalance {
         scope.law().adaptive().is_some()
     }
 
-    fn build<S: Real>(_: &Scope) -> Option<Box<dyn Monitor<S> + Send>> {
+    fn build(_: &Scope) -> Option<Box<dyn Monitor + Send>> {
         Some(Box::new(LyapunovBalance))
     }
 }
 
-impl<S: Real> Monitor<S> for LyapunovBalance {
-    fn evaluate(&mut self, at: &mut Moment<S>, out: &mut [S]) {
+impl Monitor for LyapunovBalance {
+    fn evaluate(&mut self, at: &mut Moment, out: &mut [Sym]) {
         let Identities { lyapunov, quadratures: [dissipated, _], .. } = at.identities;
         out[0] = lyapunov;
         out[1] = at.first[1] - lyapunov - dissipated;

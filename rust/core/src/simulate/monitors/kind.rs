@@ -3,9 +3,9 @@
 use crate::dynamics::ArmAt;
 use crate::law::LawSpec;
 use crate::plant::{PlantSpec, Power};
-use crate::scalar::Real;
 use crate::simulate::gauge::Identities;
 use crate::simulate::problem::Problem;
+use crate::trace::Sym;
 
 /// A run whose monitors are computed.
 pub struct Scope<'p, 'a> {
@@ -43,42 +43,42 @@ impl<'a> Scope<'_, 'a> {
 }
 
 /// The quantities of one record from which monitors are computed.
-pub struct Moment<'a, S: Real> {
+pub struct Moment<'a> {
     /// The law's desired motions, one after another.
-    pub desired: &'a [S],
+    pub desired: &'a [Sym],
     /// The wrench at the frame of the force, N and N m.
-    pub wrench: &'a [S; 6],
+    pub wrench: &'a [Sym; 6],
     /// The state of the plant.
-    pub x: &'a [S],
+    pub x: &'a [Sym],
     /// The state of the law.
-    pub z: &'a [S],
+    pub z: &'a [Sym],
     /// The input of the plant.
-    pub tau: &'a [S],
+    pub tau: &'a [Sym],
     /// The plant's arm at the position of the record.
-    pub arm: &'a mut ArmAt<S>,
+    pub arm: &'a mut ArmAt<Sym>,
     /// Skewness, energy and Lyapunov function, with the integrals of the law's dissipation and of the supplied power.
-    pub identities: Identities<S>,
+    pub identities: Identities<Sym>,
     /// `E - int P dt` and `V1 + int D dt` at the first record.
-    pub first: [S; 2],
+    pub first: [Sym; 2],
     /// The projection loss of the law. `None` if it is not monitored.
-    pub loss: Option<S>,
+    pub loss: Option<Sym>,
     /// The monitor's own integrals, from the start to this record.
-    pub integrals: &'a [S],
+    pub integrals: &'a [Sym],
 }
 
 /// The quantities of a loop from which the rates of the monitors' integrals are computed.
-pub struct Flow<S> {
-    pub power: Power<S>,
+pub struct Flow {
+    pub power: Power<Sym>,
     /// The rate at which the law's Lyapunov function decreases.
-    pub dissipated: S,
+    pub dissipated: Sym,
     /// The rate of the law's own storage function, if this is the monitored energy.
-    pub stored: Option<S>,
+    pub stored: Option<Sym>,
 }
 
 /// A monitor of one run, on plain numbers or on recorded values.
-pub trait Monitor<S: Real> {
+pub trait Monitor {
     /// Write the values of the monitor's series at a record, one for each of [`MonitorKind::NAMES`].
-    fn evaluate(&mut self, at: &mut Moment<S>, out: &mut [S]);
+    fn evaluate(&mut self, at: &mut Moment, out: &mut [Sym]);
 }
 
 /// A kind of monitor.
@@ -90,11 +90,11 @@ pub trait MonitorKind {
     const INTEGRALS: &'static [&'static str] = &[];
 
     /// Write the rates of the integrals of this monitor.
-    fn rates<S: Real>(_: &Flow<S>, _: &mut [S]) {}
+    fn rates(_: &Flow, _: &mut [Sym]) {}
 
     /// Whether this monitor applies to a run.
     fn applies(scope: &Scope) -> bool;
 
     /// Create the monitor of a run to which it applies.
-    fn build<S: Real>(scope: &Scope) -> Option<Box<dyn Monitor<S> + Send>>;
+    fn build(scope: &Scope) -> Option<Box<dyn Monitor + Send>>;
 }

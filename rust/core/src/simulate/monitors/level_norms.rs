@@ -2,6 +2,7 @@
 
 use crate::law::{Law, LawSpec, PriorityAcceleration, PriorityVelocity};
 use crate::scalar::Real;
+use crate::trace::Sym;
 
 /// The names of the norms. Levels after the eighth have no norms.
 const NAMES: [&str; 16] = [
@@ -32,15 +33,15 @@ pub fn names(law: &LawSpec) -> &'static [&'static str] {
 }
 
 /// Computes the norms of error and residual of each level.
-pub enum LevelNorms<S: Real> {
-    Velocity(Box<PriorityVelocity<S>>, Vec<S>),
-    Acceleration(Box<PriorityAcceleration<S>>, Vec<S>),
+pub enum LevelNorms {
+    Velocity(Box<PriorityVelocity>, Vec<Sym>),
+    Acceleration(Box<PriorityAcceleration>, Vec<Sym>),
 }
 
-impl<S: Real> LevelNorms<S> {
+impl LevelNorms {
     /// Return the computation of the norms of error and residual of a law's levels. The result is `None` without levels.
     pub fn of(law: &LawSpec) -> Option<Self> {
-        let u = vec![S::zero(); law.model().n()];
+        let u = vec![Sym::zero(); law.model().n()];
         match law {
             LawSpec::PriorityVelocity(spec) => Some(LevelNorms::Velocity(Box::new(spec.build()), u)),
             LawSpec::PriorityAcceleration(spec) => Some(LevelNorms::Acceleration(Box::new(spec.build()), u)),
@@ -49,7 +50,7 @@ impl<S: Real> LevelNorms<S> {
     }
 
     /// Compute as many norms as `out` has elements, at plant state `x` with the sines and cosines `trig`.
-    pub fn evaluate(&mut self, desired: &[S], trig: &[(S, S)], x: &[S], out: &mut [S]) {
+    pub fn evaluate(&mut self, desired: &[Sym], trig: &[(Sym, Sym)], x: &[Sym], out: &mut [Sym]) {
         match self {
             LevelNorms::Velocity(law, u) => {
                 law.evaluate(desired, trig, x, &[], u, &mut []);

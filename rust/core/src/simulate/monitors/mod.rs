@@ -32,13 +32,13 @@ pub use kind::{Flow, Moment, Monitor, MonitorKind, Monitored, Scope};
 
 use super::problem::Problem;
 use crate::law::ProjectionLoss;
-use crate::scalar::Real;
+use crate::trace::Sym;
 use identities::Theory;
 use level_norms::LevelNorms;
 use std::ops::Range;
 
 /// The monitors of a run, each with the number of its series and the places of its integrals.
-type Series<S> = Vec<(usize, Range<usize>, Box<dyn Monitor<S> + Send>)>;
+type Series = Vec<(usize, Range<usize>, Box<dyn Monitor + Send>)>;
 
 /// Lists the kinds of monitors, in the order of their series.
 macro_rules! monitors {
@@ -53,12 +53,12 @@ macro_rules! monitors {
         }
 
         /// Create the monitors of a run.
-        fn build<S: Real>(scope: &Scope) -> Series<S> {
+        fn build(scope: &Scope) -> Series {
             let (mut all, mut end) = (Vec::new(), 0);
             $(end += <$kind>::INTEGRALS.len();
             if <$kind>::applies(scope) {
                 let integrals = end - <$kind>::INTEGRALS.len()..end;
-                all.extend(<$kind>::build::<S>(scope).map(|monitor| (<$kind>::NAMES.len(), integrals, monitor)));
+                all.extend(<$kind>::build(scope).map(|monitor| (<$kind>::NAMES.len(), integrals, monitor)));
             })*
             all
         }
@@ -67,7 +67,7 @@ macro_rules! monitors {
         const INTEGRALS: &[&[&str]] = &[$(<$kind>::INTEGRALS),*];
 
         /// The rates of the integrals of all monitors.
-        pub fn rates<S: Real>(flow: &Flow<S>, out: &mut [S]) {
+        pub fn rates(flow: &Flow, out: &mut [Sym]) {
             $(let (own, out) = out.split_at_mut(<$kind>::INTEGRALS.len());
             <$kind>::rates(flow, own);)*
             debug_assert!(out.is_empty(), "the loop has a state for each integral");
@@ -104,11 +104,11 @@ pub fn names(problem: &Problem) -> Vec<&'static str> {
 }
 
 /// The monitors of one run.
-pub struct Checks<S: Real> {
-    theory: Theory<S>,
-    monitors: Series<S>,
-    levels: Option<LevelNorms<S>>,
-    loss: Option<ProjectionLoss<S>>,
+pub struct Checks {
+    theory: Theory,
+    monitors: Series,
+    levels: Option<LevelNorms>,
+    loss: Option<ProjectionLoss>,
     /// The number of plant states that a law reads.
     states: usize,
     /// The number of bristles, which follow these states.
@@ -119,7 +119,7 @@ pub struct Checks<S: Real> {
     norms: usize,
 }
 
-impl<S: Real> Checks<S> {
+impl Checks {
     /// Create the monitors of a run.
     pub fn new(scope: &Scope) -> Self {
         let (plant, law) = (scope.plant(), scope.law());
@@ -145,10 +145,10 @@ impl<S: Real> Checks<S> {
     /// `E - int P dt` and `V1 + int D dt` at this record, and returns their values at the first record.
     pub fn evaluate(
         &mut self,
-        (desired, wrench): (&[S], &[S; 6]),
-        (x, tau): (&[S], &[S]),
-        first: impl FnOnce([S; 2]) -> [S; 2],
-        out: &mut [S],
+        (desired, wrench): (&[Sym], &[Sym; 6]),
+        (x, tau): (&[Sym], &[Sym]),
+        first: impl FnOnce([Sym; 2]) -> [Sym; 2],
+        out: &mut [Sym],
     ) {
         let (mut out, norms) = out.split_at_mut(out.len() - self.norms);
         let arm = &mut self.theory.arm;

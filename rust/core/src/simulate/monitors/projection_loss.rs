@@ -3,6 +3,7 @@
 
 use super::{Moment, Monitor, MonitorKind, Scope};
 use crate::scalar::Real;
+use crate::trace::Sym;
 
 /// The loss as a monitor. In a batch it is zero for a law without a projector and without compensated coupling.
 pub struct Loss;
@@ -14,13 +15,13 @@ impl MonitorKind for Loss {
         scope.monitored.loss
     }
 
-    fn build<S: Real>(_: &Scope) -> Option<Box<dyn Monitor<S> + Send>> {
+    fn build(_: &Scope) -> Option<Box<dyn Monitor + Send>> {
         Some(Box::new(Loss))
     }
 }
 
-impl<S: Real> Monitor<S> for Loss {
-    fn evaluate(&mut self, at: &mut Moment<S>, out: &mut [S]) {
-        out[0] = at.loss.unwrap_or_else(S::zero);
+impl Monitor for Loss {
+    fn evaluate(&mut self, at: &mut Moment, out: &mut [Sym]) {
+        out[0] = at.loss.unwrap_or_else(Sym::zero);
     }
 }

@@ -8,27 +8,28 @@ use crate::law::{CartesianImpedanceSpec, NullProjection};
 use crate::linalg::cholesky;
 use crate::linalg::gain::AnyGain;
 use crate::scalar::Real;
+use crate::trace::Sym;
 
-pub struct StaticTorque<S: Real> {
-    stiffness: AnyGain<S>,
-    damping: AnyGain<S>,
-    work: Vec<S>,
+pub struct StaticTorque {
+    stiffness: AnyGain<Sym>,
+    damping: AnyGain<Sym>,
+    work: Vec<Sym>,
     /// The torque `N' tau_0`, shape `(n,)`, N m or N.
-    pub torque: Vec<S>,
+    pub torque: Vec<Sym>,
     /// Memory for a wrench, shape `(m,)`.
-    pub wrench: Vec<S>,
+    pub wrench: Vec<Sym>,
     /// The matrix `J J'`, shape `(m, m)`.
-    square: Vec<S>,
+    square: Vec<Sym>,
     /// The Cholesky factor of `J J'`, shape `(m, m)`.
-    factor: Vec<S>,
+    factor: Vec<Sym>,
 }
 
-impl<S: Real> StaticTorque<S> {
+impl StaticTorque {
     /// Return the torque of a law. The result is `None` unless the law's null space has the static projector.
     pub fn new(law: &CartesianImpedanceSpec) -> Option<Self> {
         let null_space = law.options().null_space.as_ref().filter(|null_space| null_space.projection == NullProjection::Static)?;
         let (n, m) = (law.model.n(), law.coordinates.m());
-        let zeros = |k: usize| vec![S::zero(); k];
+        let zeros = |k: usize| vec![Sym::zero(); k];
         Some(StaticTorque {
             stiffness: AnyGain::labelled("null_stiffness", &null_space.stiffness),
             damping: AnyGain::labelled("null_damping", &null_space.damping),
@@ -41,7 +42,7 @@ impl<S: Real> StaticTorque<S> {
     }
 
     /// Compute `N' tau_0` at `q`, `v` and `J`. `posture`: the desired posture `q_n`, then its rate.
-    pub fn evaluate(&mut self, posture: &[S], q: &[S], v: &[S], jacobian: &[S]) {
+    pub fn evaluate(&mut self, posture: &[Sym], q: &[Sym], v: &[Sym], jacobian: &[Sym]) {
         let (n, m) = (q.len(), self.wrench.len());
         let StaticTorque { stiffness, damping, work, torque, wrench, square, factor } = self;
         for i in 0..n {
@@ -53,7 +54,7 @@ impl<S: Real> StaticTorque<S> {
         }
         damping.add_to(work, torque);
         let row = |k: usize| &jacobian[k * n..(k + 1) * n];
-        let dot = |a: &[S], b: &[S]| a.iter().zip(b).fold(S::zero(), |sum, (&a, &b)| sum + a * b);
+        let dot = |a: &[Sym], b: &[Sym]| a.iter().zip(b).fold(Sym::zero(), |sum, (&a, &b)| sum + a * b);
         for k in 0..m {
             wrench[k] = dot(row(k), torque);
             for l in 0..m {

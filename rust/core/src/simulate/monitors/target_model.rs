@@ -20,59 +20,60 @@ use crate::linalg::cholesky;
 use crate::linalg::gain::AnyGain;
 use crate::plant::Plant;
 use crate::scalar::{Real, labelled_numbers};
+use crate::trace::Sym;
 
 /// `M_x` counts as defined if two conditions are met. First, the smallest singular value of `J`, with rows of length one, exceeds this
 /// limit. Second, the projector of the law, if there is one, has no loss.
 const EPS: f64 = 0.02;
 
 /// The target model of one run, on plain numbers or on recorded values.
-pub struct TargetModel<S: Real> {
+pub struct TargetModel {
     coordinates: Coordinates,
-    stiffness: AnyGain<S>,
-    damping: AnyGain<S>,
-    plant: Box<dyn Plant<S> + Send>,
+    stiffness: AnyGain<Sym>,
+    damping: AnyGain<Sym>,
+    plant: Box<dyn Plant<Sym> + Send>,
     /// The frame at which the force acts, if the problem names one. Otherwise the force acts at the law's frame.
     elsewhere: Option<usize>,
-    rates: Vec<S>,
+    rates: Vec<Sym>,
     /// The mass matrix `M`, shape `(n, n)`.
-    mass: Vec<S>,
+    mass: Vec<Sym>,
     /// The Cholesky factor `L` of `M = L L'`, shape `(n, n)`.
-    factor: Vec<S>,
+    factor: Vec<Sym>,
     /// The Coriolis matrix `C`, shape `(n, n)`.
-    coriolis: Vec<S>,
+    coriolis: Vec<Sym>,
     /// The Jacobian `J`, shape `(m, n)`.
-    jacobian: Vec<S>,
+    jacobian: Vec<Sym>,
     /// The product `J L^-T`, shape `(m, n)`.
-    spread: Vec<S>,
+    spread: Vec<Sym>,
     /// The vector `L^-1 C v`, then the vector `L^-1 J_F' F` of a force `F` at a frame with the Jacobian `J_F`, shape `(n,)`.
-    torque: Vec<S>,
+    torque: Vec<Sym>,
     /// A symmetric matrix, shape `(m, m)`.
-    square: Vec<S>,
+    square: Vec<Sym>,
     /// The Cholesky factor of this matrix, shape `(m, m)`.
-    square_factor: Vec<S>,
+    square_factor: Vec<Sym>,
     /// The error `x_d - x`, shape `(m,)`.
-    e: Vec<S>,
+    e: Vec<Sym>,
     /// The rate error `x_dot - x_d_dot`, shape `(m,)`.
-    slip: Vec<S>,
+    slip: Vec<Sym>,
     /// The terms of the model, shape `(m,)` each.
-    terms: [Vec<S>; 5],
+    terms: [Vec<Sym>; 5],
     /// `x_d_dot` and `x_d_ddot` of a target that rotates. `None` if the samples of the desired motion contain them.
-    rates_of_target: Option<[Vec<S>; 2]>,
+    rates_of_target: Option<[Vec<Sym>; 2]>,
     coupled: bool,
-    feedforward: Option<Vec<S>>,
-    static_torque: Option<StaticTorque<S>>,
+    feedforward: Option<Vec<Sym>>,
+    static_torque: Option<StaticTorque>,
 }
 
-fn dot<S: Real>(a: &[S], b: &[S]) -> S {
-    a.iter().zip(b).fold(S::zero(), |sum, (&a, &b)| sum + a * b)
+fn dot(a: &[Sym], b: &[Sym]) -> Sym {
+    a.iter().zip(b).fold(Sym::zero(), |sum, (&a, &b)| sum + a * b)
 }
 
-impl<S: Real> TargetModel<S> {
+impl TargetModel {
     /// Return the target model of a run to which this monitor applies.
     fn new(scope: &Scope) -> Option<Self> {
         let (problem, plant, law) = (scope.problem, scope.plant(), scope.law().impedance()?);
         let (n, m) = (plant.n(), law.coordinates.m());
-        let zeros = |k: usize| vec![S::zero(); k];
+        let zeros = |k: usize| vec![Sym::zero(); k];
         Some(TargetModel {
             coordinates: law.coordinates.clone(),
             stiffness: AnyGain::labelled("stiffness", &law.stiffness),
@@ -102,11 +103,11 @@ impl<S: Real> TargetModel<S> {
     /// `M_x` is not defined, or where the law's projector has a loss.
     fn evaluate(
         &mut self,
-        arm: &mut ArmAt<S>,
-        (desired, wrench): (&[S], &[S; 6]),
-        (x, z, tau): (&[S], &[S], &[S]),
-        loss: Option<S>,
-    ) -> [S; 2] {
+        arm: &mut ArmAt<Sym>,
+        (desired, wrench): (&[Sym], &[Sym; 6]),
+        (x, z, tau): (&[Sym], &[Sym], &[Sym]),
+        loss: Option<Sym>,
+    ) -> [Sym; 2] {
         let (n, m) = (tau.len(), self.e.len());
         let (q, v) = x.split_at(n);
         self.turn_target(desired);
@@ -136,7 +137,7 @@ impl<S: Real> TargetModel<S> {
             force[k] = wrench[row];
             if self.coupled {
                 inertial[k] -= second[k];
-                coupling[k] = S::zero();
+                coupling[k] = Sym::zero();
             }
         }
         self.damping.multiply(&self.slip, damping);
@@ -145,7 +146,7 @@ impl<S: Real> TargetModel<S> {
         if let Some(frame) = self.elsewhere {
             let (_, there) = arm.jacobian(frame);
             for (i, torque) in self.torque.iter_mut().enumerate() {
-                *torque = (0..6).fold(S::zero(), |sum, k| sum + there[k * n + i] * wrench[k]);
+                *torque = (0..6).fold(Sym::zero(), |sum, k| sum + there[k * n + i] * wrench[k]);
             }
             cholesky::solve_lower(n, &self.factor, &mut self.torque);
             for k in 0..m {
@@ -165,15 +166,15 @@ impl<S: Real> TargetModel<S> {
         }
         self.add_options(&desired[3 * m..], q, &v[..n], z);
         let found = self.largest_and_worst();
-        let there = S::zero().lt(regular * definite * invertible);
+        let there = Sym::zero().lt(regular * definite * invertible);
         found.map(|x| {
-            let x = S::select(there, x, S::zero());
-            loss.map_or(x, |loss| S::select(S::zero().lt(loss), S::zero(), x))
+            let x = Sym::select(there, x, Sym::zero());
+            loss.map_or(x, |loss| Sym::select(Sym::zero().lt(loss), Sym::zero(), x))
         })
     }
 
     /// Add the wrenches of the law's options, and the wrench of a static null space, to the force.
-    fn add_options(&mut self, posture: &[S], q: &[S], v: &[S], z: &[S]) {
+    fn add_options(&mut self, posture: &[Sym], q: &[Sym], v: &[Sym], z: &[Sym]) {
         let (n, m) = (q.len(), self.e.len());
         let [_, _, _, _, force] = &mut self.terms;
         for added in self.feedforward.as_deref().into_iter().chain((z.len() == m).then_some(z)) {
@@ -190,23 +191,23 @@ impl<S: Real> TargetModel<S> {
         }
     }
 
-    fn largest_and_worst(&self) -> [S; 2] {
+    fn largest_and_worst(&self) -> [Sym; 2] {
         let [inertial, coupling, damping, spring, force] = &self.terms;
-        let (mut largest, mut worst) = (S::zero(), S::zero());
+        let (mut largest, mut worst) = (Sym::zero(), Sym::zero());
         for k in 0..self.e.len() {
             let residual = (inertial[k] + coupling[k] + damping[k] + spring[k] - force[k]).abs();
             // `max` would ignore a residual that is NaN.
-            worst = S::select(residual.lt(worst), worst, residual);
+            worst = Sym::select(residual.lt(worst), worst, residual);
             for term in [inertial, coupling, damping, spring, force] {
                 let term = term[k].abs();
-                largest = S::select(largest.lt(term), term, largest);
+                largest = Sym::select(largest.lt(term), term, largest);
             }
         }
         [largest, worst]
     }
 
     /// Compute `x_d_dot` and `x_d_ddot` for a target with a moving rotation vector.
-    fn turn_target(&mut self, desired: &[S]) {
+    fn turn_target(&mut self, desired: &[Sym]) {
         let m = self.e.len();
         if let Some([rate, second]) = &mut self.rates_of_target {
             rate.copy_from_slice(&desired[m..2 * m]);
@@ -216,13 +217,13 @@ impl<S: Real> TargetModel<S> {
     }
 
     /// Return one if the smallest eigenvalue of `J J'` exceeds `EPS^2`, where rows of `J` have length one. Otherwise return zero.
-    fn is_regular(&mut self, n: usize, m: usize) -> S {
+    fn is_regular(&mut self, n: usize, m: usize) -> Sym {
         for k in 0..m {
             for l in 0..m {
                 let (a, b) = (&self.jacobian[k * n..(k + 1) * n], &self.jacobian[l * n..(l + 1) * n]);
                 self.square[k * m + l] = dot(a, b) / (dot(a, a) * dot(b, b)).sqrt();
             }
-            self.square[k * m + k] -= S::splat(EPS * EPS);
+            self.square[k * m + k] -= Sym::splat(EPS * EPS);
         }
         cholesky::factor_into(m, &self.square, &mut self.square_factor)
     }
@@ -238,13 +239,13 @@ impl MonitorKind for Target {
         scope.monitored.target
     }
 
-    fn build<S: Real>(scope: &Scope) -> Option<Box<dyn Monitor<S> + Send>> {
+    fn build(scope: &Scope) -> Option<Box<dyn Monitor + Send>> {
         Some(Box::new(TargetModel::new(scope)?))
     }
 }
 
-impl<S: Real> Monitor<S> for TargetModel<S> {
-    fn evaluate(&mut self, at: &mut Moment<S>, out: &mut [S]) {
+impl Monitor for TargetModel {
+    fn evaluate(&mut self, at: &mut Moment, out: &mut [Sym]) {
         out.copy_from_slice(&TargetModel::evaluate(self, at.arm, (at.desired, at.wrench), (at.x, at.z, at.tau), at.loss));
     }
 }
