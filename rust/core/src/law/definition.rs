@@ -257,7 +257,7 @@ pub trait Shape {
 pub enum Route {
     /// The law executes the same operations for every state.
     Straight,
-    /// The law is a formula with a decision near singularities ([`crate::scalar::decision`]). It has derivatives away from them.
+    /// The law is a formula with a decision near singularities ([`crate::trace::decision`]). It has derivatives away from them.
     Guarded,
     /// The law is a formula with a decision near singularities and at bounds. It has no derivatives of runs.
     Deciding,

@@ -128,7 +128,7 @@ impl Shape for PriorityAccelerationSpec {
 /// The law in a control loop.
 pub struct PriorityAcceleration {
     stack: TaskStack<Sym>,
-    solution: StackFormula<Sym>,
+    solution: StackFormula,
     arm: AnyArm<Sym>,
     workspace: Workspace<Sym>,
     gains: Vec<AnyGain<Sym>>,

@@ -137,7 +137,7 @@ impl Shape for PriorityVelocitySpec {
 /// The law in a control loop.
 pub struct PriorityVelocity {
     stack: TaskStack<Sym>,
-    solution: StackFormula<Sym>,
+    solution: StackFormula,
     gains: Vec<AnyGain<Sym>>,
     limits: Option<MotionLimits<Sym>>,
     e: Vec<Sym>,

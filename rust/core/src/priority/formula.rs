@@ -1,82 +1,90 @@
 //! The solution of a stack within a formula: the algorithm `regular`, and native code where its result is not valid.
 //!
 //! Near a singularity, and at a bound, a decomposition must branch on its numbers. So the formula has a decision
-//! ([`crate::scalar::decision`]): native code with all algorithms of the module replaces the result of `regular`.
+//! ([`crate::trace::decision`]): native code with all algorithms of the module replaces the result of `regular`.
 
 use super::method::{PriorityMethod, PriorityOptions};
 use super::regular::{Regular, regular_ranks};
 use super::solver::PrioritySolver;
 use crate::error::Result;
 use crate::scalar::Real;
-use crate::scalar::decision::{Decision, kind};
+use crate::trace::decision::{Decision, kind};
+use crate::trace::{Sym, sym};
 
 /// The solution of stacks of one size as a formula, with its memory.
 ///
 /// ```
 /// use armlet_core::priority::{PriorityMethod, PriorityOptions, PrioritySolver, StackFormula};
+/// use armlet_core::scalar::Real;
+/// use armlet_core::trace::{Sym, function::recorded};
 ///
 /// let solver = PrioritySolver::new(2, &[1, 1], &PriorityOptions::new(PriorityMethod::Clamp))?;
-/// let mut formula = StackFormula::<f64>::of(&solver);
-/// // Both levels have the same row. The second level is singular, and native code solves the stack.
-/// formula.solve(1e-15, &[1.0, 0.0, 1.0, 0.0], &[0.5, 2.0]);
-/// assert_eq!((formula.v(), formula.ranks()), (&[0.5, 0.0][..], &[1.0, 0.0][..]));
+/// // The rows of both levels are `[x, 0]`. The second level is singular, and native code solves the stack.
+/// let recording = recorded(1, || StackFormula::of(&solver), |mut formula, x| {
+///     formula.solve(Sym::splat(1e-15), &[x[0], Sym::zero(), x[0], Sym::zero()], &[0.5, 2.0].map(Sym::splat));
+///     [formula.v(), formula.ranks()].concat()
+/// });
+/// let mut solution = recording.expect("a formula does not branch").interpreted(false);
+/// solution.all_inputs().fill(2.0);
+/// solution.run();
+/// assert_eq!(solution.outputs(0, 4), [0.25, 0.0, 1.0, 0.0]);
 /// # Ok::<(), armlet_core::error::Error>(())
 /// ```
 #[derive(Debug, Clone)]
-pub struct StackFormula<S> {
+pub struct StackFormula {
     n: usize,
     rows: Vec<usize>,
-    regular: Regular<S>,
+    regular: Regular<Sym>,
     /// The number of the kind of native code.
     kind: u32,
-    arguments: Vec<S>,
+    arguments: Vec<Sym>,
     /// The joint velocities, the residuals and the ranks.
-    results: Vec<S>,
+    results: Vec<Sym>,
 }
 
-impl<S: Real> StackFormula<S> {
+impl StackFormula {
     /// Create the formula with the sizes and options of `solver`.
     pub fn of(solver: &PrioritySolver) -> Self {
         let (n, rows) = (solver.n(), solver.rows().to_vec());
-        let regular: Regular<S> = solver.regular();
+        let regular: Regular<Sym> = solver.regular();
         let flags = [solver.eps().is_some(), regular.metric().is_some()].map(usize::from);
         let sizes = [&[n, solver.method() as usize], &flags[..], &rows].concat();
         let kind = kind("priority", sizes, |sizes| Box::new(NativeStack::new(sizes)));
-        let results = vec![S::zero(); n + rows.iter().sum::<usize>() + rows.len()];
+        let results = vec![Sym::zero(); n + rows.iter().sum::<usize>() + rows.len()];
         StackFormula { n, rows, regular, kind, arguments: Vec::new(), results }
     }
 
     /// The lower and upper bounds of the joint velocities for the next solves, shape `(n,)` each, which the caller writes.
-    pub fn bounds_mut(&mut self) -> &mut [Vec<S>; 2] {
+    pub fn bounds_mut(&mut self) -> &mut [Vec<Sym>; 2] {
         self.regular.bounds_mut()
     }
 
     /// Solve the stack `jacobian`, shape `(sum rows, n)`, for the command `command`. `rounding` is the relative error of the entries of
     /// `jacobian`. The results are NaN if the solver has none.
-    pub fn solve(&mut self, rounding: S, jacobian: &[S], command: &[S]) {
+    pub fn solve(&mut self, rounding: Sym, jacobian: &[Sym], command: &[Sym]) {
         let StackFormula { n, rows, regular, kind, arguments, results } = self;
         let valid = regular.solve(rounding, jacobian, command);
         arguments.clear();
         arguments.extend([valid, rounding]);
         arguments.extend(jacobian.iter().chain(command).chain(regular.parameters()));
-        let ranks = regular_ranks(*n, rows).map(|rank| S::splat(rank as f64));
+        let ranks = regular_ranks(*n, rows).map(|rank| Sym::splat(rank as f64));
         let given = regular.v.iter().chain(&regular.residual).copied().chain(ranks);
         results.iter_mut().zip(given).for_each(|(to, given)| *to = given);
-        S::decide(*kind, arguments, results);
+        sym::decide(*kind, arguments, results);
     }
 
     /// The joint velocities, shape `(n,)`, rad/s or m/s.
-    pub fn v(&self) -> &[S] {
+    pub fn v(&self) -> &[Sym] {
         &self.results[..self.n]
     }
 
     /// The residuals of all levels, stacked, in the units of the tasks.
-    pub fn residuals(&self) -> &[S] {
+    pub fn residuals(&self) -> &[Sym] {
         &self.results[self.n..self.results.len() - self.rows.len()]
     }
 
     /// The number of realised directions of each level.
-    pub fn ranks(&self) -> &[S] {
+    pub fn ranks(&self) -> &[Sym] {
         &self.results[self.results.len() - self.rows.len()..]
     }
 }

@@ -7,8 +7,6 @@
 //! of AVX2 with FMA or AVX-512 run only inside [`Real::enter`].
 
 mod atan;
-#[doc(hidden)]
-pub mod decision;
 mod dispatch;
 pub mod hex;
 #[doc(hidden)]
@@ -148,24 +146,6 @@ pub trait Real:
 
     /// Run `kernel`, compiled for the instruction set of this type.
     fn enter<K: Kernel>(kernel: K) -> K::Output;
-
-    /// Let native code replace the `results` of a formula in each lane in which they are not valid. There, the first of the `arguments` is
-    /// not one. `kind` is the number of the native code ([`decision`]).
-    fn decide(kind: u32, arguments: &[Self], results: &mut [Self]) {
-        let sizes = (arguments.len(), results.len());
-        for lane in (0..Self::LANES).filter(|&lane| arguments[0].lane(lane) != 1.0) {
-            let mut decided = vec![0.0; results.len()];
-            let read = |to: &mut [f64], given: &mut [f64]| {
-                to.iter_mut().zip(arguments).for_each(|(to, x)| *to = x.lane(lane));
-                given.iter_mut().zip(&*results).for_each(|(to, x)| *to = x.lane(lane));
-            };
-            decision::run_in_thread(kind, sizes, read, |from| decided.copy_from_slice(from));
-            for (to, &x) in results.iter_mut().zip(&decided) {
-                let others = *to;
-                *to = Self::from_lanes(|i| if i == lane { x } else { others.lane(i) });
-            }
-        }
-    }
 
     /// Name an intermediate result of this shape. Only a recording of the terms of a law computes the `values`.
     #[inline(always)]

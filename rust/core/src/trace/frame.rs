@@ -1,6 +1,6 @@
 //! The memory of a program. A frame is an array of slots, and a slot has one number per lane.
 
-use crate::scalar::decision::Decisions;
+use super::decision::Decisions;
 
 /// A cache line. Slots of one, two, four or eight lanes are aligned in it.
 #[derive(Clone, Copy, Debug)]

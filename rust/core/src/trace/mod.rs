@@ -6,7 +6,7 @@
 //! that change from one iteration to the next are in an array outside of the frame, the *stream*.
 //!
 //! Files: `sym`, `tape`, `operation` and `memo` record and fold. `segments` divides a recording, and `pieces` divides its parts at
-//! cuts, where native code may replace results. `differentiate`, `tangents` and `adjoint` compute derivatives of a recording, and
+//! cuts, where native code may replace results (`decision`). `differentiate`, `tangents` and `adjoint` compute derivatives of a recording, and
 //! `branches` finds its comparisons. `interpreter` computes a recording, with the steps that `steps` makes. `jacobian` computes a recording
 //! and its Jacobian with the interpreter.
 //! `straight` and `lower` have the straight-line instructions. `lifetimes`, `emit`, `instruction`, `opcode`, `x86`, `aarch64` and `memory`
@@ -21,6 +21,7 @@ pub mod c;
 pub mod cache;
 #[cfg(test)]
 mod checks;
+pub mod decision;
 pub mod differentiate;
 #[cfg(test)]
 mod differentiate_tests;

@@ -30,7 +30,7 @@ pub enum Op {
     /// `Argument(before, x)`: the list of arguments `before`, and `x` at its end. Entry 0 is the empty list.
     Argument(u32, u32),
     /// `Decide(arguments, kind)`: a cut of the tape, at which native code of this kind may replace results
-    /// ([`crate::scalar::decision`]).
+    /// ([`super::decision`]).
     Decide(u32, u32),
     /// `Decided(cut, given, k)`: result `k` after the cut, which is `given` before it.
     Decided(u32, u32, u32),

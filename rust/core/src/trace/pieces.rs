@@ -1,4 +1,4 @@
-//! A part of a recording that is divided at its cuts. At a cut, native code may replace results of a formula ([`crate::scalar::decision`]).
+//! A part of a recording that is divided at its cuts. At a cut, native code may replace results of a formula ([`super::decision`]).
 //! The pieces between the cuts become straight-line code.
 //!
 //! Before a cut, a piece writes the arguments and the results of the formula to slots of the frame. The native code replaces the results in
@@ -133,6 +133,7 @@ impl Call {
 #[cfg(test)]
 mod tests {
     use super::super::adjoint::adjoint;
+    use super::super::decision::{self, Decision};
     use super::super::frame::Frame;
     use super::super::instruction::Form;
     use super::super::program::{Engine, Program};
@@ -141,7 +142,6 @@ mod tests {
     use super::super::tests::{Random, forms};
     use super::super::{Recording, Sym, form, sym};
     use crate::scalar::Real;
-    use crate::scalar::decision::{self, Decision};
 
     /// Returns the negative reciprocal of the sum of its arguments, and twice the result of the formula.
     #[derive(Debug)]
@@ -156,24 +156,37 @@ mod tests {
         }
     }
 
-    /// Two steps of a recurrence that is decided where `x` is below zero. The first constant is read before and after each cut.
-    fn steps<S: Real>(x: S, y: S) -> [S; 3] {
-        let kind = decision::kind("negative", vec![], |_| Box::new(Negative));
+    /// Two steps of a recurrence that is decided where `x` is below zero, with the number type `S` and a way to decide. The first constant is
+    /// read before and after each cut.
+    fn steps<S: Real>(x: S, y: S, decide: impl Fn(&[S], &mut [S])) -> [S; 3] {
         let (mut x, mut y, third) = (x, y, S::splat(1.0 / 3.0));
         for _ in 0..2 {
             let valid = S::select(x.lt(S::zero()), S::zero(), S::splat(1.0));
             let early = (x * third).sin_cos().1;
             let mut results = [x * y, y - early];
-            S::decide(kind, &[valid, x, y], &mut results);
+            decide(&[valid, x, y], &mut results);
             (x, y) = (results[0] * third + early, results[1] + x);
         }
         [x, y, x * y]
     }
 
+    fn kind() -> u32 {
+        decision::kind("negative", vec![], |_| Box::new(Negative))
+    }
+
+    /// The steps on plain numbers.
+    fn expected(x: f64, y: f64) -> [f64; 3] {
+        steps(x, y, |arguments, results| {
+            if arguments[0] != 1.0 {
+                Negative.decide(arguments, results);
+            }
+        })
+    }
+
     fn recorded() -> (Recording, Vec<u32>) {
         sym::begin();
         sym::end_set_up();
-        let y = steps(sym::input(), sym::input()).map(Sym::index).to_vec();
+        let y = steps(sym::input(), sym::input(), |arguments, results| sym::decide(kind(), arguments, results)).map(Sym::index).to_vec();
         (sym::finish(), y)
     }
 
@@ -206,7 +219,7 @@ mod tests {
                 assert_eq!(programs[0], programs[1], "{form:?}");
                 for (&[x, y], got) in given.iter().zip(&programs[0]) {
                     let mut all = [x, y, 0.0];
-                    (0..3).for_each(|turn| all = steps(x - f64::from(turn), all[1]));
+                    (0..3).for_each(|turn| all = expected(x - f64::from(turn), all[1]));
                     // The loop of plain numbers may round a product and a sum differently.
                     assert!(got.iter().zip(&all).all(|(got, all)| (got - all).abs() <= 1e-12 * (1.0 + all.abs())), "{got:?} {all:?}");
                 }
@@ -217,7 +230,7 @@ mod tests {
     #[test]
     fn derivatives_are_those_of_the_formula_where_it_is_valid() {
         let (recording, y) = recorded();
-        let f = |x: f64| steps(x, 0.4)[2];
+        let f = |x: f64| expected(x, 0.4)[2];
         let expected = (f(0.7 + 1e-6) - f(0.7 - 1e-6)) / 2e-6;
         let function = |ops, inputs, answer| {
             let mut function = super::super::function::Recorded { ops, values: vec![], inputs, answer }.program(false);
@@ -234,11 +247,10 @@ mod tests {
 
     #[test]
     fn a_result_that_is_always_valid_needs_no_cut() {
-        let kind = decision::kind("negative", vec![], |_| Box::new(Negative));
         sym::begin();
         let x = sym::input();
         let mut results = [x];
-        Sym::decide(kind, &[Sym::splat(1.0), x], &mut results);
+        sym::decide(kind(), &[Sym::splat(1.0), x], &mut results);
         assert!(results == [x] && sym::validity().is_none() && form(false).lanes() == 1);
     }
 }

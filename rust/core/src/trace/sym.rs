@@ -74,6 +74,15 @@ pub fn recorded() -> (u32, u32) {
     on_tape(|tape| (tape.ops.len() as u32, tape.inputs))
 }
 
+/// Let native code of the number `kind` ([`decision`](super::decision)) replace the `results` of a formula where they are not valid. There,
+/// the first of the `arguments` is not one.
+pub fn decide(kind: u32, arguments: &[Sym], results: &mut [Sym]) {
+    let entries = |values: &[Sym]| values.iter().map(|value| value.0).collect::<Vec<u32>>();
+    let (arguments, given) = (entries(arguments), entries(results));
+    let decided = on_tape(|tape| tape.decide(kind, &arguments, &given));
+    results.iter_mut().zip(decided).for_each(|(to, entry)| *to = Sym(entry));
+}
+
 /// Return a number that is one if the results of all cuts so far are valid without native code, otherwise zero. It is `None` without a cut.
 pub fn validity() -> Option<Sym> {
     on_tape(|tape| tape.validities()).into_iter().map(Sym).reduce(Sym::min)
@@ -225,12 +234,6 @@ impl Real for Sym {
                 (Sym(sin), Sym(cos))
             }
         })
-    }
-    fn decide(kind: u32, arguments: &[Sym], results: &mut [Sym]) {
-        let entries = |values: &[Sym]| values.iter().map(|value| value.0).collect::<Vec<u32>>();
-        let (arguments, given) = (entries(arguments), entries(results));
-        let decided = on_tape(|tape| tape.decide(kind, &arguments, &given));
-        results.iter_mut().zip(decided).for_each(|(to, entry)| *to = Sym(entry));
     }
     /// A result replaces an earlier one of the same name.
     fn term(name: &'static str, shape: &[usize], values: impl FnOnce() -> Vec<Sym>) {

@@ -1,9 +1,8 @@
 //! Decisions: native code between two parts of a formula, such as a decomposition that branches on its numbers.
 //!
 //! A formula computes results that are valid in most cases, and a number that is one if they are valid. Where they are not, the native code
-//! replaces them. A recording (`trace`) is divided at this place.
+//! replaces them. A recording is divided at this place.
 
-use std::cell::RefCell;
 use std::fmt::Debug;
 use std::sync::{Mutex, PoisonError};
 
@@ -38,7 +37,7 @@ pub fn kind(name: &'static str, sizes: Vec<usize>, make: Make) -> u32 {
     }) as u32
 }
 
-/// The memory of native code in one thread or one run.
+/// The memory of native code in one run.
 #[derive(Debug, Default)]
 pub struct Decisions(Vec<Allocated>);
 
@@ -91,21 +90,4 @@ impl Decisions {
         decision.decide(arguments, results);
         write(results);
     }
-}
-
-thread_local! {
-    static OF_THREAD: RefCell<Decisions> = RefCell::default();
-}
-
-/// Run native code of the kind `kind` in this thread, with the memory of earlier calls: see [`Decisions::run`].
-pub(super) fn run_in_thread(
-    kind: u32,
-    (arguments, results): (usize, usize),
-    read: impl FnOnce(&mut [f64], &mut [f64]),
-    write: impl FnOnce(&[f64]),
-) {
-    OF_THREAD.with_borrow_mut(|decisions| {
-        let at = decisions.allocate(kind, arguments, results);
-        decisions.run(at, (arguments, results), read, write);
-    });
 }
