@@ -72,11 +72,6 @@ impl<S: Real> ArmAt<S> {
         self.arm.mass_matrix(&mut self.workspace, &self.trig, &self.q, m);
     }
 
-    /// Compute the time derivative of the mass matrix at the velocity `v`, `(n, n)`.
-    pub fn mass_matrix_rate(&mut self, v: &[S], rate: &mut [S]) {
-        self.arm.mass_matrix_rate(&mut self.workspace, &self.trig, &self.q, v, rate);
-    }
-
     /// Compute the Coriolis matrix `C(q, v)`, `(n, n)`, in the Christoffel factorisation.
     pub fn coriolis_matrix(&mut self, v: &[S], c: &mut [S]) {
         self.arm.coriolis_matrix(&mut self.workspace, &self.trig, &self.q, v, c);

@@ -17,20 +17,20 @@ use crate::spatial::{Matrix, Matrix3, QuarterTurn, Spatial, Sym3, Vector, Vector
 /// Mass, first and second moment of a subtree about its joint origin, in the axes of its first body.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Moments<S: Real> {
-    pub mass: S,
-    pub first: Vector3<S>,
-    pub second: Sym3<S>,
+    mass: S,
+    first: Vector3<S>,
+    second: Sym3<S>,
 }
 
 impl<S: Real> Moments<S> {
-    pub fn of(body: &Body<S>) -> Self {
+    fn of(body: &Body<S>) -> Self {
         Moments { mass: body.inertia.mass, first: body.inertia.moment, second: body.second_moment }
     }
-    pub fn plus(&self, b: &Self) -> Self {
+    fn plus(&self, b: &Self) -> Self {
         Moments { mass: self.mass + b.mass, first: self.first + b.first, second: self.second.plus(&b.second) }
     }
     /// The moments about a new point. `p` is the old point relative to the new point.
-    pub fn shifted(&self, p: Vector3<S>) -> Self {
+    fn shifted(&self, p: Vector3<S>) -> Self {
         let (h, moved) = (self.first, p.scale_add(self.mass, self.first));
         let [xx, xy, yy, xz, yz, zz] = self.second.0;
         let entry = |i: usize, j: usize, old: S| p[i].mul_add(moved[j], h[i].mul_add(p[j], old));

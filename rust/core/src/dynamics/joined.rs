@@ -5,7 +5,7 @@
 //! `M = G' M_b G`, `C = G' C_b G` (again the Christoffel matrix, because `G` is constant), `g = G' g_b`, `Y = G' Y_b`. Forward dynamics
 //! uses a Cholesky factor of `M`.
 
-use super::{Workspace, body_derivatives, coriolis, crba, energy, mass_matrix_rate, newton_euler, regressor};
+use super::{Workspace, body_derivatives, coriolis, crba, energy, newton_euler, regressor};
 use crate::arm::Tree;
 use crate::linalg::cholesky;
 use crate::memory::set;
@@ -89,13 +89,6 @@ impl<'a, S: Real> Joined<'a, S> {
     pub fn mass_matrix(self, ws: &mut Workspace<S>, at: Place<S>, m: &mut [S]) {
         m.fill(S::zero());
         self.project(ws, at, [], Form::Square, m, |ws, (trig, q), [], m| crba::mass_matrix(self.tree, &mut ws.mass, trig, q, m));
-    }
-
-    pub fn mass_matrix_rate(self, ws: &mut Workspace<S>, at: Place<S>, v: &[S], rate: &mut [S]) {
-        rate.fill(S::zero());
-        self.project(ws, at, [v], Form::Square, rate, |ws, (trig, q), [v], rate| {
-            mass_matrix_rate::mass_matrix_rate(self.tree, &mut ws.mass_rate, trig, q, v, rate);
-        });
     }
 
     pub fn coriolis_matrix(self, ws: &mut Workspace<S>, at: Place<S>, v: &[S], c: &mut [S]) {

@@ -30,7 +30,6 @@ mod hinge;
 mod joined;
 #[cfg(test)]
 mod large_tests;
-mod mass_matrix_rate;
 mod model;
 mod named_limit;
 #[doc(hidden)]
@@ -93,8 +92,6 @@ pub trait Dynamics<S: Real> {
 
     /// Compute the mass matrix `M(q)`, `(n, n)`.
     fn mass_matrix(&self, ws: &mut Self::Workspace, trig: &[(S, S)], q: &[S], m: &mut [S]);
-    /// Compute the time derivative of the mass matrix at the velocity `v`, `(n, n)`. It is derived without the Coriolis matrix.
-    fn mass_matrix_rate(&self, ws: &mut Self::Workspace, trig: &[(S, S)], q: &[S], v: &[S], rate: &mut [S]);
     /// Compute the Coriolis matrix `C(q, v)`, `(n, n)`, in the Christoffel factorisation.
     fn coriolis_matrix(&self, ws: &mut Self::Workspace, trig: &[(S, S)], q: &[S], v: &[S], c: &mut [S]);
     /// Compute the gravity torque `g(q)`, `(n,)`.

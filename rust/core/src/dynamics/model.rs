@@ -132,13 +132,12 @@ impl Model {
 /// ```
 /// use armlet_core::dynamics::{AnyArm, Dynamics, Model, PlanarPr};
 ///
-/// // The mass matrix at q2 = 0, and its rate, which is zero there: M12 = B cos q2.
+/// // The mass matrix at q2 = 0: M12 = B cos q2.
 /// let model = PlanarPr::new(3.0, 0.5, 0.2).map(Model::PlanarPr)?;
 /// let arm = AnyArm::<f64>::new(&model);
-/// let (q, mut m, mut rate) = ([0.0f64; 2], [0.0; 4], [1.0; 4]);
+/// let (q, mut m) = ([0.0f64; 2], [0.0; 4]);
 /// arm.mass_matrix(&mut arm.workspace(), &q.map(f64::sin_cos), &q, &mut m);
-/// arm.mass_matrix_rate(&mut arm.workspace(), &q.map(f64::sin_cos), &q, &[0.0, 1.0], &mut rate);
-/// assert_eq!((m, rate), ([3.0, 0.5, 0.5, 0.2], [0.0; 4]));
+/// assert_eq!(m, [3.0, 0.5, 0.5, 0.2]);
 /// # Ok::<(), armlet_core::error::Error>(())
 /// ```
 #[derive(Clone, Debug)]
@@ -221,7 +220,6 @@ impl<S: Real> Dynamics<S> for AnyArm<S> {
     }
 
     apart!(mass_matrix, [q], [m]);
-    apart!(mass_matrix_rate, [q, v], [rate]);
     apart!(coriolis_matrix, [q, v], [c]);
     apart!(gravity, [q], [g]);
     apart!(bias, [q, v], [out]);

@@ -114,11 +114,6 @@ impl<S: Real> Dynamics<S> for PlanarPr<S> {
         (m[0], m[1], m[2], m[3]) = (self.a, bc, bc, self.c);
     }
 
-    fn mass_matrix_rate(&self, _: &mut (), trig: &[(S, S)], _: &[S], v: &[S], rate: &mut [S]) {
-        let off_diagonal = -(self.b * trig[1].0 * v[1]);
-        (rate[0], rate[1], rate[2], rate[3]) = (S::zero(), off_diagonal, off_diagonal, S::zero());
-    }
-
     fn coriolis_matrix(&self, _: &mut (), trig: &[(S, S)], _: &[S], v: &[S], c: &mut [S]) {
         (c[0], c[2], c[3]) = (S::zero(), S::zero(), S::zero());
         c[1] = -(self.b * trig[1].0) * v[1];

@@ -2,7 +2,7 @@
 
 use super::joined::Joined;
 use super::workspace::Workspace;
-use super::{Dynamics, aba, coriolis, crba, energy, forward, mass_matrix_rate, newton_euler, regressor};
+use super::{Dynamics, aba, coriolis, crba, energy, forward, newton_euler, regressor};
 use crate::arm::Tree;
 use crate::memory::set;
 use crate::scalar::Real;
@@ -30,12 +30,6 @@ impl<S: Real> Dynamics<S> for Tree<S> {
             return joined.mass_matrix(ws, (trig, q), m);
         }
         crba::mass_matrix(self, &mut ws.mass, trig, q, m);
-    }
-    fn mass_matrix_rate(&self, ws: &mut Workspace<S>, trig: &[(S, S)], q: &[S], v: &[S], rate: &mut [S]) {
-        if let Some(joined) = Joined::of(self) {
-            return joined.mass_matrix_rate(ws, (trig, q), v, rate);
-        }
-        mass_matrix_rate::mass_matrix_rate(self, &mut ws.mass_rate, trig, q, v, rate);
     }
     fn coriolis_matrix(&self, ws: &mut Workspace<S>, trig: &[(S, S)], q: &[S], v: &[S], c: &mut [S]) {
         if let Some(joined) = Joined::of(self) {

@@ -1,6 +1,6 @@
 //! Buffers of the tree algorithms, created once per tree.
 
-use super::{crba, mass_matrix_rate};
+use super::crba;
 use crate::arm::Tree;
 use crate::kinematics::Pose;
 use crate::memory::copies;
@@ -197,7 +197,6 @@ pub struct Workspace<S: Real> {
     pub composites: Vec<Composite<S>>,
     pub articulated: Vec<Articulated<S>>,
     pub mass: crba::Composites<S>,
-    pub mass_rate: mass_matrix_rate::Rates<S>,
     pub factors: Factors<S>,
     pub columns: Vec<Column<S>>,
     pub slopes: Vec<Slope<S>>,
@@ -219,7 +218,6 @@ impl<S: Real> Workspace<S> {
             composites: copies(n, Composite::default()),
             articulated: copies(n, Articulated::default()),
             mass: crba::Composites::new(n),
-            mass_rate: mass_matrix_rate::Rates::new(n),
             factors: Factors { matrix: copies(if tree.is_shallow { n * n } else { 0 }, S::zero()), inverse: copies(n, S::zero()) },
             columns: copies(n, Column::default()),
             slopes: copies(n, Slope::default()),

@@ -303,3 +303,19 @@ fn the_branch_that_is_not_taken_has_no_part_in_the_adjoint() {
         assert!((got - expected).abs() < 1e-14, "{a}: {got} {expected}");
     }
 }
+
+#[test]
+fn a_derivative_continues_the_recording() {
+    sym::begin();
+    sym::end_set_up();
+    let [x, y, along] = [sym::input(), sym::input(), sym::input()];
+    let sine = (x * y).sin_cos().0;
+    let rates = sym::derivative(&[sine * x, y], &[x], &[along]);
+    let later = rates[0] * y;
+    let ops = sym::finish().ops;
+    let (x, y, along) = (0.7f64, 1.3, 0.4);
+    let expected = (y * (x * y).cos() * x + (x * y).sin()) * along;
+    let found = values(&ops, &[x, y, along]);
+    assert!((found[rates[0].index() as usize] - expected).abs() < 1e-14 && rates[1].index() == 0);
+    assert!((found[later.index() as usize] - expected * y).abs() < 1e-14);
+}

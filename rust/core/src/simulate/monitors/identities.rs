@@ -10,7 +10,7 @@ use crate::law::{LawSpec, Lyapunov, Storage};
 use crate::plant::{PlantSpec, Stored};
 use crate::scalar::Real;
 use crate::simulate::gauge::Identities;
-use crate::trace::Sym;
+use crate::trace::{Sym, sym};
 
 /// Computes skewness, energy and Lyapunov function, which satisfy identities of the theory.
 pub struct Theory {
@@ -19,7 +19,7 @@ pub struct Theory {
     p: usize,
     pub arm: ArmAt<Sym>,
     /// `dM/dt`, shape `(n, n)`.
-    mass_rate: Vec<Sym>,
+    mass: Vec<Sym>,
     /// `C`, shape `(n, n)`.
     coriolis: Vec<Sym>,
     stored: Stored<Sym>,
@@ -35,7 +35,7 @@ impl Theory {
             states: plant.states(),
             p: law.initial_state().len(),
             arm: ArmAt::new(plant.model()),
-            mass_rate: vec![Sym::zero(); n * n],
+            mass: vec![Sym::zero(); n * n],
             coriolis: vec![Sym::zero(); n * n],
             stored: Stored::new(plant),
             storage: if storage { Storage::new(law) } else { None },
@@ -58,15 +58,17 @@ impl Theory {
             Some(lyapunov) => lyapunov.value(desired, &mut self.arm, q, v, z),
             None => Sym::zero(),
         };
-        Identities { skewness: self.skewness(v), energy, lyapunov, quadratures: [quadratures[0], quadratures[1]] }
+        Identities { skewness: self.skewness(q, v), energy, lyapunov, quadratures: [quadratures[0], quadratures[1]] }
     }
 
     /// Return the largest absolute entry of `N + N'`.
-    fn skewness(&mut self, v: &[Sym]) -> Sym {
+    fn skewness(&mut self, q: &[Sym], v: &[Sym]) -> Sym {
         let n = v.len();
-        self.arm.mass_matrix_rate(v, &mut self.mass_rate);
+        self.arm.mass_matrix(&mut self.mass);
+        // The derivative of the recorded mass matrix does not use the Coriolis matrix.
+        let rate = sym::derivative(&self.mass, q, v);
         self.arm.coriolis_matrix(v, &mut self.coriolis);
-        let entry = |i: usize, j: usize| Sym::splat(2.0).neg_mul_add(self.coriolis[n * i + j], self.mass_rate[n * i + j]);
+        let entry = |i: usize, j: usize| Sym::splat(2.0).neg_mul_add(self.coriolis[n * i + j], rate[n * i + j]);
         let mut worst = Sym::zero();
         for i in 0..n {
             for j in i..n {
