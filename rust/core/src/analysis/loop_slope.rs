@@ -1,6 +1,7 @@
 //! The closed loop linearised about a state `x = [plant, law]`: `d x_dot = A d x`. `A` is the derivative of the recorded plant and law, so it
 //! is exact up to rounding.
 
+use super::recordings::{Function, Rest, jacobian};
 use crate::error::{Error, Result};
 use crate::law::LawSpec;
 use crate::linalg::dot;
@@ -8,8 +9,8 @@ use crate::linalg::eigenvalues::eigenvalues;
 use crate::linalg::svd::Svd;
 use crate::plant::PlantSpec;
 use crate::scalar::Real;
-use crate::trace::function::recorded;
-use crate::trace::{Jacobian, Sym};
+use crate::trace::Sym;
+use crate::trace::function::{Recorded, recorded};
 
 /// Compute the matrix `A` of the linearised loop, `(s, s)`, row-major, at time `t` (s), the plant's state `x` and the law's state `z`.
 ///
@@ -23,54 +24,31 @@ pub fn loop_slope(
     wrench: &[f64; 6],
     force_frame: Option<usize>,
 ) -> Result<Vec<f64>> {
-    let (n, states) = (plant.n(), x.len());
-    let set_up = || (plant.build::<Sym>(force_frame), law.build(), law.desired(t));
-    let slope = slope(&[x, z].concat(), n, set_up, |(mut plant, mut law, desired), trig, state| {
+    let rest = Rest { plant, law, wrench: *wrench, frame: force_frame };
+    let problem = || format!("branches on its data: expected a law with derivatives, got {}", law.name());
+    let rates = jacobian(&rest, Function::Rates(t), || loop_rates(&rest, t));
+    let mut rates = rates.ok_or_else(|| Error::input("law", problem()))?;
+    let s = x.len() + z.len();
+    let mut slope = vec![0.0; s * s];
+    rates.slopes(&[x, z].concat(), |i, j, rate| slope[i * s + j] = rate);
+    Ok(slope)
+}
+
+/// Record the rates of the loop's state at time `t`, s. The result is `None` if the law branches on its data.
+fn loop_rates(rest: &Rest, t: f64) -> Option<(Recorded, usize)> {
+    let (n, states) = (rest.plant.n(), rest.plant.states());
+    let size = states + rest.law.initial_state().len();
+    let set_up = || (rest.plant.build::<Sym>(rest.frame), rest.law.build(), rest.law.desired(t));
+    let recorded = recorded(size, set_up, |(mut plant, mut law, desired), state| {
+        let trig: Vec<(Sym, Sym)> = state[..n].iter().map(|q| q.sin_cos()).collect();
         let (x, z) = state.split_at(states);
-        let (mut tau, mut rates) = (vec![Sym::zero(); n], vec![Sym::zero(); state.len()]);
+        let (mut tau, mut rates) = (vec![Sym::zero(); n], vec![Sym::zero(); size]);
         let (x_dot, z_dot) = rates.split_at_mut(states);
-        law.evaluate(&desired, trig, x, z, &mut tau, z_dot);
-        plant.rates(trig, x, &tau, &wrench.map(Sym::splat), x_dot);
+        law.evaluate(&desired, &trig, x, z, &mut tau, z_dot);
+        plant.rates(&trig, x, &tau, &rest.wrench.map(Sym::splat), x_dot);
         rates
     });
-    let problem = || format!("branches on its data: expected a law with derivatives, got {}", law.name());
-    slope.ok_or_else(|| Error::input("law", problem()))
-}
-
-/// Compute the derivative of `[tau, z_dot]` with respect to `[x, z]`, `(n + p, states + p)`, row-major, at time `t` (s). `tau` is the output
-/// of the law, `z` its state, and `x` the plant's state. The result is `None` if the law branches on its data.
-pub fn law_slope(law: &LawSpec, t: f64, x: &[f64], z: &[f64]) -> Option<Vec<f64>> {
-    if law.route().is_scalar() {
-        return None;
-    }
-    let (n, states) = (law.model().n(), x.len());
-    let set_up = || (law.build(), law.desired(t));
-    slope(&[x, z].concat(), n, set_up, |(mut law, desired), trig, state| {
-        let (x, z) = state.split_at(states);
-        let mut results = vec![Sym::zero(); n + z.len()];
-        let (tau, z_dot) = results.split_at_mut(n);
-        law.evaluate(&desired, trig, x, z, tau, z_dot);
-        results
-    })
-}
-
-/// The Jacobian at `state` of a function of the state, row-major. The function also receives (sin, cos) of the `n` joint positions. The
-/// result is `None` if the function branches on its data.
-fn slope<T>(
-    state: &[f64],
-    n: usize,
-    set_up: impl FnOnce() -> T,
-    function: impl FnOnce(T, &[(Sym, Sym)], &[Sym]) -> Vec<Sym>,
-) -> Option<Vec<f64>> {
-    let columns = state.len();
-    let recorded = recorded(columns, set_up, |made, state| {
-        let trig: Vec<(Sym, Sym)> = state[..n].iter().map(|q| q.sin_cos()).collect();
-        function(made, &trig, state)
-    })?;
-    let rows = recorded.answer.len();
-    let mut slope = vec![0.0; rows * columns];
-    Jacobian::new(recorded, rows).slopes(state, |i, j, rate| slope[i * columns + j] = rate);
-    Some(slope)
+    recorded.map(|recorded| (recorded, size))
 }
 
 /// The modes of a loop about an equilibrium.

@@ -10,6 +10,7 @@ pub mod inverse_kinematics;
 pub mod linearisation;
 pub mod loop_slope;
 pub mod momentum_observer;
+mod recordings;
 mod residual;
 pub mod rest;
 pub mod sample_selection;

@@ -11,52 +11,16 @@
 //!
 //! `r(q) = B0 B^-1 (tau(q, theta) - L(q))`, `theta = q + K^-1 L(q)`.
 
+use super::recordings::{Function, Motors, Rest, jacobian};
 use crate::dynamics::ArmAt;
 use crate::error::{Error, Result};
-use crate::law::{Law, LawSpec};
+use crate::law::Law;
 use crate::linalg::gain::{AnyGain, Gain};
-use crate::plant::{LoopWall, PlantSpec, Stop, unilateral};
+use crate::plant::{LoopWall, Stop, unilateral};
 use crate::scalar::Real;
 use crate::spatial::{Vector, Vector3};
 use crate::trace::function::recorded;
 use crate::trace::{Jacobian, Sym};
-
-/// A plant at rest, with its law and an external wrench.
-///
-/// ```
-/// # use armlet_core::{arm::Arm, dynamics::Model, law::{Gain, LawSpec, PdGravitySpec}, plant::{PlantSpec, RigidSpec}};
-/// use armlet_core::analysis::rest::Rest;
-/// # let model = Model::from(Arm::pendulum(2.0, 5.0)?);
-/// # let plant = PlantSpec::from(RigidSpec::new(model.clone()));
-///
-/// let law = LawSpec::from(PdGravitySpec::new(model, vec![0.5], Gain::scalar("kp", 1, 20.0)?, Gain::scalar("kd", 1, 4.0)?)?);
-/// let rest = Rest { plant: &plant, law: &law, wrench: [0.0; 6], frame: None };
-/// assert!((rest.unbalanced(&[0.3], &[])?.load[0] - 5.0 * 0.3f64.sin()).abs() < 1e-12);
-/// let mut q = vec![0.0];
-/// rest.descend(&mut q)?;
-/// assert!((q[0] - 0.5).abs() < 1e-9);
-/// # Ok::<(), armlet_core::error::Error>(())
-/// ```
-pub struct Rest<'a> {
-    /// The plant.
-    pub plant: &'a PlantSpec,
-    /// A law of the links, or a law of motors.
-    pub law: &'a LawSpec,
-    /// External wrench `[f; m]`, N and N m, world axes.
-    pub wrench: [f64; 6],
-    /// Index of the frame at which the wrench acts; `None` for no wrench.
-    pub frame: Option<usize>,
-}
-
-/// The motor positions in the residual, and the factor of the balance of motor torques.
-pub(super) enum Motors {
-    /// The law does not depend on them.
-    Absent,
-    /// They are unknowns: the joint stiffness `K`, and the factor `(I + Kt)^-1`.
-    Unknown(Gain, Gain),
-    /// The springs carry the load: the compliance `K^-1`, and the factor.
-    Carrying(Gain, Gain),
-}
 
 /// The recorded residual `r(y)`. Its results are the residual, then the load `L(q)`, then the force of the wall.
 pub(super) struct Residual {
@@ -78,8 +42,9 @@ impl Residual {
             results.extend(wall.array());
             results
         };
-        match recorded(size, || Forces::new(rest, motors), record) {
-            Some(recorded) => Ok(Residual { function: Jacobian::new(recorded, size), size }),
+        let function = Function::Residual(motors.clone());
+        match jacobian(rest, function, || recorded(size, || Forces::new(rest, motors), record).map(|recorded| (recorded, size))) {
+            Some(function) => Ok(Residual { function, size }),
             None => Err(Error::input("law", format!("branches on its data: expected an impedance or PD law, got {}", rest.law.name()))),
         }
     }

@@ -7,8 +7,9 @@
 //! integrates `M q_dot = r`, `w_dot = K_i e` in time until the equilibrium is reached (pseudo-transient continuation). Each implicit step
 //! `d` solves `(diag(M, 1)/h - dr/dy) d = r`, with a step size `h` that grows.
 
-pub use super::residual::Rest;
-use super::residual::{Motors, Residual};
+use super::recordings::Motors;
+pub use super::recordings::Rest;
+use super::residual::Residual;
 use crate::error::{Error, Result, finite};
 use crate::interrupt::look;
 use crate::linalg::gain::Gain;

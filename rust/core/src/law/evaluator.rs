@@ -6,6 +6,7 @@ use super::terms::Term;
 use super::{Law, LawSpec};
 use crate::motion::{Motion, sample_all};
 use crate::scalar::Real;
+use crate::trace::Jacobian;
 use crate::trace::function::{self, CALLS, Evaluation, Recorded};
 use crate::trace::sym::{self, Sym};
 
@@ -71,6 +72,7 @@ pub struct LawEvaluator {
     /// The law's state at the start of a run, if it depends on the plant's state.
     restart: Option<Evaluation>,
     terms: Option<RecordedTerms>,
+    slope: Option<Jacobian>,
     motions: Vec<Motion>,
     /// The desired motion, the plant's state and the law's state, one after another.
     inputs: Vec<f64>,
@@ -108,6 +110,7 @@ impl LawEvaluator {
             machine: None,
             restart: None,
             terms: None,
+            slope: None,
             motions: spec.motions().into_iter().cloned().collect(),
             inputs: vec![0.0; widths.iter().sum()],
             widths,
@@ -159,6 +162,32 @@ impl LawEvaluator {
             all.extend([("state", vec![z.len()], z.to_vec()), rate]);
         }
         all
+    }
+
+    /// Compute the derivative of `[tau, z_dot]` with respect to `[x, z]`, `(n + p, states + p)`, row-major, at time `t` (s). `tau` is the
+    /// output of the law, `z` its state, and `x` the plant's state. The result is `None` if the law branches on its data.
+    ///
+    /// ```
+    /// # use armlet_core::arm::Arm;
+    /// # use armlet_core::dynamics::Model;
+    /// # use armlet_core::law::{Gain, LawEvaluator, LawSpec, PdGravitySpec};
+    /// # let model = Model::from(Arm::pendulum(2.0, 5.0)?);
+    /// let law = PdGravitySpec::new(model, vec![0.5], Gain::scalar("kp", 1, 20.0)?, Gain::scalar("kd", 1, 4.0)?)?;
+    /// let slope = LawEvaluator::new(&LawSpec::from(law)).slope(0.0, &[0.3, 0.1], &[]).unwrap();
+    /// // tau = kp (q_d - q) - kd v + 5 sin q
+    /// assert!((slope[0] - (5.0 * 0.3f64.cos() - 20.0)).abs() < 1e-12 && slope[1] == -4.0);
+    /// # Ok::<(), armlet_core::error::Error>(())
+    /// ```
+    pub fn slope(&mut self, t: f64, x: &[f64], z: &[f64]) -> Option<Vec<f64>> {
+        if self.spec.route().is_scalar() {
+            return None;
+        }
+        self.read(t, &[x], Some(z));
+        let (rows, columns) = (self.spec.model().n() + z.len(), x.len() + z.len());
+        let slope = self.slope.get_or_insert_with(|| Jacobian::with_fixed(rates_of(&self.spec, self.widths), self.widths[0], rows));
+        let mut entries = vec![0.0; rows * columns];
+        slope.slopes(&self.inputs, |i, j, rate| entries[i * columns + j] = rate);
+        Some(entries)
     }
 
     /// Write the arguments to `inputs`.
@@ -235,6 +264,15 @@ impl RecordedTerms {
 /// Record the law as a function of the desired motion, the plant's state and the law's state. Its result is the plant's input.
 fn law_of(spec: &LawSpec, widths: [usize; 3]) -> Recorded {
     recordable(function::recorded(widths.iter().sum(), || RecordedLaw::new(spec), |mut law, inputs| law.input_of(inputs, widths).to_vec()))
+}
+
+/// Record the plant's input and the rate of the law's state. The inputs are those of [`law_of`].
+fn rates_of(spec: &LawSpec, widths: [usize; 3]) -> Recorded {
+    let rates = |mut law: RecordedLaw, inputs: &[Sym]| {
+        law.input_of(inputs, widths);
+        [law.tau, law.dz].concat()
+    };
+    recordable(function::recorded(widths.iter().sum(), || RecordedLaw::new(spec), rates))
 }
 
 fn recordable(recorded: Option<Recorded>) -> Recorded {

@@ -94,6 +94,12 @@ impl Recorded {
         Evaluation::new(StoredFunction::of(ops, answer, layout), &values)
     }
 
+    /// Whether `other` differs only in the values of the set-up parameters.
+    pub(super) fn has_operations_of(&self, other: &Recorded) -> bool {
+        let inputs = |of: &Recorded| (of.values.len(), of.inputs);
+        inputs(self) == inputs(other) && self.answer == other.answer && self.ops == other.ops
+    }
+
     /// Prepare this function for the interpreter, for one row of inputs or for one row per lane. The interpreter is valid for all angles.
     pub fn interpreted(self, lanes: bool) -> Evaluation {
         let Recorded { ops, values, inputs, answer } = self;
@@ -116,6 +122,12 @@ impl Evaluation {
         let mut evaluation = Evaluation { function, frame };
         evaluation.set_up(given);
         evaluation
+    }
+
+    /// Return this evaluation with other set-up parameters.
+    pub(super) fn with(mut self, given: &[f64]) -> Self {
+        self.set_up(given);
+        self
     }
 
     /// Write the set-up parameters, in every lane.

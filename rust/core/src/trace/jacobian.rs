@@ -1,9 +1,64 @@
 //! A recorded function `y = f(x)` with its Jacobian `dy/dx`. The interpreter runs it, unless machine code is requested. For functions that
 //! are evaluated a few times, machine code would not repay its compilation. The results are valid for angles of any magnitude.
+//!
+//! Differentiation and the preparation of the interpreter take longer than the recording. So recordings with equal operations share both
+//! if the cache still contains them.
 
-use super::function::{Evaluation, Recorded};
+use super::cache::{Cache, MadeOnce};
+use super::function::{Evaluation, KEPT_OPERATIONS, Recorded};
 use super::tangents::{Tangents, tangents};
 use crate::interrupt::look;
+use std::sync::Arc;
+
+/// The maximum number of recorded operations of all stored functions together. Each function is stored with its derivatives, which have
+/// two to four times as many operations.
+pub const STORED_OPERATIONS: usize = KEPT_OPERATIONS / 8;
+
+/// A recorded function, prepared for the interpreter. Recordings with equal operations share it. The values of their set-up parameters may
+/// differ, so that a user of an evaluation sets them.
+struct Prepared {
+    recorded: Recorded,
+    /// The number of inputs that have no derivatives. They are the first inputs.
+    fixed: usize,
+    /// The number of results that have derivatives.
+    moved: usize,
+    function: MadeOnce<Evaluation>,
+    /// The function with its derivatives. Its inputs are `x`, then a direction.
+    tangent: MadeOnce<Evaluation>,
+}
+
+static KNOWN: Cache<Arc<Prepared>> = Cache::new();
+
+impl Prepared {
+    /// Return the stored function with the operations of a recording, or store a new one.
+    fn of(recorded: Recorded, fixed: usize, moved: usize) -> Arc<Self> {
+        let is = |known: &Arc<Prepared>| (known.fixed, known.moved) == (fixed, moved) && known.recorded.has_operations_of(&recorded);
+        KNOWN.find(is).unwrap_or_else(|| {
+            let prepared = Arc::new(Prepared { recorded, fixed, moved, function: MadeOnce::default(), tangent: MadeOnce::default() });
+            KNOWN.keep(prepared.clone(), |all| all.iter().map(|known| known.recorded.ops.len()).sum::<usize>() <= STORED_OPERATIONS);
+            prepared
+        })
+    }
+
+    /// The function, without derivatives.
+    fn function(&self, compiled: bool) -> Evaluation {
+        let recorded = || self.recorded.clone();
+        if compiled { recorded().program(false) } else { (*self.function.get(|| recorded().interpreted(false))).clone() }
+    }
+
+    /// The function with the derivatives of its first `moved` results. Its results are these results, then their derivatives.
+    fn tangent(&self, compiled: bool) -> Evaluation {
+        if compiled { self.derived().program(true) } else { (*self.tangent.get(|| self.derived().interpreted(true))).clone() }
+    }
+
+    fn derived(&self) -> Recorded {
+        let Prepared { recorded: Recorded { ops, values, inputs, answer }, fixed, moved, .. } = self;
+        let (first, end) = (values.len() + fixed, values.len() + inputs);
+        let moving: Vec<u32> = (first as u32..end as u32).collect();
+        let Tangents { ops, values: results, rates } = tangents(ops, end, &answer[..*moved], *moved, &moving, 1);
+        Recorded { ops, values: values.clone(), inputs: 2 * inputs - fixed, answer: results.into_iter().chain(rates).collect() }
+    }
+}
 
 /// A recorded function with its Jacobian.
 ///
@@ -20,22 +75,33 @@ use crate::interrupt::look;
 /// f.slopes(&[2.0, 0.5], |_, j, rate| slope[j] = rate);
 /// assert!((slope[0] - 0.5f64.sin()).abs() < 1e-15 && (slope[1] - 2.0 * 0.5f64.cos()).abs() < 1e-15);
 /// ```
+#[derive(Clone)]
 pub struct Jacobian {
-    recorded: Recorded,
-    /// The number of results that have derivatives.
-    moved: usize,
+    prepared: Arc<Prepared>,
+    /// The set-up parameters.
+    values: Vec<f64>,
     compiled: bool,
-    /// The function, prepared at its first evaluation.
     function: Option<Evaluation>,
-    /// The function with its derivatives, prepared at the first evaluation. Its inputs are `x`, then a direction. Each lane has another
-    /// direction.
+    /// Each lane has another direction.
     tangent: Option<Evaluation>,
 }
 
 impl Jacobian {
     /// Take a recorded function, whose first `moved` results have derivatives.
     pub fn new(recorded: Recorded, moved: usize) -> Self {
-        Jacobian { recorded, moved, compiled: false, function: None, tangent: None }
+        Jacobian::with_fixed(recorded, 0, moved)
+    }
+
+    /// Take a recorded function, whose first `moved` results have derivatives. They are derivatives with respect to all inputs except the
+    /// first `fixed` inputs.
+    pub fn with_fixed(recorded: Recorded, fixed: usize, moved: usize) -> Self {
+        let values = recorded.values.clone();
+        Jacobian { prepared: Prepared::of(recorded, fixed, moved), values, compiled: false, function: None, tangent: None }
+    }
+
+    /// The number of recorded operations of the function, without derivatives.
+    pub fn operations(&self) -> usize {
+        self.prepared.recorded.ops.len()
     }
 
     /// Run the function as machine code. This repays its compilation after some hundred evaluations.
@@ -45,15 +111,14 @@ impl Jacobian {
 
     /// Compute all results at `x`.
     pub fn value(&mut self, x: &[f64]) -> &[f64] {
-        let make = || if self.compiled { self.recorded.clone().program(false) } else { self.recorded.clone().interpreted(false) };
-        let function = self.function.get_or_insert_with(make);
+        let function = self.function.get_or_insert_with(|| self.prepared.function(self.compiled).with(&self.values));
         function.inputs(0, x.len()).copy_from_slice(x);
         function.run();
         if self.compiled && !function.is_near(0) {
             self.interpret();
             return self.value(x);
         }
-        self.function.as_ref().map_or(&[], |function| function.outputs(0, self.recorded.answer.len()))
+        self.function.as_ref().map_or(&[], |function| function.outputs(0, self.prepared.recorded.answer.len()))
     }
 
     /// Write the rates of the results along the direction `x_dot`, at `x`, to `y_dot`.
@@ -70,10 +135,10 @@ impl Jacobian {
     /// assert!((rate[0] - 1.2).abs() < 1e-15);
     /// ```
     pub fn along(&mut self, x: &[f64], x_dot: &[f64], y_dot: &mut [f64]) {
-        let (inputs, moved) = (self.recorded.inputs, self.moved);
-        let tangent = self.tangent.get_or_insert_with(|| derived(&self.recorded, moved, self.compiled));
+        let moved = self.prepared.moved;
+        let tangent = self.tangent.get_or_insert_with(|| self.prepared.tangent(self.compiled).with(&self.values));
         let lanes = tangent.lanes();
-        tangent.inputs(0, 2 * inputs).chunks_exact_mut(lanes).zip(x.iter().chain(x_dot)).for_each(|(to, &x)| to.fill(x));
+        tangent.all_inputs().chunks_exact_mut(lanes).zip(x.iter().chain(x_dot)).for_each(|(to, &x)| to.fill(x));
         tangent.run();
         if self.compiled && !tangent.is_near(0) {
             self.interpret();
@@ -82,17 +147,17 @@ impl Jacobian {
         y_dot.iter_mut().zip(tangent.outputs(moved, moved).chunks_exact(lanes)).for_each(|(y_dot, rates)| *y_dot = rates[0]);
     }
 
-    /// Call `put(i, j, dy_i/dx_j)` for all entries of the Jacobian at `x`, column by column.
+    /// Call `put(i, j, dy_i/dx_j)` for all entries of the Jacobian at `x`, column by column. `j` does not count the fixed inputs.
     pub fn slopes<F: FnMut(usize, usize, f64)>(&mut self, x: &[f64], mut put: F) {
-        let (inputs, moved) = (self.recorded.inputs, self.moved);
-        let tangent = self.tangent.get_or_insert_with(|| derived(&self.recorded, moved, self.compiled));
+        let Prepared { fixed, moved, .. } = *self.prepared;
+        let tangent = self.tangent.get_or_insert_with(|| self.prepared.tangent(self.compiled).with(&self.values));
         let lanes = tangent.lanes();
-        for first in (0..inputs).step_by(lanes) {
+        for first in (0..x.len() - fixed).step_by(lanes) {
             look();
-            let (at, direction) = tangent.inputs(0, 2 * inputs).split_at_mut(inputs * lanes);
+            let (at, direction) = tangent.all_inputs().split_at_mut(x.len() * lanes);
             at.chunks_exact_mut(lanes).zip(x).for_each(|(at, &x)| at.fill(x));
             direction.fill(0.0);
-            let columns = first..(first + lanes).min(inputs);
+            let columns = first..(first + lanes).min(x.len() - fixed);
             columns.clone().for_each(|j| direction[j * lanes + (j - first)] = 1.0);
             tangent.run();
             if self.compiled && !tangent.is_near(0) {
@@ -110,12 +175,28 @@ impl Jacobian {
     }
 }
 
-/// The function with the derivatives of its first `moved` results. Its results are these results, then their derivatives.
-fn derived(recorded: &Recorded, moved: usize, compiled: bool) -> Evaluation {
-    let (given, inputs) = (recorded.values.len(), recorded.inputs);
-    let moving: Vec<u32> = (given as u32..(given + inputs) as u32).collect();
-    let Tangents { ops, values, rates } = tangents(&recorded.ops, given + inputs, &recorded.answer[..moved], moved, &moving, 1);
-    let answer = values.into_iter().chain(rates).collect();
-    let both = Recorded { ops, values: recorded.values.clone(), inputs: 2 * inputs, answer };
-    if compiled { both.program(true) } else { both.interpreted(true) }
+#[cfg(test)]
+mod tests {
+    use super::super::function::recorded;
+    use super::super::sym::Sym;
+    use super::*;
+    use crate::scalar::Real;
+
+    #[test]
+    fn recordings_with_equal_operations_share_their_derivatives() {
+        // `f(a, x) = k a x^2`, with derivatives along `x`.
+        let f = |k: f64| {
+            let f = recorded(2, || Sym::varying(k), |k, ax| vec![k * ax[0] * ax[1] * ax[1]]).expect("it does not branch");
+            Jacobian::with_fixed(f, 1, 1)
+        };
+        let (mut first, mut second) = (f(0.25), f(1.5));
+        assert!(Arc::ptr_eq(&first.prepared, &second.prepared));
+        for (f, k) in [(&mut first, 0.25), (&mut second, 1.5), (&mut f(0.25).compiled(), 0.25)] {
+            let mut slopes = Vec::new();
+            f.slopes(&[3.0, 2.0], |i, j, rate| slopes.push((i, j, rate)));
+            assert_eq!(slopes, [(0, 0, 2.0 * k * 3.0 * 2.0)]);
+            assert_eq!(f.value(&[3.0, 2.0]), [k * 12.0]);
+        }
+        assert!(!Arc::ptr_eq(&first.prepared, &f(1.0).prepared), "a one is structure");
+    }
 }

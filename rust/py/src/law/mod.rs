@@ -21,10 +21,10 @@ use crate::errors::{Failure, entry, input_error};
 use crate::interrupts::long;
 use crate::kept::{Kept, stands_on_arm};
 use crate::motion::Motion;
-use armlet_core::analysis::loop_slope::law_slope;
 use armlet_core::error::all_finite;
 use armlet_core::law::{JointReference, LawEvaluator, LawSpec};
 use armlet_core::plant::PlantKind;
+use armlet_core::trace::cache::free;
 use armlet_macros::entered;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyFloat, PyList};
@@ -34,7 +34,7 @@ use std::sync::Mutex;
 #[pyclass(frozen, subclass, module = "armlet", name = "Law")]
 pub struct Law {
     pub spec: LawSpec,
-    /// The buffers of `law(t, q, v)`, which are reused from call to call.
+    /// The recordings and buffers of the law, which are reused from call to call.
     evaluator: Mutex<LawEvaluator>,
     /// The arm of the law.
     #[pyo3(get)]
@@ -112,6 +112,16 @@ fn by_level<'py>(py: Python<'py>, rows: &[usize], shape: &[usize], values: &[f64
     Ok(PyList::new(py, parts)?)
 }
 
+impl Law {
+    /// Evaluate the law. If another thread uses the buffers, this call allocates separate ones.
+    fn evaluate<T>(&self, of: impl FnOnce(&mut LawEvaluator) -> T) -> T {
+        match free(&self.evaluator) {
+            Some(mut evaluator) => of(&mut evaluator),
+            None => of(&mut LawEvaluator::new(&self.spec)),
+        }
+    }
+}
+
 #[entered]
 #[pymethods]
 impl Law {
@@ -138,11 +148,7 @@ impl Law {
             let n = self.spec.model().n();
             let answer = |t: f64, parts: &[&[f64]], z: Option<&[f64]>| {
                 new_vector(py, n, |tau| {
-                    match self.evaluator.try_lock() {
-                        Ok(mut evaluator) => evaluator.input(t, parts, z, tau),
-                        // Another thread uses the buffers, so this call allocates separate ones.
-                        Err(_) => LawEvaluator::new(&self.spec).input(t, parts, z, tau),
-                    }
+                    self.evaluate(|evaluator| evaluator.input(t, parts, z, tau));
                     match tau.iter().position(|x| !x.is_finite()) {
                         None => Ok(()),
                         Some(i) => {
@@ -183,11 +189,7 @@ impl Law {
             let (t, x, z) = call_arguments("Law.terms", &self.spec, t, (q, v), [theta, theta_dot], state)?;
             let parts = PyDict::new(py);
             let rows = self.spec.level_rows();
-            let terms = match self.evaluator.try_lock() {
-                Ok(mut evaluator) => evaluator.terms(t, &[&x], Some(&z)),
-                Err(_) => self.spec.terms_at(t, &x, &z),
-            };
-            for (name, shape, values) in terms {
+            for (name, shape, values) in self.evaluate(|evaluator| evaluator.terms(t, &[&x], Some(&z))) {
                 if !rows.is_empty() && matches!(name, "rows" | "ranks") {
                     parts.set_item(name, values.iter().map(|&count| count as usize).collect::<Vec<_>>())?;
                     continue;
@@ -221,7 +223,8 @@ impl Law {
     ) -> PyResult<Option<Bound<'py, PyAny>>> {
         entry(py, "Law._slope", || {
             let (t, x, z) = call_arguments("Law._slope", &self.spec, t, (q, v), [theta, theta_dot], state)?;
-            let Some(slope) = long(py, || Ok(law_slope(&self.spec, t, &x, &z)))? else { return Ok(None) };
+            let slope = long(py, || Ok(self.evaluate(|evaluator| evaluator.slope(t, &x, &z))))?;
+            let Some(slope) = slope else { return Ok(None) };
             let columns = x.len() + z.len();
             let array = new_array(py, &[slope.len() / columns, columns], |out| {
                 out.copy_from_slice(&slope);
