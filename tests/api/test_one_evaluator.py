@@ -14,7 +14,7 @@ LANES = ("scalar/", "plan/", "motion/", "trace/sym.rs")
 BATCHES = {
     f"simulate/{name}.rs" for name in ("assembly", "fixed_steps", "programs", "sampler", "torque_sensing", "world")
 }
-IMPL = re.compile(r"^impl(?:<(?P<parameters>[^{]*?)>)? (?P<kind>Law|Plant)(?:<[\w:]+>)? for (?P<type>\w+)", re.MULTILINE)
+IMPL = re.compile(r"^impl(?:<(?P<parameters>[^{]*?)>)? (?:Law|Plant)(?:<[\w:]+>)? for (?P<type>\w+)", re.MULTILINE)
 
 
 def lanes_in(sources: dict[str, str]) -> dict[str, int]:
@@ -24,12 +24,11 @@ def lanes_in(sources: dict[str, str]) -> dict[str, int]:
 
 
 def type_parameters(source: str) -> dict[str, set[str]]:
-    """For each law and plant of a file, the type parameters of its implementation, for a plant without the number type `S`."""
+    """For each law and plant of a file, the type parameters of its implementation."""
     found = {}
     for impl in IMPL.finditer(source):
         names = [each.split(":")[0].strip() for each in (impl["parameters"] or "").split(",")]
-        free = "S" if impl["kind"] == "Plant" else ""
-        found[impl["type"]] = {name for name in names if name not in {"", free} and not name.startswith(("'", "const "))}
+        found[impl["type"]] = {name for name in names if name and not name.startswith(("'", "const "))}
     return found
 
 
@@ -50,7 +49,7 @@ def test_only_planners_motions_and_batches_have_lanes() -> None:
     assert lanes_in({"law/pid.rs": "S::from_lanes(|lane| of(lane).kp)", "plan/sine.rs": "S::from_lanes"}) == {"law/pid.rs": 1}
 
 
-def test_laws_have_no_type_parameter_and_plants_only_the_number_type() -> None:
+def test_laws_and_plants_have_no_type_parameter() -> None:
     found: dict[str, set[str]] = {}
     for name, text in sources().items():
         if name.startswith(("law/", "plant/")):

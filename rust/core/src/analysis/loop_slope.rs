@@ -38,7 +38,7 @@ pub fn loop_slope(
 fn loop_rates(rest: &Rest, t: f64) -> Option<(Recorded, usize)> {
     let (n, states) = (rest.plant.n(), rest.plant.states());
     let size = states + rest.law.initial_state().len();
-    let set_up = || (rest.plant.build::<Sym>(rest.frame), rest.law.build(), rest.law.desired(t));
+    let set_up = || (rest.plant.build(rest.frame), rest.law.build(), rest.law.desired(t));
     let recorded = recorded(size, set_up, |(mut plant, mut law, desired), state| {
         let trig: Vec<(Sym, Sym)> = state[..n].iter().map(|q| q.sin_cos()).collect();
         let (x, z) = state.split_at(states);

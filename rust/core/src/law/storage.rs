@@ -41,7 +41,7 @@ impl Storage {
 
     /// Compute the storage function `E`, J, for the desired motions at the plant's state `x`. The arm `links` must already be at the joint
     /// positions of `x`.
-    pub fn energy(&mut self, desired: &[Sym], links: &mut ArmAt<Sym>, plant: &Stored<Sym>, x: &[Sym]) -> Sym {
+    pub fn energy(&mut self, desired: &[Sym], links: &mut ArmAt<Sym>, plant: &Stored, x: &[Sym]) -> Sym {
         let n = self.stretch.len();
         let target = &desired[..self.error.len()];
         links.error_and_jacobian(&self.coordinates, target, &mut self.error, &mut self.jacobian);

@@ -7,6 +7,7 @@ use super::stops::Stops;
 use super::unilateral::Mode;
 use crate::dynamics::Model;
 use crate::scalar::Real;
+use crate::trace::Sym;
 
 /// A plant with validated parameters.
 ///
@@ -63,21 +64,20 @@ pub trait Definition {
 ///
 /// let arm = Arm::pendulum(1.0, 5.0)?.with_drives(None, Some(&[0.5]), None)?;
 /// let plant = PlantSpec::from(RigidSpec { friction: true, ..RigidSpec::new(arm.into()) });
-/// let (x, mut dx) = ([0.3f64, 2.0], [0.0; 2]);
-/// let power = plant.build::<f64>(None).rates(&[x[0].sin_cos()], &x, &[4.0], &[0.0; 6], &mut dx);
-/// // The torque of 4 N m at 2 rad/s, and the loss `d v^2` of viscous friction.
-/// assert_eq!((power.input, power.outside), (8.0, -2.0));
+/// let (_, power) = plant.rates_at(&[0.3, 2.0], &[4.0], &[0.0; 6], None);
+/// // The torque of 4 N m at 2 rad/s, minus the loss `d v^2` of viscous friction.
+/// assert_eq!(power, 8.0 - 2.0);
 /// # Ok::<(), armlet_core::error::Error>(())
 /// ```
 #[derive(Clone, Copy, Debug)]
-pub struct Power<S> {
+pub struct Power {
     /// Power of the input, W.
-    pub input: S,
+    pub input: Sym,
     /// Power of the wrench, minus the power lost in friction, elastic joints, wall and stops, W.
-    pub outside: S,
+    pub outside: Sym,
 }
 
-/// A plant in a control loop.
+/// A plant in a recorded control loop. [`PlantSpec::rates_at`](super::PlantSpec::rates_at) evaluates a plant at a single state.
 ///
 /// ```
 /// use armlet_core::arm::Arm;
@@ -85,37 +85,35 @@ pub struct Power<S> {
 ///
 /// // A pendulum: `a = tau - 5 sin q`.
 /// let spec = PlantSpec::from(RigidSpec::new(Arm::pendulum(1.0, 5.0)?.into()));
-/// let mut plant = spec.build::<f64>(None);
-/// let (x, mut dx) = ([0.3f64, 2.0], [0.0; 2]);
-/// plant.rates(&[x[0].sin_cos()], &x, &[4.0], &[0.0; 6], &mut dx);
+/// let (dx, _) = spec.rates_at(&[0.3, 2.0], &[4.0], &[0.0; 6], None);
 /// assert!(dx[0] == 2.0 && (dx[1] - (4.0 - 5.0 * 0.3f64.sin())).abs() < 1e-14);
-/// assert!(plant.stick_slip().is_none());
+/// assert!(spec.build(None).stick_slip().is_none());
 /// # Ok::<(), armlet_core::error::Error>(())
 /// ```
-pub trait Plant<S: Real> {
+pub trait Plant {
     /// Compute the rates `dx` of the plant's state `x` under the input `tau`, `(n,)`, and the wrench, `(6,)`. Return the power into the
     /// plant.
     ///
     /// `trig` has (sin, cos) of each joint position. The wrench acts at the frame with which the plant was built.
-    fn rates(&mut self, trig: &[(S, S)], x: &[S], tau: &[S], wrench: &[S], dx: &mut [S]) -> Power<S>;
+    fn rates(&mut self, trig: &[(Sym, Sym)], x: &[Sym], tau: &[Sym], wrench: &[Sym], dx: &mut [Sym]) -> Power;
 
     /// Hold every contact in its mode of `contacts`, independent of the state. The mode of the wall is the first, and the modes of the
     /// stops follow. If `contacts` is empty, the state determines the modes.
-    fn hold(&mut self, _contacts: &mut dyn Iterator<Item = Mode<S>>) {}
+    fn hold(&mut self, _contacts: &mut dyn Iterator<Item = Mode<Sym>>) {}
 
     /// Return the depth `d` and the push `k d + c d_dot` of contact `i`. The other arguments are as in [`Plant::rates`].
-    fn contact(&mut self, _i: usize, _trig: &[(S, S)], _x: &[S]) -> [S; 2] {
-        [S::zero(); 2]
+    fn contact(&mut self, _i: usize, _trig: &[(Sym, Sym)], _x: &[Sym]) -> [Sym; 2] {
+        [Sym::zero(); 2]
     }
 
     /// The stick-slip friction of joints or motors, and the index of their first speed in the state; `None` without this friction.
-    fn stick_slip(&mut self) -> Option<(&mut LoopStickSlip<S>, usize)> {
+    fn stick_slip(&mut self) -> Option<(&mut LoopStickSlip<Sym>, usize)> {
         None
     }
 
     /// Write the torques and the loads to the stick-slip friction [`Plant::stick_slip`]. The torques are the sums of all other torques on
     /// the joints or motors. The arguments are as in [`Plant::rates`].
-    fn load_friction(&mut self, _trig: &[(S, S)], _x: &[S], _tau: &[S], _wrench: &[S]) {}
+    fn load_friction(&mut self, _trig: &[(Sym, Sym)], _x: &[Sym], _tau: &[Sym], _wrench: &[Sym]) {}
 }
 
 /// Implement the functions of a plant with the fields `model`, `wall`, `stops` and `dry`.

@@ -20,6 +20,7 @@ use crate::dynamics::Model;
 use crate::error::{Error, Result, finite};
 use crate::linalg::gain::{AnyGain, Gain};
 use crate::scalar::{Real, labelled_numbers};
+use crate::trace::Sym;
 
 /// An arm with elastic joints, with validated parameters.
 ///
@@ -124,20 +125,20 @@ impl Definition for ElasticSpec {
 }
 
 /// An arm with elastic joints in a control loop.
-pub struct Elastic<S: Real> {
-    links: Links<S>,
-    stiffness: AnyGain<S>,
-    inverse_inertia: AnyGain<S>,
-    joint_damping: Vec<S>,
-    motor_friction: Vec<S>,
-    bristles: Option<LoopLuGre<S>>,
-    sticking: Option<LoopStickSlip<S>>,
+pub struct Elastic {
+    links: Links,
+    stiffness: AnyGain<Sym>,
+    inverse_inertia: AnyGain<Sym>,
+    joint_damping: Vec<Sym>,
+    motor_friction: Vec<Sym>,
+    bristles: Option<LoopLuGre>,
+    sticking: Option<LoopStickSlip<Sym>>,
     /// The deflection `theta - q`, later the torque that accelerates the motors.
-    work: Vec<S>,
+    work: Vec<Sym>,
 }
 
 impl ElasticSpec {
-    pub(super) fn build<S: Real>(&self, force_frame: Option<usize>) -> Elastic<S> {
+    pub(super) fn build(&self, force_frame: Option<usize>) -> Elastic {
         let dry = self.dry.as_ref();
         Elastic {
             links: Links::new(&self.model, self.wall.as_ref(), self.stops.as_ref(), force_frame),
@@ -147,33 +148,33 @@ impl ElasticSpec {
             motor_friction: labelled_numbers("motor_friction", &self.motor_friction),
             bristles: loop_bristles(dry),
             sticking: loop_stick_slip(dry, false).map(|sticking| with_inertia(sticking, &self.motor_inertia)),
-            work: vec![S::zero(); self.model.n()],
+            work: vec![Sym::zero(); self.model.n()],
         }
     }
 }
 
 /// Copy the motor inertia `B`, which is constant, to the mass matrix of the stick-slip friction.
-fn with_inertia<S: Real>(mut sticking: LoopStickSlip<S>, inertia: &Gain) -> LoopStickSlip<S> {
+fn with_inertia(mut sticking: LoopStickSlip<Sym>, inertia: &Gain) -> LoopStickSlip<Sym> {
     let n = inertia.n();
     for (k, entry) in sticking.matrix.iter_mut().enumerate() {
-        *entry = S::varying(inertia.at(k / n, k % n));
+        *entry = Sym::varying(inertia.at(k / n, k % n));
     }
     sticking
 }
 
 /// Write the torques on the motors and their loads `tau_J` to the stick-slip friction.
-fn load<S: Real>(sticking: &mut LoopStickSlip<S>, drive: &[S], joint: &[S]) {
+fn load(sticking: &mut LoopStickSlip<Sym>, drive: &[Sym], joint: &[Sym]) {
     sticking.drive.copy_from_slice(drive);
     for (load, &joint) in sticking.loads.iter_mut().zip(joint) {
         *load = Load::Known(joint);
     }
 }
 
-impl<S: Real> Plant<S> for Elastic<S> {
-    fn rates(&mut self, trig: &[(S, S)], x: &[S], tau: &[S], wrench: &[S], dx: &mut [S]) -> Power<S> {
+impl Plant for Elastic {
+    fn rates(&mut self, trig: &[(Sym, Sym)], x: &[Sym], tau: &[Sym], wrench: &[Sym], dx: &mut [Sym]) -> Power {
         let n = self.links.n;
         let (q, v, theta, theta_dot) = (&x[..n], &x[n..2 * n], &x[2 * n..3 * n], &x[3 * n..4 * n]);
-        let (mut input, mut outside) = (S::zero(), S::zero());
+        let (mut input, mut outside) = (Sym::zero(), Sym::zero());
         for i in 0..n {
             self.work[i] = theta[i] - q[i];
         }
@@ -212,20 +213,20 @@ impl<S: Real> Plant<S> for Elastic<S> {
         Power { input, outside }
     }
 
-    fn hold(&mut self, contacts: &mut dyn Iterator<Item = Mode<S>>) {
+    fn hold(&mut self, contacts: &mut dyn Iterator<Item = Mode<Sym>>) {
         self.links.hold(contacts);
     }
 
-    fn contact(&mut self, i: usize, trig: &[(S, S)], x: &[S]) -> [S; 2] {
+    fn contact(&mut self, i: usize, trig: &[(Sym, Sym)], x: &[Sym]) -> [Sym; 2] {
         let n = self.links.n;
         self.links.contact(i, trig, &x[..n], &x[n..2 * n])
     }
 
-    fn stick_slip(&mut self) -> Option<(&mut LoopStickSlip<S>, usize)> {
+    fn stick_slip(&mut self) -> Option<(&mut LoopStickSlip<Sym>, usize)> {
         Some((self.sticking.as_mut()?, 3 * self.links.n))
     }
 
-    fn load_friction(&mut self, _: &[(S, S)], x: &[S], tau: &[S], _: &[S]) {
+    fn load_friction(&mut self, _: &[(Sym, Sym)], x: &[Sym], tau: &[Sym], _: &[Sym]) {
         let (Some(sticking), n) = (&mut self.sticking, self.links.n) else { return };
         for i in 0..n {
             self.work[i] = x[2 * n + i] - x[i];

@@ -93,6 +93,7 @@ impl FrictionCurve {
 }
 
 /// A friction curve in a control loop.
+#[derive(Clone)]
 pub(super) struct LoopCurve<S> {
     coulomb: Vec<S>,
     /// The difference `F_s - F_c` of static and Coulomb friction, N m or N; zero where `v_s` is zero.

@@ -1,10 +1,15 @@
 //! The torque of dry friction at recorded states.
 
 use super::lugre::LoopLuGre;
+use super::recorded::{Arguments, function_of};
 use super::rigid::loop_bristles;
-use super::{Plant, PlantSpec};
+use super::{LoopStickSlip, Plant, PlantSpec};
 use crate::linalg::gain::AnyGain;
-use crate::scalar::Real;
+use crate::scalar::labelled_numbers;
+use crate::trace::Sym;
+use crate::trace::form;
+use crate::trace::function::{Evaluation, Recorded};
+use crate::trace::rows::Rows;
 
 /// States of a plant and its input at `K` records, `(K, n)` each. `theta` and `theta_dot` are empty for a plant without motors, and
 /// `bristles` is empty for a plant without bristles.
@@ -25,122 +30,161 @@ pub struct Rubbed<'a> {
 }
 
 /// Springs and dampers of elastic joints, whose torque loads the motors.
-struct Joints<'a> {
-    stiffness: AnyGain<f64>,
-    damping: &'a [f64],
-    stretch: Vec<f64>,
+struct Joints {
+    stiffness: AnyGain<Sym>,
+    damping: Vec<Sym>,
 }
 
 /// Friction with bristles, whose torque is a function of state and input.
-struct Bristles<'a> {
-    friction: LoopLuGre<f64>,
-    joints: Option<Joints<'a>>,
-    load: Vec<f64>,
+struct Bristles {
+    friction: LoopLuGre,
+    joints: Option<Joints>,
 }
 
-/// Stick-slip friction, whose torque depends on the whole plant.
+/// Stick-slip friction. Native code decides its modes from the recorded loads.
+#[derive(Clone)]
 struct Sticking {
-    plant: Box<dyn Plant<f64> + Send>,
-    trig: Vec<(f64, f64)>,
-    x: Vec<f64>,
+    friction: LoopStickSlip<f64>,
+    /// The index in the state of the first speed.
+    first: usize,
+    /// The numbers of [`LoopStickSlip::loads`], one row per lane.
+    loads: Vec<f64>,
     a: Vec<f64>,
 }
 
-enum FrictionState<'a> {
-    Bristles(Bristles<'a>),
-    Sticking(Sticking),
-}
+/// The compilation takes about as long as this number of interpreted evaluations, with one record per lane.
+const REPAYS: usize = 256;
 
 /// The computation of the friction torques of one plant.
-pub struct FrictionTorque<'a> {
+#[derive(Clone)]
+pub struct FrictionTorque {
     n: usize,
-    kind: FrictionState<'a>,
+    /// A function of the state, the input and the wrench, with one record per lane. Its results are the friction torques, or the numbers of
+    /// [`LoopStickSlip::loads`].
+    recorded: Recorded,
+    evaluation: Evaluation,
+    /// The stick-slip friction; `None` for friction with bristles.
+    sticking: Option<Sticking>,
 }
 
-impl<'a> FrictionTorque<'a> {
-    /// Create the computation; `None` for a plant without a `JointFriction`. Wrenches act at `force_frame`.
-    pub fn of(plant: &'a PlantSpec, force_frame: Option<usize>) -> Option<Self> {
+impl FrictionTorque {
+    /// Create the computation for about `records` records; `None` for a plant without a `JointFriction`. Wrenches act at `force_frame`.
+    pub fn of(plant: &PlantSpec, force_frame: Option<usize>, records: usize) -> Option<Self> {
         let n = plant.n();
         plant.friction()?;
-        let kind = match loop_bristles(plant.friction()) {
-            None => FrictionState::Sticking(Sticking {
-                plant: plant.build::<f64>(force_frame),
-                trig: vec![(0.0, 1.0); n],
-                x: Vec::with_capacity(plant.states()),
-                a: vec![0.0; n],
-            }),
-            Some(friction) => {
-                let joints = plant.elastic().map(|elastic| Joints {
-                    stiffness: AnyGain::new(&elastic.stiffness),
-                    damping: &elastic.joint_damping,
-                    stretch: vec![0.0; n],
-                });
-                FrictionState::Bristles(Bristles { friction, joints, load: vec![0.0; n] })
-            }
+        let torques = |bristles: Option<Bristles>, at: &Arguments| bristles.map_or(Vec::new(), |bristles| bristles.torques(at));
+        let loads = |mut plant: Box<dyn Plant + Send>, at: &Arguments| {
+            plant.load_friction(&at.trig, at.x, at.tau, at.wrench);
+            plant.stick_slip().map_or(Vec::new(), |(friction, _)| friction.loads())
         };
-        Some(FrictionTorque { n, kind })
+        let recorded = match plant.sticks() {
+            true => function_of(plant, || plant.build(force_frame), loads),
+            false => function_of(plant, || Bristles::of(plant), torques),
+        };
+        let lanes = form(true).lanes();
+        let evaluation = if records < REPAYS * lanes { recorded.clone().interpreted(true) } else { recorded.clone().program(true) };
+        let sticking = plant.sticking_friction().map(|(friction, first)| {
+            let loads = vec![0.0; lanes * friction.loads().len()];
+            Sticking { friction, first, loads, a: vec![0.0; n] }
+        });
+        Some(FrictionTorque { n, recorded, evaluation, sticking })
     }
 
     /// Compute the friction torques of `K` records, `(K, n)`, N m or N, under the wrenches `wrench(k)`.
     pub fn series(&mut self, records: &Rubbed, wrench: impl Fn(usize) -> [f64; 6], out: &mut [f64]) {
-        let n = self.n;
-        for (k, out) in out.chunks_exact_mut(n).enumerate() {
-            let range = |values: &[f64]| if values.is_empty() { 0..0 } else { k * n..(k + 1) * n };
-            let at = Rubbed {
-                q: &records.q[range(records.q)],
-                v: &records.v[range(records.v)],
-                theta: &records.theta[range(records.theta)],
-                theta_dot: &records.theta_dot[range(records.theta_dot)],
-                bristles: &records.bristles[range(records.bristles)],
-                tau: &records.tau[range(records.tau)],
-            };
-            match &mut self.kind {
-                FrictionState::Bristles(bristles) => bristles.evaluate(&at, out),
-                FrictionState::Sticking(sticking) => sticking.evaluate(&at, &wrench(k), out),
+        let (n, lanes, count) = (self.n, self.evaluation.lanes(), out.len() / self.n.max(1));
+        let parts = [records.q, records.v, records.theta, records.theta_dot, records.bristles, records.tau];
+        let parts = parts.map(|numbers| Rows { numbers, width: if numbers.is_empty() { 0 } else { n } });
+        let width = parts.iter().map(|rows| rows.width).sum();
+        for at in (0..count).step_by(lanes) {
+            self.evaluation.read(&parts, at);
+            let wrenches = self.evaluation.inputs(width, 6);
+            for lane in 0..lanes {
+                let wrench = wrench((at + lane).min(count - 1));
+                wrench.iter().enumerate().for_each(|(k, &number)| wrenches[k * lanes + lane] = number);
             }
-            // The sum with zero makes negative zeros positive.
-            out.iter_mut().for_each(|torque| *torque += 0.0);
+            self.run();
+            let end = (at + lanes).min(count);
+            let out = &mut out[at * n..end * n];
+            match &mut self.sticking {
+                None => _ = self.evaluation.write(0, n, out),
+                Some(sticking) => sticking.compute(&self.evaluation, &parts[sticking.first / n].numbers[at * n..end * n], out),
+            }
         }
     }
-}
 
-impl Bristles<'_> {
-    fn evaluate(&mut self, at: &Rubbed, out: &mut [f64]) {
-        let rates = match &mut self.joints {
-            None => {
-                for (i, load) in self.load.iter_mut().enumerate() {
-                    *load = at.tau[i] - self.friction.spring(i, at.bristles[i]);
-                }
-                at.v
-            }
-            Some(Joints { stiffness, damping, stretch }) => {
-                stretch.iter_mut().enumerate().for_each(|(i, stretch)| *stretch = at.theta[i] - at.q[i]);
-                stiffness.multiply(stretch, &mut self.load);
-                for (i, load) in self.load.iter_mut().enumerate() {
-                    *load += damping[i] * (at.theta_dot[i] - at.v[i]);
-                }
-                at.theta_dot
-            }
-        };
-        for (i, out) in out.iter_mut().enumerate() {
-            *out = self.friction.rub(i, rates[i], at.bristles[i], self.load[i]).torque;
+    /// The modes of the joints with stick-slip friction at the state `x`, the input `tau` and the wrench (see [`LoopStickSlip::sides`]).
+    /// The result is `None` for friction with bristles.
+    pub fn sides(&mut self, x: &[f64], tau: &[f64], wrench: &[f64; 6]) -> Option<Vec<i8>> {
+        let rows = [x, tau, wrench].map(|numbers| Rows { numbers, width: numbers.len() });
+        self.evaluation.read(&rows, 0);
+        self.run();
+        let sticking = self.sticking.as_mut()?;
+        sticking.compute(&self.evaluation, &x[sticking.first..sticking.first + self.n], &mut vec![0.0; self.n]);
+        Some(sticking.friction.sides().to_vec())
+    }
+
+    /// Evaluate the recorded function for the present inputs. After an angle for which machine code is not valid, the interpreter
+    /// continues.
+    fn run(&mut self) {
+        self.evaluation.run();
+        if (0..self.evaluation.lanes()).any(|lane| !self.evaluation.is_near(lane)) {
+            let inputs = self.evaluation.all_inputs().to_vec();
+            self.evaluation = self.recorded.clone().interpreted(true);
+            self.evaluation.all_inputs().copy_from_slice(&inputs);
+            self.evaluation.run();
         }
     }
 }
 
 impl Sticking {
-    fn evaluate(&mut self, at: &Rubbed, wrench: &[f64; 6], out: &mut [f64]) {
-        self.x.clear();
-        [at.q, at.v, at.theta, at.theta_dot].into_iter().for_each(|part| self.x.extend_from_slice(part));
-        for (trig, &q) in self.trig.iter_mut().zip(at.q) {
-            *trig = Real::sin_cos(q);
+    /// Compute the friction torques from the loads in the first lanes of `evaluation`. `v` has the speeds of these lanes.
+    fn compute(&mut self, evaluation: &Evaluation, v: &[f64], out: &mut [f64]) {
+        let n = self.a.len();
+        let size = n * n + 2 * n;
+        let loads = &mut self.loads[..out.len() / n * size];
+        evaluation.write(0, size, loads);
+        for ((loads, v), out) in loads.chunks_exact(size).zip(v.chunks_exact(n)).zip(out.chunks_exact_mut(n)) {
+            self.friction.set_loads(loads);
+            self.friction.settle(v, None);
+            self.friction.slide(v);
+            self.friction.hold(&mut self.a);
+            // The sum with zero makes negative zeros positive.
+            out.iter_mut().zip(self.friction.torque()).for_each(|(out, torque)| *out = torque + 0.0);
         }
-        self.plant.load_friction(&self.trig, &self.x, at.tau, wrench);
-        let Some((friction, first)) = self.plant.stick_slip() else { return };
-        let v = &self.x[first..first + out.len()];
-        friction.settle(v, None);
-        friction.slide(v);
-        friction.hold(&mut self.a);
-        out.copy_from_slice(friction.torque());
+    }
+}
+
+impl Bristles {
+    fn of(plant: &PlantSpec) -> Option<Self> {
+        let joints = plant.elastic().map(|elastic| Joints {
+            stiffness: AnyGain::new(&elastic.stiffness),
+            damping: labelled_numbers("joint_damping", &elastic.joint_damping),
+        });
+        Some(Bristles { friction: loop_bristles(plant.friction())?, joints })
+    }
+
+    /// Friction torques, `(n,)`, N m or N.
+    fn torques(&self, at: &Arguments) -> Vec<Sym> {
+        let n = at.tau.len();
+        let z = &at.x[at.x.len() - n..];
+        let (loads, rates) = match &self.joints {
+            None => ((0..n).map(|i| at.tau[i] - self.friction.spring(i, z[i])).collect(), &at.x[n..2 * n]),
+            Some(joints) => (joints.torques(at.x, n), &at.x[3 * n..4 * n]),
+        };
+        (0..n).map(|i| self.friction.rub(i, rates[i], z[i], loads[i]).torque).collect()
+    }
+}
+
+impl Joints {
+    /// Joint torques at the state `x` of a plant with `n` joints, `(n,)`, N m or N.
+    fn torques(&self, x: &[Sym], n: usize) -> Vec<Sym> {
+        let stretch: Vec<Sym> = (0..n).map(|i| x[2 * n + i] - x[i]).collect();
+        let mut torques = stretch.clone();
+        self.stiffness.multiply(&stretch, &mut torques);
+        for i in 0..n {
+            torques[i] += self.damping[i] * (x[3 * n + i] - x[n + i]);
+        }
+        torques
     }
 }

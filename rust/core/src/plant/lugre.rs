@@ -9,6 +9,7 @@
 use super::friction_curve::{FrictionCurve, LoopCurve, require, require_rows};
 use crate::error::Result;
 use crate::scalar::{Real, labelled_numbers};
+use crate::trace::Sym;
 
 /// Friction with bristles; each parameter is `(n,)`.
 ///
@@ -55,23 +56,23 @@ impl LuGre {
 }
 
 /// The results for the bristles of one joint.
-pub(super) struct Rubbing<S> {
+pub(super) struct Rubbing {
     /// Friction torque `tau_f`, N m or N.
-    pub torque: S,
+    pub torque: Sym,
     /// Rate `z'` of the deflection, rad/s or m/s.
-    pub z_dot: S,
+    pub z_dot: Sym,
     /// The power that friction loses, W. It excludes the power that the bristles store.
-    pub lost: S,
+    pub lost: Sym,
 }
 
 /// LuGre friction in a control loop.
-pub(super) struct LoopLuGre<S> {
-    curve: LoopCurve<S>,
-    pub stiffness: Vec<S>,
-    damping: Vec<S>,
+pub(super) struct LoopLuGre {
+    curve: LoopCurve<Sym>,
+    pub stiffness: Vec<Sym>,
+    damping: Vec<Sym>,
 }
 
-impl<S: Real> LoopLuGre<S> {
+impl LoopLuGre {
     pub fn new(friction: &LuGre) -> Self {
         LoopLuGre {
             curve: LoopCurve::new(&friction.curve),
@@ -81,12 +82,12 @@ impl<S: Real> LoopLuGre<S> {
     }
 
     /// The torque of the bristles of joint `i`, `sigma_0 z`.
-    pub fn spring(&self, i: usize, z: S) -> S {
+    pub fn spring(&self, i: usize, z: Sym) -> Sym {
         self.stiffness[i] * z
     }
 
     /// Compute the friction of joint `i` at the speed `v`, with the deflection `z` and the load `L`.
-    pub fn rub(&self, i: usize, v: S, z: S, load: S) -> Rubbing<S> {
+    pub fn rub(&self, i: usize, v: Sym, z: Sym, load: Sym) -> Rubbing {
         let spring = self.spring(i, z);
         let z_dot = v - v.abs() * spring / self.curve.level(i, v, load);
         let torque = self.curve.viscous[i].mul_add(v, self.damping[i].mul_add(z_dot, spring));
@@ -94,11 +95,11 @@ impl<S: Real> LoopLuGre<S> {
     }
 
     /// The stored energy `sum sigma_0 z^2 / 2`, J.
-    pub fn energy(&self, z: &[S]) -> S {
-        let mut twice = S::zero();
+    pub fn energy(&self, z: &[Sym]) -> Sym {
+        let mut twice = Sym::zero();
         for (&stiffness, &z) in self.stiffness.iter().zip(z) {
             twice = (stiffness * z).mul_add(z, twice);
         }
-        S::splat(0.5) * twice
+        Sym::splat(0.5) * twice
     }
 }

@@ -7,10 +7,12 @@
 mod contact;
 mod definition;
 mod elastic;
+mod evaluation;
 mod friction;
 mod friction_curve;
 mod friction_torque;
 mod lugre;
+mod recorded;
 mod rigid;
 pub mod sensors;
 mod stick_slip;
@@ -35,7 +37,6 @@ pub use unilateral::{Mode, Touch};
 pub use velocity::VelocitySpec;
 
 use crate::error::Result;
-use crate::scalar::Real;
 use std::ops::Deref;
 
 /// Declare the kinds of plants: enums, names and parts of the state, and the construction for a loop. Each plant has one file and one entry
@@ -115,8 +116,8 @@ macro_rules! plants {
                 }
             }
 
-            /// Build the plant for a control loop on the number type `S`, with the wrench acting at `force_frame`.
-            pub fn build<S: Real>(&self, force_frame: Option<usize>) -> Box<dyn Plant<S> + Send> {
+            /// Build the plant of a recorded control loop, with the wrench acting at `force_frame`.
+            pub fn build(&self, force_frame: Option<usize>) -> Box<dyn Plant + Send> {
                 match self {
                     $(PlantSpec::$kind(plant) => Box::new(plant.build(force_frame)),)*
                 }

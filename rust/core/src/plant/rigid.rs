@@ -15,6 +15,7 @@ use crate::dynamics::{AnyArm, Dynamics, Model, Workspace};
 use crate::error::Result;
 use crate::scalar::Real;
 use crate::spatial::Vector3;
+use crate::trace::Sym;
 
 /// A rigid arm, with validated parameters.
 ///
@@ -104,7 +105,7 @@ pub(super) fn bristles(friction: Option<&JointFriction>) -> usize {
 }
 
 /// The LuGre friction of a loop; `None` for another friction.
-pub(super) fn loop_bristles<S: Real>(friction: Option<&JointFriction>) -> Option<LoopLuGre<S>> {
+pub(super) fn loop_bristles(friction: Option<&JointFriction>) -> Option<LoopLuGre> {
     friction.and_then(JointFriction::bristles).map(LoopLuGre::new)
 }
 
@@ -114,21 +115,21 @@ pub(super) fn loop_stick_slip<S: Real>(friction: Option<&JointFriction>, drives:
 }
 
 /// The links of a plant, with the external forces on them.
-pub(super) struct Links<S: Real> {
-    pub arm: AnyArm<S>,
-    pub ws: Workspace<S>,
+pub(super) struct Links {
+    pub arm: AnyArm<Sym>,
+    pub ws: Workspace<Sym>,
     pub n: usize,
     force_frame: Option<usize>,
-    wall: Option<LoopWall<S>>,
-    stops: Option<LoopStops<S>>,
+    wall: Option<LoopWall>,
+    stops: Option<LoopStops>,
     /// The modes in which contacts are held, the wall first; empty if the modes follow the state.
-    held: Vec<Mode<S>>,
-    jacobian: Vec<S>,
+    held: Vec<Mode<Sym>>,
+    jacobian: Vec<Sym>,
     /// Sum of the torques on the joints, except `C v + g`, `(n,)`, N m or N.
-    pub effort: Vec<S>,
+    pub effort: Vec<Sym>,
 }
 
-impl<S: Real> Links<S> {
+impl Links {
     pub fn new(model: &Model, wall: Option<&Wall>, stops: Option<&Stops>, force_frame: Option<usize>) -> Self {
         let n = model.n();
         let arm = AnyArm::new(model);
@@ -144,33 +145,33 @@ impl<S: Real> Links<S> {
             wall,
             stops,
             held: Vec::with_capacity(contacts),
-            jacobian: vec![S::zero(); if used { 6 * n } else { 0 }],
-            effort: vec![S::zero(); n],
+            jacobian: vec![Sym::zero(); if used { 6 * n } else { 0 }],
+            effort: vec![Sym::zero(); n],
         }
     }
 
     /// Hold every contact in its mode of `contacts`. If `contacts` is empty, the modes follow the state.
-    pub fn hold(&mut self, contacts: &mut dyn Iterator<Item = Mode<S>>) {
+    pub fn hold(&mut self, contacts: &mut dyn Iterator<Item = Mode<Sym>>) {
         self.held.clear();
         self.held.extend(contacts);
     }
 
     /// Return the depth `d` and the push `k d + c d_dot` of contact `i`. The wall has index 0 if it exists, and the stops follow.
-    pub fn contact(&mut self, i: usize, trig: &[(S, S)], q: &[S], v: &[S]) -> [S; 2] {
+    pub fn contact(&mut self, i: usize, trig: &[(Sym, Sym)], q: &[Sym], v: &[Sym]) -> [Sym; 2] {
         match (&self.wall, &self.stops) {
             (Some(wall), _) if i == 0 => {
                 let (p, p_dot) = moving_frame((&self.arm, &mut self.ws), trig, (q, v), wall.frame, &mut self.jacobian);
                 wall.contact(p, p_dot)
             }
             (wall, Some(stops)) => stops.contact(i - usize::from(wall.is_some()), q, v),
-            _ => [S::zero(); 2],
+            _ => [Sym::zero(); 2],
         }
     }
 
     /// Add the torques of wrench, wall and stops to `self.effort`. Return the power of the wrench, minus the power lost in wall and stops,
     /// W.
-    pub fn add_outside(&mut self, trig: &[(S, S)], q: &[S], v: &[S], wrench: &[S]) -> S {
-        let mut power = S::zero();
+    pub fn add_outside(&mut self, trig: &[(Sym, Sym)], q: &[Sym], v: &[Sym], wrench: &[Sym]) -> Sym {
+        let mut power = Sym::zero();
         if let Some(frame) = self.force_frame {
             self.arm.jacobian(&mut self.ws, trig, q, frame, &mut self.jacobian);
             for i in 0..self.n {
@@ -201,23 +202,23 @@ impl<S: Real> Links<S> {
     }
 
     /// Compute `a = M^-1 (effort - C v - g)`, `(n,)`.
-    pub fn accelerate(&mut self, trig: &[(S, S)], q: &[S], v: &[S], a: &mut [S]) {
+    pub fn accelerate(&mut self, trig: &[(Sym, Sym)], q: &[Sym], v: &[Sym], a: &mut [Sym]) {
         self.arm.forward_dynamics(&mut self.ws, trig, q, v, &self.effort, a);
     }
 }
 
 /// Position and velocity of the origin of a frame, world axes. Afterwards `jacobian` has the Jacobian of this frame.
-fn moving_frame<S: Real>(
-    (arm, ws): (&AnyArm<S>, &mut Workspace<S>),
-    trig: &[(S, S)],
-    (q, v): (&[S], &[S]),
+fn moving_frame(
+    (arm, ws): (&AnyArm<Sym>, &mut Workspace<Sym>),
+    trig: &[(Sym, Sym)],
+    (q, v): (&[Sym], &[Sym]),
     frame: usize,
-    jacobian: &mut [S],
-) -> (Vector3<S>, Vector3<S>) {
+    jacobian: &mut [Sym],
+) -> (Vector3<Sym>, Vector3<Sym>) {
     let p = arm.jacobian(ws, trig, q, frame, jacobian);
     let n = jacobian.len() / 6;
     let p_dot = Vector3::from(std::array::from_fn(|k| {
-        let mut sum = S::zero();
+        let mut sum = Sym::zero();
         for i in 0..n {
             sum = jacobian[k * n + i].mul_add(v[i], sum);
         }
@@ -228,7 +229,7 @@ fn moving_frame<S: Real>(
 
 /// Set the data of the stick-slip friction under the plant's input `tau`: the mass matrix `A = M`, the torques `b = effort - (C v + g)`,
 /// and the loads.
-fn load<S: Real>(links: &mut Links<S>, sticking: &mut LoopStickSlip<S>, trig: &[(S, S)], (q, v): (&[S], &[S]), tau: &[S]) {
+fn load(links: &mut Links, sticking: &mut LoopStickSlip<Sym>, trig: &[(Sym, Sym)], (q, v): (&[Sym], &[Sym]), tau: &[Sym]) {
     links.arm.mass_matrix(&mut links.ws, trig, q, &mut sticking.matrix);
     links.arm.bias(&mut links.ws, trig, q, v, &mut sticking.drive);
     for i in 0..links.n {
@@ -238,17 +239,17 @@ fn load<S: Real>(links: &mut Links<S>, sticking: &mut LoopStickSlip<S>, trig: &[
 }
 
 /// A rigid arm in a control loop.
-pub struct Rigid<S: Real> {
-    links: Links<S>,
+pub struct Rigid {
+    links: Links,
     friction: bool,
-    bristles: Option<LoopLuGre<S>>,
-    sticking: Option<LoopStickSlip<S>>,
+    bristles: Option<LoopLuGre>,
+    sticking: Option<LoopStickSlip<Sym>>,
 }
 
-impl<S: Real> Rigid<S> {
+impl Rigid {
     /// Subtract the friction of the model from the torques on the joints, if it acts. Return its power, <= 0, W.
-    fn rub(&mut self, v: &[S]) -> S {
-        let mut outside = S::zero();
+    fn rub(&mut self, v: &[Sym]) -> Sym {
+        let mut outside = Sym::zero();
         if let (true, AnyArm::Tree(tree)) = (self.friction, &self.links.arm) {
             for i in 0..self.links.n {
                 let loss = friction_torque(tree.leader(i), v[i]);
@@ -261,7 +262,7 @@ impl<S: Real> Rigid<S> {
 }
 
 impl RigidSpec {
-    pub(super) fn build<S: Real>(&self, force_frame: Option<usize>) -> Rigid<S> {
+    pub(super) fn build(&self, force_frame: Option<usize>) -> Rigid {
         Rigid {
             links: Links::new(&self.model, self.wall.as_ref(), self.stops.as_ref(), force_frame),
             friction: self.friction && !self.sticks,
@@ -271,11 +272,11 @@ impl RigidSpec {
     }
 }
 
-impl<S: Real> Plant<S> for Rigid<S> {
-    fn rates(&mut self, trig: &[(S, S)], x: &[S], tau: &[S], wrench: &[S], dx: &mut [S]) -> Power<S> {
+impl Plant for Rigid {
+    fn rates(&mut self, trig: &[(Sym, Sym)], x: &[Sym], tau: &[Sym], wrench: &[Sym], dx: &mut [Sym]) -> Power {
         let n = self.links.n;
         let (q, v) = (&x[..n], &x[n..2 * n]);
-        let mut input = S::zero();
+        let mut input = Sym::zero();
         for i in 0..n {
             self.links.effort[i] = tau[i];
             input = tau[i].mul_add(v[i], input);
@@ -307,11 +308,11 @@ impl<S: Real> Plant<S> for Rigid<S> {
         Power { input, outside }
     }
 
-    fn stick_slip(&mut self) -> Option<(&mut LoopStickSlip<S>, usize)> {
+    fn stick_slip(&mut self) -> Option<(&mut LoopStickSlip<Sym>, usize)> {
         Some((self.sticking.as_mut()?, self.links.n))
     }
 
-    fn load_friction(&mut self, trig: &[(S, S)], x: &[S], tau: &[S], wrench: &[S]) {
+    fn load_friction(&mut self, trig: &[(Sym, Sym)], x: &[Sym], tau: &[Sym], wrench: &[Sym]) {
         if self.sticking.is_none() {
             return;
         }
@@ -324,11 +325,11 @@ impl<S: Real> Plant<S> for Rigid<S> {
         }
     }
 
-    fn hold(&mut self, contacts: &mut dyn Iterator<Item = Mode<S>>) {
+    fn hold(&mut self, contacts: &mut dyn Iterator<Item = Mode<Sym>>) {
         self.links.hold(contacts);
     }
 
-    fn contact(&mut self, i: usize, trig: &[(S, S)], x: &[S]) -> [S; 2] {
+    fn contact(&mut self, i: usize, trig: &[(Sym, Sym)], x: &[Sym]) -> [Sym; 2] {
         let n = self.links.n;
         self.links.contact(i, trig, &x[..n], &x[n..2 * n])
     }
@@ -336,6 +337,7 @@ impl<S: Real> Plant<S> for Rigid<S> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::recorded::function_of;
     use super::*;
     use crate::arm::Arm;
 
@@ -350,14 +352,22 @@ mod tests {
         let dry = Some(JointFriction::StickSlip(StickSlip { curve }));
         for friction in [false, true] {
             let spec = RigidSpec { friction, dry: dry.clone(), ..RigidSpec::new(Model::from(arm.clone())) };
-            let mut plant = spec.build::<f64>(None);
-            let (x, tau) = ([0.3, -0.4, 0.7, -0.2], [1.0, 2.0]);
-            let trig = [f64::sin_cos(x[0]), f64::sin_cos(x[1])];
-            plant.rates(&trig, &x, &tau, &[], &mut [0.0; 4]);
-            let drive = |plant: &Rigid<f64>| plant.sticking.as_ref().map(|sticking| sticking.drive.clone());
-            let moving = drive(&plant);
-            plant.load_friction(&trig, &x, &tau, &[]);
-            assert_eq!(drive(&plant), moving, "friction: {friction}");
+            let drive = |plant: &Rigid| plant.sticking.as_ref().map_or(Vec::new(), |sticking| sticking.drive.clone());
+            let torques = function_of(
+                &spec.clone().into(),
+                || spec.build(None),
+                |mut plant, at| {
+                    plant.rates(&at.trig, at.x, at.tau, at.wrench, &mut [Sym::zero(); 4]);
+                    let moving = drive(&plant);
+                    plant.load_friction(&at.trig, at.x, at.tau, at.wrench);
+                    [moving, drive(&plant)].concat()
+                },
+            );
+            let mut torques = torques.interpreted(false);
+            torques.inputs(0, 6).copy_from_slice(&[0.3, -0.4, 0.7, -0.2, 1.0, 2.0]);
+            torques.run();
+            assert_eq!(torques.outputs(0, 2), torques.outputs(2, 2), "friction: {friction}");
+            assert!(torques.outputs(0, 2).iter().all(|torque| torque.abs() > 0.1));
         }
     }
 }

@@ -23,11 +23,8 @@ use crate::scalar::{Real, labelled_numbers};
 /// let curve = FrictionCurve::new(vec![2.0], Some(vec![3.0]), None, None, None)?;
 /// let arm = RigidSpec::new(Arm::pendulum(1.0, 0.0)?.into());
 /// let spec = PlantSpec::from(arm.with_friction(Some(JointFriction::StickSlip(StickSlip { curve })))?);
-/// let mut plant = spec.build::<f64>(None);
-/// # let mut dx = [0.0; 2];
 /// // At 1 rad/s, the Coulomb friction of 2 N m acts against 5 N m.
-/// plant.stick_slip().expect("friction").0.follow(&[1]);
-/// plant.rates(&[(0.0, 1.0)], &[0.0, 1.0], &[5.0], &[0.0; 6], &mut dx);
+/// let (dx, _) = spec.rates_at(&[0.0, 1.0], &[5.0], &[0.0; 6], None);
 /// assert!((dx[1] - 3.0).abs() < 1e-15);
 /// # Ok::<(), armlet_core::error::Error>(())
 /// ```
@@ -61,16 +58,12 @@ const SLIPS: f64 = 1e-9;
 /// # let curve = FrictionCurve::new(vec![2.0], Some(vec![3.0]), None, None, None)?;
 /// # let arm = RigidSpec::new(Arm::pendulum(1.0, 0.0)?.into());
 /// # let spec = PlantSpec::from(arm.with_friction(Some(JointFriction::StickSlip(StickSlip { curve })))?);
-/// let mut plant = spec.build::<f64>(None); // static friction 3 N m
-/// let mut side = |tau: f64| {
-///     plant.load_friction(&[(0.0, 1.0)], &[0.0, 0.0], &[tau], &[0.0; 6]);
-///     let (friction, _) = plant.stick_slip().expect("friction");
-///     friction.settle(&[0.0], None);
-///     friction.sides()[0]
-/// };
-/// assert_eq!([2.9, 3.1, -3.1].map(&mut side), [0, 1, -1]);
+/// // The static friction of 3 N m holds the joint at rest. A sliding joint has the Coulomb friction of 2 N m.
+/// let acceleration = |tau: f64| spec.rates_at(&[0.0, 0.0], &[tau], &[0.0; 6], None).0[1];
+/// assert_eq!([2.9, 3.5, -3.5].map(acceleration), [0.0, 1.5, -1.5]);
 /// # Ok::<(), armlet_core::error::Error>(())
 /// ```
+#[derive(Clone)]
 pub struct LoopStickSlip<S> {
     curve: LoopCurve<S>,
     breakaway: Vec<S>,

@@ -4,6 +4,7 @@ use super::friction_curve::require_rows;
 use super::unilateral::{Mode, pressing, push, require_spring, stored};
 use crate::error::{Error, Result};
 use crate::scalar::Real;
+use crate::trace::Sym;
 
 /// Compliant stops at the joint limits.
 ///
@@ -89,21 +90,22 @@ impl Stops {
 
     /// Energy stored in the springs, J.
     pub fn energy(&self, q: &[f64]) -> f64 {
-        LoopStops::new(self).energy(q)
+        let of = |stop: Stop| stored(self.stiffness[stop.joint], stop.depth(self.limit(stop), q[stop.joint], 0.0).0);
+        self.all().map(of).sum()
     }
 }
 
 /// The stops of a plant in a control loop.
-pub(super) struct LoopStops<S> {
+pub(super) struct LoopStops {
     /// Each stop, with its limit, stiffness `k` and damping `c`.
-    stops: Vec<(Stop, S, S, S)>,
+    stops: Vec<(Stop, Sym, Sym, Sym)>,
 }
 
-impl<S: Real> LoopStops<S> {
+impl LoopStops {
     pub fn new(stops: &Stops) -> Self {
         let numbers = |stop: Stop| {
             let i = stop.joint;
-            let number = |name, x: f64| S::labelled(name, i as u32 + 1, || S::varying(x));
+            let number = |name, x: f64| Sym::labelled(name, i as u32 + 1, || Sym::varying(x));
             let limit = number(if stop.upper { "upper_stop" } else { "lower_stop" }, stops.limit(stop));
             (stop, limit, number("stop_stiffness", stops.stiffness[i]), number("stop_damping", stops.damping[i]))
         };
@@ -115,13 +117,13 @@ impl<S: Real> LoopStops<S> {
     }
 
     /// Energy stored in the springs, J.
-    pub fn energy(&self, q: &[S]) -> S {
-        let of = |&(stop, limit, stiffness, _): &(Stop, S, S, S)| stored(stiffness, stop.depth(limit, q[stop.joint], S::zero()).0);
-        self.stops.iter().map(of).fold(S::zero(), |sum, part| sum + part)
+    pub fn energy(&self, q: &[Sym]) -> Sym {
+        let of = |&(stop, limit, stiffness, _): &(Stop, Sym, Sym, Sym)| stored(stiffness, stop.depth(limit, q[stop.joint], Sym::zero()).0);
+        self.stops.iter().map(of).fold(Sym::zero(), |sum, part| sum + part)
     }
 
     /// Return the depth, rad or m, and the push of spring and damper, N m or N, of the stop with index `k`.
-    pub fn contact(&self, k: usize, q: &[S], v: &[S]) -> [S; 2] {
+    pub fn contact(&self, k: usize, q: &[Sym], v: &[Sym]) -> [Sym; 2] {
         let (stop, limit, stiffness, damping) = self.stops[k];
         let (depth, rate) = stop.depth(limit, q[stop.joint], v[stop.joint]);
         [depth, pressing(stiffness, damping, depth, rate)]
@@ -129,8 +131,8 @@ impl<S: Real> LoopStops<S> {
 
     /// Add the torques of the stops to `effort`, and return the lost power, W. `held` has the mode of each stop. With `None`, the modes
     /// follow from the state.
-    pub fn add(&self, q: &[S], v: &[S], held: Option<&[Mode<S>]>, effort: &mut [S]) -> S {
-        let mut lost = S::zero();
+    pub fn add(&self, q: &[Sym], v: &[Sym], held: Option<&[Mode<Sym>]>, effort: &mut [Sym]) -> Sym {
+        let mut lost = Sym::zero();
         for (k, &(stop, limit, stiffness, damping)) in self.stops.iter().enumerate() {
             let i = stop.joint;
             let (depth, rate) = stop.depth(limit, q[i], v[i]);

@@ -10,30 +10,31 @@ use super::stops::LoopStops;
 use crate::dynamics::ArmAt;
 use crate::linalg::gain::AnyGain;
 use crate::scalar::Real;
+use crate::trace::Sym;
 
 /// Elastic joints and their motors.
-struct Springs<S: Real> {
-    stiffness: AnyGain<S>,
-    motor_inertia: AnyGain<S>,
-    stretch: Vec<S>,
+struct Springs {
+    stiffness: AnyGain<Sym>,
+    motor_inertia: AnyGain<Sym>,
+    stretch: Vec<Sym>,
 }
 
 /// The stored energy of a plant in a control loop.
-pub struct Stored<S: Real> {
+pub struct Stored {
     n: usize,
-    wall: Option<LoopWall<S>>,
-    stops: Option<LoopStops<S>>,
-    springs: Option<Springs<S>>,
-    bristles: Option<LoopLuGre<S>>,
+    wall: Option<LoopWall>,
+    stops: Option<LoopStops>,
+    springs: Option<Springs>,
+    bristles: Option<LoopLuGre>,
 }
 
-impl<S: Real> Stored<S> {
+impl Stored {
     /// The stored energy of a plant.
     pub fn new(plant: &PlantSpec) -> Self {
         let springs = plant.elastic().map(|elastic| Springs {
             stiffness: AnyGain::new(&elastic.stiffness),
             motor_inertia: AnyGain::new(&elastic.motor_inertia),
-            stretch: vec![S::zero(); elastic.model.n()],
+            stretch: vec![Sym::zero(); elastic.model.n()],
         });
         Stored {
             n: plant.n(),
@@ -45,7 +46,7 @@ impl<S: Real> Stored<S> {
     }
 
     /// Compute the energy, J, at the plant's state `x`. The arm `links` must already be at the joint positions of `x`.
-    pub fn energy(&mut self, links: &mut ArmAt<S>, x: &[S]) -> S {
+    pub fn energy(&mut self, links: &mut ArmAt<Sym>, x: &[Sym]) -> Sym {
         let n = self.n;
         let (kinetic, potential) = links.energy(&x[n..2 * n]);
         let (wall, stops) = self.contacts(links, x);
@@ -57,13 +58,13 @@ impl<S: Real> Stored<S> {
         for (i, stretch) in stretch.iter_mut().enumerate() {
             *stretch = x[2 * n + i] - x[i];
         }
-        let half = S::splat(0.5);
+        let half = Sym::splat(0.5);
         half.mul_add(motor_inertia.quadratic(&x[3 * n..4 * n]), half.mul_add(stiffness.quadratic(stretch), energy))
     }
 
     /// The energies stored in wall and stops, J.
-    pub fn contacts(&self, links: &mut ArmAt<S>, x: &[S]) -> (S, S) {
-        let wall = self.wall.as_ref().map_or(S::zero(), |wall| wall.energy(links.position(wall.frame)));
-        (wall, self.stops.as_ref().map_or(S::zero(), |stops| stops.energy(&x[..self.n])))
+    pub fn contacts(&self, links: &mut ArmAt<Sym>, x: &[Sym]) -> (Sym, Sym) {
+        let wall = self.wall.as_ref().map_or(Sym::zero(), |wall| wall.energy(links.position(wall.frame)));
+        (wall, self.stops.as_ref().map_or(Sym::zero(), |stops| stops.energy(&x[..self.n])))
     }
 }

@@ -3,6 +3,7 @@
 use super::{Definition, Plant, Power};
 use crate::dynamics::Model;
 use crate::scalar::Real;
+use crate::trace::Sym;
 
 /// A velocity-controlled arm, with validated parameters.
 ///
@@ -11,8 +12,7 @@ use crate::scalar::Real;
 /// use armlet_core::plant::{PlantSpec, VelocitySpec};
 ///
 /// let spec = PlantSpec::from(VelocitySpec { model: Arm::pendulum(1.0, 5.0)?.into() });
-/// let mut dx = [0.0];
-/// spec.build::<f64>(None).rates(&[0.3f64.sin_cos()], &[0.3], &[2.0], &[0.0; 6], &mut dx);
+/// let (dx, _) = spec.rates_at(&[0.3], &[2.0], &[0.0; 6], None);
 /// assert_eq!(dx, [2.0]);
 /// # Ok::<(), armlet_core::error::Error>(())
 /// ```
@@ -44,9 +44,9 @@ pub struct Velocity {
     pub n: usize,
 }
 
-impl<S: Real> Plant<S> for Velocity {
-    fn rates(&mut self, _: &[(S, S)], _: &[S], u: &[S], _: &[S], dx: &mut [S]) -> Power<S> {
+impl Plant for Velocity {
+    fn rates(&mut self, _: &[(Sym, Sym)], _: &[Sym], u: &[Sym], _: &[Sym], dx: &mut [Sym]) -> Power {
         dx[..self.n].copy_from_slice(&u[..self.n]);
-        Power { input: S::zero(), outside: S::zero() }
+        Power { input: Sym::zero(), outside: Sym::zero() }
     }
 }

@@ -10,7 +10,6 @@ use super::world::{Exogenous, World};
 use crate::integrate::System;
 use crate::law::{Route, Truth};
 use crate::scalar::Real;
-use crate::trace::Sym;
 
 /// A loop whose run can be recorded.
 pub trait Watched<S: Real>: System<S, Input = Exogenous<S>> {
@@ -29,7 +28,7 @@ pub fn world<'a>(problem: &'a Problem, lanes: usize, run: impl Fn(usize) -> usiz
 /// Return the loop of run `run`. `storage`: whether the monitored energy is the law's storage function.
 pub fn assemble(problem: &Problem, run: usize, storage: bool) -> ClosedLoop {
     let (o, plant, law) = (&problem.options, problem.plant(run), problem.law(run));
-    let loop_plant = plant.build::<Sym>(problem.force_frame());
+    let loop_plant = plant.build(problem.force_frame());
     let loop_law = law.build();
     let closing = Closing { held: o.sampling.is_some(), monitored: o.monitors, storage };
     let desired = law.motions().iter().map(|motion| 3 * motion.dof()).sum();

@@ -18,6 +18,7 @@ use crate::plant::{FrictionTorque, Rubbed};
 use crate::status::Status;
 use std::ops::Range;
 use std::slice::ChunksMut;
+use std::sync::Arc;
 
 /// A quantity of a summary: its name, the number of its values per run (`None` for one value), and the values of all runs, row-major.
 pub type Metric = (&'static str, Option<usize>, Vec<f64>);
@@ -102,6 +103,8 @@ pub struct GroupRecorder<'a> {
     monitors: usize,
     /// The torques of friction, shape `(runs, records, n)`, or empty.
     friction: &'a mut [f64],
+    /// The computation of these torques, if all runs have the same plant.
+    rubbing: Option<Arc<FrictionTorque>>,
     times: &'a [f64],
     /// For each run, its monitors. They are created at the first record that no program computes, because creation compiles an arm.
     checks: Vec<Option<Box<Monitors<'a>>>>,
@@ -189,6 +192,9 @@ pub fn split<'a>(problem: &'a Problem, out: &'a mut BatchRuns, lanes: usize) -> 
     let mut arrays: Vec<_> = arrays.zip(&numbers).map(chunks).collect();
     let of_run = records * problem.plant(0).n();
     let times = out.t.as_slice();
+    let shared = problem.plants.len() == 1 && !out.friction.is_empty();
+    let torque = || FrictionTorque::of(problem.plant(0), problem.force_frame(), out.t.len() * out.status.len());
+    let rubbing = shared.then(torque).flatten().map(Arc::new);
     let mut friction = out.friction.chunks_mut((lanes * of_run).max(1));
     let mut metrics: Vec<_> = out.metrics.iter_mut().map(|(_, width, numbers)| numbers.chunks_mut(lanes * width.unwrap_or(1))).collect();
     let ended = out.ended.chunks_mut(lanes);
@@ -209,6 +215,7 @@ pub fn split<'a>(problem: &'a Problem, out: &'a mut BatchRuns, lanes: usize) -> 
         series: series(),
         monitors,
         friction: friction.next().unwrap_or_default(),
+        rubbing: rubbing.clone(),
         times,
         checks: Vec::new(),
         first: group * lanes,
@@ -323,12 +330,15 @@ impl GroupRecorder<'_> {
             return;
         }
         let (n, all) = (self.problem.plant(0).n(), self.records);
+        let mut shared = self.rubbing.as_deref().cloned();
         for (run, &written) in written.iter().enumerate() {
             let out = &mut self.friction[run * all * n..(run + 1) * all * n];
             out[written * n..].fill(f64::NAN);
-            let Some(mut friction) = FrictionTorque::of(self.problem.plant(self.first + run), self.problem.force_frame()) else {
-                continue;
-            };
+            let mut own = None;
+            if shared.is_none() {
+                own = FrictionTorque::of(self.problem.plant(self.first + run), self.problem.force_frame(), written);
+            }
+            let Some(friction) = shared.as_mut().or(own.as_mut()) else { continue };
             let force = self.problem.force(self.first + run);
             let wrench = |k: usize| force.map_or([0.0; 6], |force| force.at(self.times[k]));
             let [q, v, tau, theta, theta_dot, bristles] = [0, 1, 2, 3, 4, 6].map(|k| {

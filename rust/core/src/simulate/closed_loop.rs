@@ -28,7 +28,7 @@ impl Closing {
 }
 
 pub struct ClosedLoop {
-    plant: Box<dyn Plant<Sym> + Send>,
+    plant: Box<dyn Plant + Send>,
     law: Box<dyn Law + Send>,
     closing: Closing,
     /// The saturation limits of the input. Empty if there is no saturation.
@@ -54,7 +54,7 @@ pub struct ClosedLoop {
 
 impl ClosedLoop {
     pub fn new(
-        plant: Box<dyn Plant<Sym> + Send>,
+        plant: Box<dyn Plant + Send>,
         law: Box<dyn Law + Send>,
         tau_max: Option<&[f64]>,
         closing: Closing,
@@ -205,7 +205,7 @@ impl ClosedLoop {
     }
 
     /// The plant of the loop.
-    pub fn plant_mut(&mut self) -> &mut dyn Plant<Sym> {
+    pub fn plant_mut(&mut self) -> &mut dyn Plant {
         self.plant.as_mut()
     }
 }

@@ -273,7 +273,7 @@ impl Run {
 
     /// Compute the torques of friction of all records.
     fn compute_friction(&mut self, problem: &Problem) -> Result<()> {
-        let Some(mut friction) = FrictionTorque::of(problem.plant(0), problem.force_frame()) else { return Ok(()) };
+        let Some(mut friction) = FrictionTorque::of(problem.plant(0), problem.force_frame(), self.t.len()) else { return Ok(()) };
         let mut torques = memory::zeros(self.q.len())?;
         let Run { t, q, v, theta, theta_dot, bristles, tau, .. } = &*self;
         let wrench = |k: usize| problem.force(0).map_or([0.0; 6], |force| force.at(t[k]));

@@ -22,7 +22,7 @@ pub struct Theory {
     mass: Vec<Sym>,
     /// `C`, shape `(n, n)`.
     coriolis: Vec<Sym>,
-    stored: Stored<Sym>,
+    stored: Stored,
     storage: Option<Storage>,
     lyapunov: Option<Lyapunov>,
 }

@@ -68,7 +68,7 @@ pub struct Moment<'a> {
 
 /// The quantities of a loop from which the rates of the monitors' integrals are computed.
 pub struct Flow {
-    pub power: Power<Sym>,
+    pub power: Power,
     /// The rate at which the law's Lyapunov function decreases.
     pub dissipated: Sym,
     /// The rate of the law's own storage function, if this is the monitored energy.

@@ -31,7 +31,7 @@ pub struct TargetModel {
     coordinates: Coordinates,
     stiffness: AnyGain<Sym>,
     damping: AnyGain<Sym>,
-    plant: Box<dyn Plant<Sym> + Send>,
+    plant: Box<dyn Plant + Send>,
     /// The frame at which the force acts, if the problem names one. Otherwise the force acts at the law's frame.
     elsewhere: Option<usize>,
     rates: Vec<Sym>,
