@@ -18,6 +18,21 @@ use crate::status::Status;
 use nalgebra::{DMatrix, DVector};
 
 /// The load of an arm at rest, and the torque that the law does not balance.
+///
+/// ```
+/// # use armlet_core::{arm::Arm, dynamics::Model, law::{Gain, LawSpec, PdGravitySpec}, plant::{PlantSpec, RigidSpec}};
+/// use armlet_core::analysis::rest::{Rest, Unbalanced};
+/// # let model = Model::from(Arm::pendulum(2.0, 5.0)?);
+/// # let plant = PlantSpec::from(RigidSpec::new(model.clone()));
+/// # let law = LawSpec::from(PdGravitySpec::new(model, vec![0.5], Gain::scalar("kp", 1, 20.0)?, Gain::scalar("kd", 1, 4.0)?)?);
+///
+/// // The law holds the pendulum at 0.5 rad with 20 N m/rad, and compensates gravity.
+/// let rest = Rest { plant: &plant, law: &law, wrench: [0.0; 6], frame: None };
+/// let Unbalanced { torque, balanced, .. } = rest.unbalanced(&[0.3], &[])?;
+/// assert!((torque[0] - 20.0 * 0.2).abs() < 1e-12 && !balanced);
+/// assert!(rest.unbalanced(&[0.5], &[])?.balanced);
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 pub struct Unbalanced {
     /// The unbalanced torque `tau(q, theta) - L(q)`, `(n,)`, N m or N.
     pub torque: Vec<f64>,
