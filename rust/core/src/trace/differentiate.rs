@@ -23,22 +23,14 @@ impl Differentiation {
     /// Append the derivatives of the entries `outputs` along one direction, and return their entries. The new inputs are the rates of the
     /// inputs `moving`, in this order. All other inputs have the rate zero.
     pub fn along(&mut self, moving: &[u32], outputs: &[u32]) -> Vec<u32> {
-        let mut rates = vec![0; self.length];
-        for &input in moving {
-            let rate = self.tape.new_input();
-            let entry = self.tape.push(Op::Input(input)) as usize;
-            if entry < self.length {
-                rates[entry] = rate;
-            }
-        }
-        let needed = needed(&self.tape.ops[..self.length], outputs);
-        for i in (0..self.length).filter(|&i| needed[i]) {
-            let op = self.tape.ops[i];
-            if !matches!(op, Op::Input(_)) {
-                rates[i] = rate(&mut self.tape, op, i as u32, |a| rates[a as usize]);
-            }
-        }
-        outputs.iter().map(|&output| rates[output as usize]).collect()
+        let given: Vec<(u32, u32)> = moving
+            .iter()
+            .map(|&input| {
+                let rate = self.tape.new_input();
+                (self.tape.push(Op::Input(input)), rate)
+            })
+            .collect();
+        derivative(&mut self.tape, self.length, &given, outputs)
     }
 
     /// The number of entries, including those of the added derivatives.
@@ -50,6 +42,25 @@ impl Differentiation {
     pub fn finish(self) -> Vec<Op> {
         self.tape.ops
     }
+}
+
+/// Append the derivatives of `outputs`, which are among the first `length` entries, and return their entries. `given` lists entries with
+/// their rates, which are also entries. All other inputs have the rate zero.
+pub(super) fn derivative(tape: &mut Tape, length: usize, given: &[(u32, u32)], outputs: &[u32]) -> Vec<u32> {
+    let (needed, mut rates) = (needed(&tape.ops[..length], outputs), vec![None; length]);
+    for &(entry, rate) in given {
+        // An input that the recording does not read has a new entry.
+        if let Some(to) = rates.get_mut(entry as usize) {
+            *to = Some(rate);
+        }
+    }
+    for i in (0..length).filter(|&i| needed[i]) {
+        if rates[i].is_none() {
+            let op = tape.ops[i];
+            rates[i] = Some(rate(tape, op, i as u32, |a| rates[a as usize].unwrap_or(0)));
+        }
+    }
+    outputs.iter().map(|&output| rates[output as usize].unwrap_or(0)).collect()
 }
 
 /// For each entry, whether `outputs` depend on it.

@@ -6,7 +6,7 @@
 //!
 //! If code reads the value of a number that is not a constant, to branch on it, the recording fails ([`Recording::failed`]).
 
-use super::differentiate::{needed, rate};
+use super::differentiate;
 use super::label::Label;
 use super::tape::{Moving, Op, Tape};
 use crate::scalar::{Kernel, Real};
@@ -88,16 +88,9 @@ pub fn decide(kind: u32, arguments: &[Sym], results: &mut [Sym]) {
 pub fn derivative(of: &[Sym], at: &[Sym], along: &[Sym]) -> Vec<Sym> {
     on_tape(|tape| {
         let outputs: Vec<u32> = of.iter().map(|value| value.0).collect();
-        let (needed, mut rates) = (needed(&tape.ops, &outputs), vec![0; tape.ops.len()]);
-        let mut moves = vec![false; tape.ops.len()];
-        for (value, rate) in at.iter().zip(along) {
-            (rates[value.0 as usize], moves[value.0 as usize]) = (rate.0, true);
-        }
-        for i in (0..rates.len()).filter(|&i| needed[i] && !moves[i]) {
-            let op = tape.ops[i];
-            rates[i] = rate(tape, op, i as u32, |a| rates[a as usize]);
-        }
-        outputs.iter().map(|&output| Sym(rates[output as usize])).collect()
+        let given: Vec<(u32, u32)> = at.iter().zip(along).map(|(value, rate)| (value.0, rate.0)).collect();
+        let length = tape.ops.len();
+        differentiate::derivative(tape, length, &given, &outputs).into_iter().map(Sym).collect()
     })
 }
 
