@@ -53,7 +53,7 @@ impl Clone for Decisions {
     fn clone(&self) -> Self {
         let mut copy = Decisions::default();
         for Allocated { kind, arguments, results, .. } in &self.0 {
-            copy.allocate(*kind, arguments.len(), results.len());
+            copy.allocate(*kind, (arguments.len(), results.len()));
         }
         copy
     }
@@ -61,7 +61,7 @@ impl Clone for Decisions {
 
 impl Decisions {
     /// Allocate the memory of native code of a kind with this many arguments and results, unless it exists.
-    pub fn allocate(&mut self, kind: u32, arguments: usize, results: usize) -> usize {
+    pub fn allocate(&mut self, kind: u32, (arguments, results): (usize, usize)) -> usize {
         if let Some(at) = self.0.iter().position(|known| known.kind == kind) {
             let known = &mut self.0[at];
             known.arguments.resize(known.arguments.len().max(arguments), 0.0);

@@ -15,7 +15,8 @@ pub struct Call {
     kind: u32,
     /// The slot of the first argument. The others follow.
     first: usize,
-    arguments: usize,
+    /// The number of arguments, and the number of results up to the last one that later pieces read.
+    sizes: (usize, usize),
     /// The results that later pieces read: their index and their slot.
     results: Vec<(u32, u32)>,
 }
@@ -69,7 +70,8 @@ pub fn divide(part: Part, free: usize) -> Option<Pieces> {
                 next += 1;
             }
         }
-        calls.push(Some(Call { kind, first: free, arguments: list.len(), results }));
+        let sizes = (list.len(), results.iter().map(|&(k, _)| k as usize + 1).max().unwrap_or(0));
+        calls.push(Some(Call { kind, first: free, sizes, results }));
         ends.push(Cut { end: cut + 1, outputs });
     }
     ends.push(Cut { end: part.ops.len() as u32, outputs: part.outputs.to_vec() });
@@ -95,8 +97,7 @@ fn arguments(ops: &[Op], mut list: u32) -> Vec<u32> {
 impl Call {
     /// Allocate the memory of the native code in a frame.
     pub fn prepare(&self, frame: &mut Frame) {
-        let results = self.results.iter().map(|&(k, _)| k as usize + 1).max().unwrap_or(0);
-        frame.decisions().allocate(self.kind, self.arguments, results);
+        frame.decisions().allocate(self.kind, self.sizes);
     }
 
     /// Let the native code replace the results in each lane in which the first argument is not one.
@@ -111,8 +112,7 @@ impl Call {
     fn decide(&self, frame: &mut Frame) {
         let lanes = frame.lanes();
         let mut decisions = std::mem::take(frame.decisions());
-        let results = self.results.iter().map(|&(k, _)| k as usize + 1).max().unwrap_or(0);
-        let at = decisions.allocate(self.kind, self.arguments, results);
+        let at = decisions.allocate(self.kind, self.sizes);
         // The native code reads and writes different slots, through one shared view of the frame.
         let numbers = std::cell::Cell::from_mut(frame.numbers_mut()).as_slice_of_cells();
         let at_slot = |slot: usize, lane: usize| &numbers[slot * lanes + lane];
@@ -124,7 +124,7 @@ impl Call {
             let write = |decided: &[f64]| {
                 self.results.iter().for_each(|&(k, slot)| at_slot(slot as usize, lane).set(decided[k as usize]));
             };
-            decisions.run(at, (self.arguments, results), read, write);
+            decisions.run(at, self.sizes, read, write);
         }
         *frame.decisions() = decisions;
     }
@@ -156,8 +156,8 @@ mod tests {
         }
     }
 
-    /// Two steps of a recurrence that is decided where `x` is below zero, with the number type `S` and a way to decide. The first constant is
-    /// read before and after each cut.
+    /// Return the result of two steps of a recurrence. `decide` replaces its results where `x` is below zero. The constant 1/3 is read before
+    /// and after each cut.
     fn steps<S: Real>(x: S, y: S, decide: impl Fn(&[S], &mut [S])) -> [S; 3] {
         let (mut x, mut y, third) = (x, y, S::splat(1.0 / 3.0));
         for _ in 0..2 {
