@@ -1,7 +1,7 @@
 //! Errors: a wrong argument, model or file, a solver without a solution, or too little memory. The outcome of a run is not an error but
 //! data: see `status`.
 
-use crate::interrupt::look;
+use crate::interrupt;
 use crate::status::Status;
 
 /// The errors of the core. The Python binding maps each variant to a class, and prepends the name of the called function to the message.
@@ -203,7 +203,7 @@ pub fn all_finite(values: &[f64]) -> bool {
         return few_finite(values);
     }
     values.chunks(PIECE).all(|piece| {
-        look();
+        interrupt::check();
         few_finite(piece)
     })
 }

@@ -1,7 +1,7 @@
-//! Interruption of long work. The work calls [`look`] in its loops. If a stop is requested, `look` unwinds the stack to [`interruptible`].
+//! Interruption of long work. The work calls [`check`] in its loops. If a stop is requested, `check` unwinds the stack to [`interruptible`].
 //!
-//! [`interruptible`] sets the source of requests for one piece of work on one thread. Without a source, `look` has no effect. Unwinding
-//! drops all results of the work. Work that must return partial results checks a `simulate::Stop` instead. A call of `look` takes about 50
+//! [`interruptible`] sets the source of requests for one piece of work on one thread. Without a source, `check` has no effect. Unwinding
+//! drops all results of the work. Work that must return partial results checks a `simulate::Stop` instead. A call of `check` takes about 50
 //! ns, so that work calls it every 10 us to 1 ms (`docs/adr/0007-interruption.md`).
 
 use std::cell::RefCell;
@@ -16,12 +16,12 @@ pub const SLICE: Duration = Duration::from_millis(20);
 /// The source of requests to stop.
 ///
 /// ```
-/// use armlet_core::interrupt::{Interrupted, Watch, interruptible, look};
+/// use armlet_core::interrupt::{self, Interrupted, Watch, interruptible};
 /// use std::sync::Arc;
 /// use std::sync::atomic::{AtomicBool, Ordering};
 ///
 /// let stop = Arc::new(AtomicBool::new(false));
-/// let work = || (0..100).for_each(|_| look());
+/// let work = || (0..100).for_each(|_| interrupt::check());
 /// assert_eq!(interruptible(Watch::Flag(stop.clone()), work), Ok(()));
 /// stop.store(true, Ordering::Relaxed);
 /// assert_eq!(interruptible(Watch::Flag(stop), work), Err(Interrupted));
@@ -37,11 +37,11 @@ pub enum Watch {
 /// The result of work that was stopped on request.
 ///
 /// ```
-/// use armlet_core::interrupt::{Interrupted, Watch, interruptible, look};
+/// use armlet_core::interrupt::{self, Interrupted, Watch, interruptible};
 ///
 /// // The function is called for the first time after 20 ms.
 /// let endless = || loop {
-///     look();
+///     interrupt::check();
 /// };
 /// let result: Result<(), Interrupted> = interruptible(Watch::Poll(|| true), endless);
 /// assert_eq!(result, Err(Interrupted));
@@ -60,7 +60,7 @@ thread_local! {
 }
 
 /// Check for a request to stop. On a request, the work unwinds to its [`interruptible`].
-pub fn look() {
+pub fn check() {
     let poll = WATCHED.with_borrow_mut(|watched| match watched {
         None => Err(false),
         Some(Watched { watch: Watch::Flag(stop), .. }) => Err(stop.load(Ordering::Relaxed)),
@@ -79,15 +79,15 @@ pub fn look() {
     }
 }
 
-/// The number of rows up to which [`look_at_row`] has no effect. It is the maximum number of bodies of an arm with mimic joints.
+/// The number of rows up to which [`check_at_row`] has no effect. It is the maximum number of bodies of an arm with mimic joints.
 const FEW: usize = 256;
 
-/// Call [`look`] at row 256 of a matrix and at every 64th row after it. `row` counts from 0. Loops that are slow only for large matrices
+/// Call [`check`] at row 256 of a matrix and at every 64th row after it. `row` counts from 0. Loops that are slow only for large matrices
 /// call this function.
 #[inline(always)]
-pub fn look_at_row(row: usize) {
+pub fn check_at_row(row: usize) {
     if row >= FEW && row.is_multiple_of(64) {
-        look();
+        check();
     }
 }
 
@@ -105,7 +105,7 @@ impl Drop for Restore {
     }
 }
 
-/// Run `work`. It stops at its next call of `look` after a request from `watch`. Errors: `Interrupted` if it stopped.
+/// Run `work`. It stops at its next call of `check` after a request from `watch`. Errors: `Interrupted` if it stopped.
 pub fn interruptible<R>(watch: Watch, work: impl FnOnce() -> R) -> Result<R, Interrupted> {
     let restore = Restore(WATCHED.replace(Some(Watched { watch, next: Instant::now() + SLICE })));
     let result = catch_unwind(AssertUnwindSafe(work));
@@ -118,39 +118,39 @@ mod tests {
     use super::*;
 
     #[test]
-    fn work_stops_at_a_look_when_asked_and_not_otherwise() {
+    fn work_stops_at_a_check_after_a_request_only() {
         let stop = Arc::new(AtomicBool::new(false));
-        let (mut looked, flag) = (0, stop.clone());
+        let (mut checks, flag) = (0, stop.clone());
         let work = || {
             for _ in 0..1000 {
-                looked += 1;
-                if looked == 500 {
+                checks += 1;
+                if checks == 500 {
                     flag.store(true, Ordering::Relaxed);
                 }
-                look();
+                check();
             }
         };
         assert_eq!(interruptible(Watch::Flag(stop.clone()), work), Err(Interrupted));
-        assert_eq!(looked, 500);
-        // After the interruption, no source exists, and `look` has no effect.
-        (0..100).for_each(|_| look());
-        assert_eq!(interruptible(Watch::Flag(Arc::new(AtomicBool::new(false))), || (0..100).for_each(|_| look())), Ok(()));
+        assert_eq!(checks, 500);
+        // After the interruption, no source exists, and `check` has no effect.
+        (0..100).for_each(|_| check());
+        assert_eq!(interruptible(Watch::Flag(Arc::new(AtomicBool::new(false))), || (0..100).for_each(|_| check())), Ok(()));
     }
 
     #[test]
-    fn rows_are_looked_at_in_large_matrices_alone() {
-        let rows = |n: usize| interruptible(Watch::Flag(Arc::new(AtomicBool::new(true))), || (0..n).for_each(look_at_row));
+    fn only_late_rows_of_large_matrices_are_checked() {
+        let rows = |n: usize| interruptible(Watch::Flag(Arc::new(AtomicBool::new(true))), || (0..n).for_each(check_at_row));
         assert_eq!((rows(FEW), rows(FEW + 1)), (Ok(()), Err(Interrupted)));
-        let backwards = || (FEW + 1..FEW + 65).rev().for_each(look_at_row);
+        let backwards = || (FEW + 1..FEW + 65).rev().for_each(check_at_row);
         assert_eq!(interruptible(Watch::Flag(Arc::new(AtomicBool::new(true))), backwards), Err(Interrupted));
     }
 
     #[test]
-    fn a_poll_is_asked_by_the_clock() {
+    fn a_poll_is_called_after_20_ms() {
         let began = Instant::now();
         let endless = || {
             loop {
-                look();
+                check();
             }
         };
         assert_eq!(interruptible(Watch::Poll(|| true), endless).map(|()| false), Err(Interrupted));
@@ -161,9 +161,9 @@ mod tests {
     fn inner_work_hands_back_to_the_outer() {
         let stop = Arc::new(AtomicBool::new(false));
         let outer = interruptible(Watch::Flag(stop.clone()), || {
-            assert_eq!(interruptible(Watch::Flag(Arc::new(AtomicBool::new(true))), || (0..100).for_each(|_| look())), Err(Interrupted));
+            assert_eq!(interruptible(Watch::Flag(Arc::new(AtomicBool::new(true))), || (0..100).for_each(|_| check())), Err(Interrupted));
             stop.store(true, Ordering::Relaxed);
-            (0..100).for_each(|_| look());
+            (0..100).for_each(|_| check());
         });
         assert_eq!(outer, Err(Interrupted));
     }

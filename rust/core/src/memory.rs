@@ -2,7 +2,7 @@
 //! continues.
 
 use crate::error::{Error, Result};
-use crate::interrupt::look;
+use crate::interrupt;
 
 /// The number of elements that are written between two checks for a stop request. The first write to a page is slow.
 pub const PIECE: usize = 1 << 14;
@@ -40,7 +40,7 @@ pub fn enlarge<T: Clone>(out: &mut Vec<T>, n: usize, value: T) -> Result<()> {
 
 fn extend<T: Clone>(out: &mut Vec<T>, n: usize, value: &T) {
     while out.len() < n {
-        look();
+        interrupt::check();
         out.resize((out.len() + PIECE).min(n), value.clone());
     }
 }
@@ -50,7 +50,7 @@ fn extend<T: Clone>(out: &mut Vec<T>, n: usize, value: &T) {
 pub fn copies<T: Copy>(n: usize, value: T) -> Vec<T> {
     let mut out = Vec::with_capacity(n);
     while out.len() < n {
-        look();
+        interrupt::check();
         // A `Copy` value is copied as bytes. A clone would copy a structure field by field.
         out.extend((0..PIECE.min(n - out.len())).map(|_| value));
     }
@@ -61,7 +61,7 @@ pub fn copies<T: Copy>(n: usize, value: T) -> Vec<T> {
 pub fn cloned<T: Clone>(values: &[T]) -> Vec<T> {
     let mut out = Vec::with_capacity(values.len());
     for piece in values.chunks(SMALL_PIECE) {
-        look();
+        interrupt::check();
         out.extend_from_slice(piece);
     }
     out
@@ -71,7 +71,7 @@ pub fn cloned<T: Clone>(values: &[T]) -> Vec<T> {
 pub fn copy<T: Copy>(from: &[T], to: &mut [T]) {
     for (k, (from, to)) in from.chunks(PIECE).zip(to.chunks_mut(PIECE)).enumerate() {
         if k > 0 {
-            look();
+            interrupt::check();
         }
         to.copy_from_slice(from);
     }
@@ -82,7 +82,7 @@ pub fn copy<T: Copy>(from: &[T], to: &mut [T]) {
 pub fn set<T: Copy>(out: &mut [T], value: T) {
     for (k, piece) in out.chunks_mut(PIECE).enumerate() {
         if k > 0 {
-            look();
+            interrupt::check();
         }
         piece.fill(value);
     }
@@ -103,7 +103,7 @@ pub fn untouched<T: Clone + Default>(n: usize) -> Result<Vec<T>> {
 pub fn copied<T: Copy>(values: &[T]) -> Result<Vec<T>> {
     let mut out = reserved(values.len())?;
     for piece in values.chunks(PIECE) {
-        look();
+        interrupt::check();
         out.extend_from_slice(piece);
     }
     Ok(out)
@@ -114,7 +114,7 @@ pub fn collected<T>(values: impl ExactSizeIterator<Item = T>) -> Result<Vec<T>> 
     let mut out = reserved(values.len())?;
     for (k, value) in values.enumerate() {
         if k % PIECE == PIECE - 1 {
-            look();
+            interrupt::check();
         }
         out.push(value);
     }

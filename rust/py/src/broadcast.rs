@@ -5,7 +5,7 @@ use crate::arrays::{Axis, Form, Looked, WHATEVER, elements, numbers, owned, requ
 use crate::errors::{Failure, input_error};
 use crate::interrupts::long;
 use armlet_core::error::{Error, Result as CoreResult};
-use armlet_core::interrupt::look;
+use armlet_core::interrupt;
 use armlet_core::memory;
 use armlet_core::trace::pages::in_large_pages;
 use pyo3::prelude::*;
@@ -131,7 +131,7 @@ pub fn stretch(from: &[usize], to: &[usize], data: &[f64], width: usize) -> Core
     let mut index = vec![0; to.len()];
     for i in 0..count {
         if i % LOOK == 0 {
-            look();
+            interrupt::check();
         }
         let row = from.iter().zip(&index[skip..]).fold(0, |row, (&n, &i)| row * n + if n == 1 { 0 } else { i });
         out.extend_from_slice(&data[row * width..(row + 1) * width]);

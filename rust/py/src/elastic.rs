@@ -12,7 +12,7 @@ use crate::plant::Plant;
 use crate::warnings::warn;
 use armlet_core::analysis::{elastic_limits as limits, equilibrium as rest};
 use armlet_core::error::{Error, Result as CoreResult};
-use armlet_core::interrupt::look;
+use armlet_core::interrupt;
 use armlet_core::law::LawSpec;
 use armlet_core::linalg::ratio_damping;
 use armlet_core::plant::PlantSpec;
@@ -154,7 +154,7 @@ pub fn elastic_limits<'py>(
 fn require_no_nan(py: Python<'_>, function: &str, name: &str, _: &[usize], values: &[f64]) -> Result<(), Failure> {
     let place = long(py, || {
         Ok(values.chunks(LOOK).enumerate().find_map(|(piece, values)| {
-            look();
+            interrupt::check();
             values.iter().position(|x| x.is_nan()).map(|k| piece * LOOK + k)
         }))
     })?;
@@ -174,7 +174,7 @@ fn each<'py, const K: usize>(
     new_array(py, &problems.shape, |out| {
         long(py, || {
             for (i, out) in out.iter_mut().enumerate() {
-                look();
+                interrupt::check();
                 *out = f(problems.row(i))?;
             }
             Ok(())

@@ -19,7 +19,7 @@ pub fn signalled() -> bool {
     Python::attach(|py| py.check_signals()).map_err(|error| SIGNAL.set(Some(error))).is_err()
 }
 
-/// Run `work` on this thread without the GIL. The work calls `look` regularly, and Ctrl-C ends it at such a call.
+/// Run `work` on this thread without the GIL. The work calls `interrupt::check` regularly, and Ctrl-C ends it at such a call.
 pub fn long<T: Send>(py: Python<'_>, work: impl FnOnce() -> CoreResult<T> + Send) -> Result<T, Failure> {
     ended(py.detach(|| interruptible(Watch::Poll(signalled), work)))
 }

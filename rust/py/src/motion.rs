@@ -8,7 +8,7 @@ use crate::errors::{Failure, entry, input_error};
 use crate::interrupts::long;
 use crate::kept::{Kept, made_of_arguments, shown_as};
 use armlet_core::error::Error;
-use armlet_core::interrupt::look;
+use armlet_core::interrupt;
 use armlet_core::memory;
 use armlet_core::motion::{self, Motion as Core};
 use armlet_macros::entered;
@@ -59,7 +59,7 @@ pub fn rows<'py>(
             let outs = q.chunks_exact_mut(n).zip(v.chunks_exact_mut(n)).zip(a.chunks_exact_mut(n));
             for (i, (x, ((q, v), a))) in values.iter().zip(outs).enumerate() {
                 if i % LOOK == 0 {
-                    look();
+                    interrupt::check();
                 }
                 write(i, *x, &mut row)?;
                 q.copy_from_slice(&row[..n]);

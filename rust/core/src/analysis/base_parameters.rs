@@ -12,7 +12,7 @@
 use super::uniform::uniform;
 use crate::dynamics::{Model, Quantity, Query};
 use crate::error::Result;
-use crate::interrupt::look;
+use crate::interrupt;
 use crate::linalg::{axpy, dot};
 use crate::memory;
 use crate::spatial::{PARAMETERS, parameter};
@@ -62,13 +62,13 @@ pub fn independent_columns(columns: &mut [Vec<f64>]) -> Independent {
         let (basis, rest) = columns.split_at_mut(j);
         let column = &mut rest[0];
         let mut coefficients = Vec::new();
-        look();
+        interrupt::check();
         if norms[j] > ZERO_COLUMN * largest {
             coefficients = vec![0.0; out.columns.len()];
             // Two passes of orthogonalisation are sufficient (Parlett 1980): the second pass removes the rounding error of the first.
             for _ in 0..2 {
                 for (k, &i) in out.columns.iter().enumerate() {
-                    look();
+                    interrupt::check();
                     let along = dot(&basis[i], column);
                     axpy(-along, &basis[i], column);
                     coefficients[k] += along;
@@ -153,7 +153,7 @@ pub fn base_parameters(arm: &Model, armature: bool, friction: bool) -> Result<Ba
     let mut state = 2022;
     let mut y = vec![0.0; BLOCK * n * p];
     for first in (0..states).step_by(BLOCK) {
-        look();
+        interrupt::check();
         let count = BLOCK.min(states - first);
         let [mut q, mut v, mut v_r, mut a_r] = [const { Vec::new() }; 4].map(|mut x: Vec<f64>| {
             x.resize(count * n, 0.0);

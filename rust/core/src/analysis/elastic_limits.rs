@@ -11,7 +11,7 @@
 
 use super::equilibrium::equilibrium;
 use crate::error::{Error, Result, positive};
-use crate::interrupt::look;
+use crate::interrupt;
 use crate::law::{LawSpec, LockedMotors};
 use crate::linalg::Gain;
 use crate::plant::PlantSpec;
@@ -39,7 +39,7 @@ pub fn smallest_reduced_inertia(inertia: f64, stiffness: f64, sample_time: f64, 
         return Err(Error::input("sensor_bandwidth", format!("is not positive: expected rad/s > 0, got {bandwidth}")));
     }
     let stable = |b0: f64| {
-        look();
+        interrupt::check();
         let damping = 2.0 * damping_ratio * (b0 * stiffness).sqrt();
         let motor = LockedMotors::single(inertia, stiffness, b0, damping, bandwidth);
         // A longer sample time can be stable again, because the motor swings back just before the next sample. Such isolated sample times

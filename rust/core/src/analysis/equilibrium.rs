@@ -15,7 +15,7 @@ use super::loop_slope::{Modes, loop_modes};
 use super::rest::{Rest, Unbalanced};
 use crate::dynamics::ArmAt;
 use crate::error::{Error, Result, finite};
-use crate::interrupt::look;
+use crate::interrupt;
 use crate::law::{CartesianImpedanceSpec, ElasticImpedanceSpec, LawSpec};
 use crate::linalg::{Gain, cholesky, symmetric_eigen};
 use crate::memory;
@@ -188,7 +188,7 @@ fn reaches(law: &CartesianImpedanceSpec, push: &[f64], q0: &[f64]) -> bool {
         let spread = |i: usize| (f64::from(start) * phi.powi(-(i as i32 + 1))).fract() * std::f64::consts::TAU - std::f64::consts::PI;
         let mut q: Vec<f64> = (0..n).map(|i| q0[i] + if start == 0 { 0.0 } else { spread(i) }).collect();
         for _ in 0..STEPS {
-            look();
+            interrupt::check();
             let (e, j) = task.at(&q);
             let miss: Vec<f64> = (0..m).map(|k| e[k] + load[k]).collect();
             let size = miss.iter().map(|x| x * x).sum::<f64>();

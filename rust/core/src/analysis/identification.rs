@@ -14,7 +14,7 @@
 use super::base_parameters::{BaseParameters, base_parameters};
 use crate::dynamics::{Model, Quantity, Query};
 use crate::error::{Error, Result, finite, positive};
-use crate::interrupt::look;
+use crate::interrupt;
 use crate::linalg::householder::{reflect, reflector};
 use crate::linalg::{Svd, dot};
 use crate::memory;
@@ -155,7 +155,7 @@ pub fn identify(arm: &Model, [q, v, a, tau]: [&[f64]; 4], options: &Identificati
     let mut triangle = Triangle::new(b + 1, BLOCK * n);
     let mut y = vec![0.0; BLOCK * n * p];
     for first in (0..samples).step_by(BLOCK) {
-        look();
+        interrupt::check();
         let last = (first + BLOCK).min(samples);
         let rows = (last - first) * n;
         arm.regressors(&query, [q, v, v, a].map(|x| &x[first * n..last * n]), &mut y[..rows * p])?;
@@ -244,7 +244,7 @@ fn residuals(
     let samples = q.len() / n;
     let mut sums = vec![0.0; n];
     for first in (0..samples).step_by(BLOCK) {
-        look();
+        interrupt::check();
         let last = (first + BLOCK).min(samples);
         let rows = (last - first) * n;
         arm.regressors(query, [q, v, v, a].map(|x| &x[first * n..last * n]), &mut y[..rows * p])?;

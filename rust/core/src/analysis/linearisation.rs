@@ -2,7 +2,7 @@
 //!
 //! `d/dt [dq; dv] = A [dq; dv] + B dtau`, `A = [[0, 1], [da/dq, da/dv]]`, `B = [[0], [M^-1]]`.
 
-use crate::interrupt::look_at_row;
+use crate::interrupt;
 use crate::memory;
 
 /// Write the state matrix `A`, `(2 n, 2 n)`, and the input matrix `B`, `(2 n, n)`, row-major. `slopes`, `(3 n, n)`, has the rows of
@@ -11,7 +11,7 @@ pub fn state_matrices(n: usize, slopes: &[f64], a: &mut [f64], b: &mut [f64]) {
     memory::set(a, 0.0);
     memory::set(b, 0.0);
     for i in 0..n {
-        look_at_row(i);
+        interrupt::check_at_row(i);
         a[2 * n * i + n + i] = 1.0;
         let row = 2 * n * (n + i);
         a[row..row + n].copy_from_slice(&slopes[n * i..n * (i + 1)]);

@@ -11,7 +11,7 @@ use super::recordings::Motors;
 pub use super::recordings::Rest;
 use super::residual::Residual;
 use crate::error::{Error, Result, finite};
-use crate::interrupt::look;
+use crate::interrupt;
 use crate::linalg::gain::Gain;
 use crate::linalg::symmetric_eigen;
 use crate::status::Status;
@@ -94,7 +94,7 @@ impl Rest<'_> {
         let (mut mass, mut best) = (vec![0.0; n * n], f64::INFINITY);
         let mut h = 0.0f64;
         for _ in 0..STEPS {
-            look();
+            interrupt::check();
             let force = DVector::from_column_slice(residual.at(y));
             finite("equilibrium", force.as_slice())?;
             arm.move_to(&y[..n]);

@@ -10,7 +10,7 @@
 //! `sigma`.
 
 use crate::error::{Error, Result, finite};
-use crate::interrupt::look;
+use crate::interrupt;
 use crate::linalg::{Svd, dot, symmetric_eigen};
 use crate::memory;
 
@@ -127,7 +127,7 @@ fn shown(rows: &[f64], n: usize, p: usize) -> Result<Candidates> {
     let lengths: Vec<f64> = (0..p).map(|k| gram[k * p + k].sqrt()).collect();
     let inverse = |k: usize| if lengths[k] > 0.0 { 1.0 / lengths[k] } else { 0.0 };
     let scaled: Vec<f64> = (0..p * p).map(|k| gram[k] * inverse(k / p) * inverse(k % p)).collect();
-    look();
+    interrupt::check();
     let (values, vectors) = symmetric_eigen(&scaled, p)?;
     let largest = values.last().copied().unwrap_or(0.0);
     let kept = values.iter().filter(|&&value| value > CUTOFF * CUTOFF * largest).count();
@@ -154,7 +154,7 @@ fn first_choice(candidates: &Candidates, count: usize) -> Result<Vec<usize>> {
     let (mut gram, mut chosen): (Vec<f64>, Vec<usize>) = (vec![0.0; r * r], Vec::with_capacity(count));
     let mut free = vec![true; candidates.count()];
     for _ in 0..count {
-        look();
+        interrupt::check();
         let (values, vectors) = symmetric_eigen(&gram, r)?;
         let none = CUTOFF * CUTOFF * values[r - 1];
         let weak = values.iter().filter(|&&value| value <= none).count().max(1);
@@ -184,7 +184,7 @@ fn exchange(candidates: &Candidates, chosen: &mut [usize]) -> Result<()> {
     }
     // Each exchange increases sigma^2 by at least a thousandth. The number of exchanges is limited.
     for _ in 0..20 * chosen.len() {
-        look();
+        interrupt::check();
         let (sigma, u) = candidates.smallest(&gram)?;
         let mut entering: Vec<(f64, usize)> = (0..free.len()).filter(|&j| free[j]).map(|j| (candidates.gain(j, &u), j)).collect();
         entering.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));

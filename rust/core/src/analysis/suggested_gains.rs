@@ -15,7 +15,7 @@
 use super::uniform::within;
 use crate::dynamics::Model;
 use crate::error::{Error, Result, positive};
-use crate::interrupt::look;
+use crate::interrupt;
 use crate::linalg::symmetric_eigen;
 use crate::memory;
 use std::fmt;
@@ -140,7 +140,7 @@ fn spread(model: &Model) -> Result<(Vec<f64>, f64)> {
     let mut visit = |each: &mut dyn FnMut(&mut [f64]) -> Result<()>| -> Result<()> {
         let mut state = 0;
         for _ in 0..SAMPLES {
-            look();
+            interrupt::check();
             within(&bounds, &angles, &zeros, &mut state, &mut q);
             at.move_to(&q);
             at.mass_matrix(&mut mass);

@@ -3,7 +3,7 @@
 use super::mimic::{Leader, no_motion, resolved};
 use super::{Arm, Follows, Frame, Joint, JointKind, Limits, writable};
 use crate::error::{Error, Result, finite};
-use crate::interrupt::look;
+use crate::interrupt;
 use crate::memory;
 use crate::spatial::{Inertia, Placement, unit_vector};
 use std::collections::HashSet;
@@ -120,7 +120,7 @@ impl Arm {
         let mut names = HashSet::new();
         let mut index = vec![None; list.len()];
         for i in depth_first(&parents) {
-            look();
+            interrupt::check();
             let item = &list[i];
             let (body, base) = parents[i].map_or((None, Placement::IDENTITY), |p| place[p]);
             let at = |what: &str| format!("joints[{i}].{what}");

@@ -6,7 +6,7 @@
 use super::build::require_memory;
 use super::{Arm, ChainJoint, Frame, Joint, JointKind, JointType};
 use crate::error::{Error, Result, finite};
-use crate::interrupt::look;
+use crate::interrupt;
 use crate::memory;
 use crate::spatial::{Inertia, Matrix3, Placement, RotationMatrix, Vector3};
 
@@ -147,7 +147,7 @@ impl Arm {
         let given = |list: Option<&[f64]>, i: usize, otherwise: f64| list.map_or(otherwise, |list| list[i]);
         let mut list = memory::reserved(lengths.len())?;
         for (i, &length) in lengths.iter().enumerate() {
-            look();
+            interrupt::check();
             let mass = given(masses, i, length);
             let com = given(coms, i, 0.5 * length);
             let inertia = given(inertias, i, mass * length * length / 12.0);
@@ -159,7 +159,7 @@ impl Arm {
         }
         let mut arm = Arm::from_chain(&list, [gravity[0], gravity[1], 0.0])?;
         for (frame, &length) in arm.frames.iter_mut().zip(lengths) {
-            look();
+            interrupt::check();
             frame.placement.translation = Vector3::from([length, 0.0, 0.0]);
             frame.joint = Some(format!("{}_fixed", frame.name));
         }

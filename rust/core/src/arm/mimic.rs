@@ -10,7 +10,7 @@
 use super::Arm;
 use super::joint::{Joint, Limits, Mimic};
 use crate::error::{Error, Result, finite, listed};
-use crate::interrupt::look;
+use crate::interrupt;
 
 /// The map `q_joints = G q + c` from the coordinates `q` to the positions of all joints, in an arm with mimic joints.
 ///
@@ -45,7 +45,7 @@ pub fn resolved(given: &[Option<Follows>]) -> std::result::Result<Vec<Option<Fol
     let (mut out, mut known) = (given.to_vec(), vec![false; given.len()]);
     let (mut way, mut passed) = (Vec::new(), vec![false; given.len()]);
     for start in 0..given.len() {
-        look();
+        interrupt::check();
         let mut i = start;
         while let (false, Some((leader, ..))) = (known[i], given[i]) {
             // The chain passes this joint a second time. So the joint is in a cycle.
@@ -218,7 +218,7 @@ impl Arm {
         followers.sort_by_key(|(joint, _)| *joint);
         let (mut first, mut mimics): (Vec<&(usize, Leader)>, _) = (Vec::new(), Vec::new());
         for pair @ (joint, Leader { at, name, multiplier, offset, .. }) in &followers {
-            look();
+            interrupt::check();
             let (joint, multiplier, offset) = (*joint, *multiplier, *offset);
             finite(&format!("mimic of {}", self.joints[joint].name), &[multiplier, offset])?;
             if let Some(leader) = *at {

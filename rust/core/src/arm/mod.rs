@@ -26,7 +26,7 @@ pub use urdf::{MAX_BYTES, MAX_DEPTH, MimicMode, UrdfOptions, urdf_joints};
 pub use urdf_examples::{EXAMPLES, example_urdf};
 
 use crate::error::{Error, Result, finite};
-use crate::interrupt::look;
+use crate::interrupt;
 use crate::memory::cloned;
 use crate::spatial::PARAMETERS;
 
@@ -70,7 +70,7 @@ pub struct Arm {
 }
 
 impl Clone for Arm {
-    /// Clone the arm. The copy of a large arm takes long, so this function checks for an interrupt ([`look`]).
+    /// Clone the arm. The copy of a large arm takes long, so this function checks for an interrupt ([`interrupt::check`]).
     fn clone(&self) -> Self {
         Arm {
             name: self.name.clone(),
@@ -133,7 +133,7 @@ impl Arm {
         finite("parameters", pi)?;
         let mut arm = self.clone();
         for (joint, p) in arm.joints.iter_mut().zip(pi.chunks_exact(PARAMETERS)) {
-            look();
+            interrupt::check();
             joint.parameters.copy_from_slice(p);
         }
         Ok(arm)

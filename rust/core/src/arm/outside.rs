@@ -2,7 +2,7 @@
 //! than one turn within limits that are probably in degrees also counts.
 
 use super::{Arm, Joint, JointKind};
-use crate::interrupt::look;
+use crate::interrupt;
 use std::f64::consts::TAU;
 
 /// The tolerance of the comparison with a limit, rad or m. Files and scripts round positions and limits.
@@ -48,7 +48,7 @@ impl Outside {
     pub fn first<'a>(rows: impl IntoIterator<Item = (&'a Arm, &'a [f64])>) -> Option<Outside> {
         let (mut found, mut of): (Option<Outside>, usize) = (None, 0);
         for (row, (arm, q)) in rows.into_iter().enumerate() {
-            look();
+            interrupt::check();
             of += 1;
             let mut beyond = arm.independent().zip(q).enumerate().filter(|(_, (joint, q))| {
                 let limits = &joint.limits;

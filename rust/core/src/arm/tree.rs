@@ -5,7 +5,7 @@
 //! frame of the model.
 
 use super::{Arm, Joining};
-use crate::interrupt::look;
+use crate::interrupt;
 use crate::memory::cloned;
 use crate::scalar::Real;
 use crate::spatial::{Inertia, Lift, Matrix, Matrix3, PARAMETERS, Placement, QuarterTurn, RotationMatrix, Sym3, Vector3};
@@ -119,7 +119,7 @@ impl Tree<f64> {
     fn compile(arm: &Arm) -> Self {
         let mut turns: Vec<Matrix3<f64>> = Vec::with_capacity(arm.joints.len());
         for joint in &arm.joints {
-            look();
+            interrupt::check();
             let before = joint.parent.map_or(Matrix3::IDENTITY, |p| turns[p]).transpose().times(joint.placement.rotation);
             turns.push(compiled_axes(&before, Vector3::from(joint.axis)));
         }
@@ -139,7 +139,7 @@ impl Tree<f64> {
             .iter()
             .enumerate()
             .map(|(i, joint)| {
-                look();
+                interrupt::check();
                 let back = parent_turn(joint.parent);
                 let rotation = back.times(joint.placement.rotation).times(turns[i]);
                 let (translation, revolute) = (back.apply(joint.placement.translation), joint.kind.is_angle());
@@ -165,7 +165,7 @@ impl Tree<f64> {
             .frames
             .iter()
             .map(|frame| {
-                look();
+                interrupt::check();
                 let back = Placement { rotation: parent_turn(frame.body), translation: Vector3::from([0.0; 3]) };
                 TreeFrame { body: frame.body.unwrap_or(BASE), placement: back.then(&frame.placement) }
             })
@@ -205,7 +205,7 @@ impl Tree<f64> {
                 .iter()
                 .enumerate()
                 .map(|(i, body)| {
-                    look();
+                    interrupt::check();
                     lifted(i, body)
                 })
                 .collect(),
@@ -226,7 +226,7 @@ impl<S: Real> Tree<S> {
     /// Set the inertial parameters, shape `(10 bodies,)`, in the body frames of the model, in the order of [`crate::spatial`].
     pub fn set_parameters(&mut self, pi: &[S]) {
         for (body, p) in self.bodies.iter_mut().zip(pi.chunks_exact(PARAMETERS)) {
-            look();
+            interrupt::check();
             let given = Inertia::from_parameters(p);
             body.inertia = match body.turn {
                 None => given,

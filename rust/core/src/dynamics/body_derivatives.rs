@@ -19,7 +19,7 @@
 use super::crba::joint_column;
 use super::workspace::{Composite, Slope, Workspace};
 use crate::arm::{BASE, Tree, second_moment};
-use crate::interrupt::look_at_row;
+use crate::interrupt;
 use crate::kinematics::{Pose, place_body};
 use crate::memory::set;
 use crate::scalar::Real;
@@ -74,7 +74,7 @@ pub(super) fn bodies_by_q<S: Real>(tree: &Tree<S>, ws: &mut Workspace<S>, trig: 
     let Workspace { poses, composites, slopes, .. } = ws;
     set(d, S::zero());
     for j in (0..n).rev() {
-        look_at_row(j);
+        interrupt::check_at_row(j);
         let body = &tree.bodies[j];
         let (me, z, origin) = (slopes[j], poses[j].z(), poses[j].origin);
         let Composite { inertia: Inertia { mass, moment, inertia }, momentum, k } = composites[j];

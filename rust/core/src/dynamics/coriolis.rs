@@ -16,7 +16,7 @@ use super::Dynamics;
 use super::crba::joint_column;
 use super::workspace::{Column, Composite, Workspace};
 use crate::arm::{BASE, Tree, second_moment};
-use crate::interrupt::look_at_row;
+use crate::interrupt;
 use crate::kinematics::{Pose, from_parent, place_body};
 use crate::memory::set;
 use crate::scalar::Real;
@@ -72,7 +72,7 @@ pub fn coriolis_matrix<S: Real>(tree: &Tree<S>, ws: &mut Workspace<S>, trig: &[(
     // A local variable has the sum for the parent if the parent is the next body. So the sum can stay in registers.
     let (mut carried, mut carried_to) = (Composite::default(), BASE);
     for j in (0..n).rev() {
-        look_at_row(j);
+        interrupt::check_at_row(j);
         let body = &tree.bodies[j];
         let mut whole = composites[j];
         if carried_to == j {

@@ -8,7 +8,7 @@
 
 use super::hinge::{congruence, over, reach, rotation, to_parent};
 use crate::arm::{BASE, Body, Tree};
-use crate::interrupt::look_at_row;
+use crate::interrupt;
 use crate::kinematics::Pose;
 use crate::memory::{copies, set};
 use crate::scalar::Real;
@@ -93,7 +93,7 @@ pub(super) fn mass_matrix_entries<S: Real>(
     // A local variable has the sum for the parent if the parent is the next body. So the sum can stay in registers.
     let (mut next, mut next_at) = (Moments::default(), BASE);
     for i in (0..n).rev() {
-        look_at_row(i);
+        interrupt::check_at_row(i);
         let body = &bodies[i];
         let whole = if body.end == i + 1 {
             Moments::of(body)

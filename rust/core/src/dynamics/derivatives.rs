@@ -9,7 +9,7 @@ use super::body_derivatives::bodies_by_q;
 use super::joined::Joined;
 use super::workspace::Workspace;
 use crate::arm::Tree;
-use crate::interrupt::look_at_row;
+use crate::interrupt;
 use crate::memory::set;
 use crate::scalar::Real;
 
@@ -35,7 +35,7 @@ pub fn inverse_dynamics_by_v<S: Real>(
     tree.coriolis_matrix(ws, trig, q, v, d);
     let n = tree.n();
     for (i, row) in d.chunks_exact_mut(n.max(1)).enumerate() {
-        look_at_row(i);
+        interrupt::check_at_row(i);
         row.iter_mut().for_each(|x| *x = *x + *x);
     }
     if friction {
@@ -49,7 +49,7 @@ pub fn inverse_dynamics_by_v<S: Real>(
 pub(super) fn solve<S: Real>(n: usize, l: &[S], x: &mut [S], factor: S) {
     for c in 0..n {
         for i in 0..n {
-            look_at_row(i);
+            interrupt::check_at_row(i);
             let mut sum = x[i * n + c] * factor;
             for k in 0..i {
                 sum = l[i * n + k].neg_mul_add(x[k * n + c], sum);
@@ -57,7 +57,7 @@ pub(super) fn solve<S: Real>(n: usize, l: &[S], x: &mut [S], factor: S) {
             x[i * n + c] = sum * l[i * n + i];
         }
         for i in (0..n).rev() {
-            look_at_row(i);
+            interrupt::check_at_row(i);
             let mut sum = x[i * n + c];
             for k in i + 1..n {
                 sum = l[k * n + i].neg_mul_add(x[k * n + c], sum);
@@ -71,7 +71,7 @@ pub(super) fn solve<S: Real>(n: usize, l: &[S], x: &mut [S], factor: S) {
 pub(super) fn factor<S: Real>(n: usize, m: &mut [S]) {
     for j in 0..n {
         for k in 0..j {
-            look_at_row(k);
+            interrupt::check_at_row(k);
             let l = m[j * n + k];
             for i in j..n {
                 m[i * n + j] = m[i * n + k].neg_mul_add(l, m[i * n + j]);

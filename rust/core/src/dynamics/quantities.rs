@@ -5,7 +5,7 @@ use super::energy::{add_friction, add_wrench};
 use super::joined::Joined;
 use super::{Dynamics, Quantity, Query, coriolis, crba, derivatives, regressor};
 use crate::arm::Tree;
-use crate::interrupt::look;
+use crate::interrupt;
 use crate::kinematics as kin;
 use crate::memory;
 use crate::scalar::rows::write_one;
@@ -33,7 +33,7 @@ fn write<S: Real>(values: &[S], out: &mut [f64]) -> bool {
 fn write_many<S: Real>(values: &[S], out: &mut [f64]) -> bool {
     let mut finite = true;
     for (values, out) in values.chunks(memory::PIECE).zip(out.chunks_mut(memory::PIECE)) {
-        look();
+        interrupt::check();
         finite &= write_one(values, out);
     }
     finite

@@ -13,7 +13,7 @@ use super::hinge::to_body;
 use super::newton_euler::{inwards, moment_of, outwards};
 use super::workspace::{BodyMotion, Field, Link, Workspace};
 use crate::arm::{BASE, Body, Tree, second_moment};
-use crate::interrupt::look_at_row;
+use crate::interrupt;
 use crate::scalar::Real;
 use crate::spatial::{Inertia, Lift, Matrix, PARAMETERS, Spatial, Vector, Vector3};
 
@@ -118,7 +118,7 @@ pub fn regressor<S: Real>(
         fields[i] = Field::of(body, &motion);
     }
     for j in 0..n {
-        look_at_row(j);
+        interrupt::check_at_row(j);
         let Body { revolute, end, turn, .. } = tree.bodies[j];
         let mut twist = unit(revolute);
         if tree.bodies[j].forks {

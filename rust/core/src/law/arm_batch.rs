@@ -2,7 +2,7 @@
 //! contains the kinematics and the solution, and computes one row per SIMD lane. Few rows are solved without a program.
 
 use super::ArmSolver;
-use crate::interrupt::look;
+use crate::interrupt;
 use crate::priority::FEW;
 use crate::status::Status;
 use crate::trace::rows::Rows;
@@ -99,7 +99,7 @@ impl ArmBatch {
             declined.extend(0..status.len());
         }
         for &row in declined.iter() {
-            look();
+            interrupt::check();
             let command = if velocities.len() == m { velocities } else { &velocities[row * m..(row + 1) * m] };
             let v = &mut v[row * n..(row + 1) * n];
             match single.solve(&q[row * n..(row + 1) * n], command) {

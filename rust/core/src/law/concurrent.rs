@@ -18,7 +18,7 @@ use super::joint_columns::{JointColumn, LoopColumns};
 use super::sizes::require_size;
 use crate::dynamics::{AnyArm, Dynamics};
 use crate::error::{Error, Result, finite, positive};
-use crate::interrupt::look;
+use crate::interrupt;
 use crate::linalg::gain::Gain;
 use crate::memory;
 use crate::scalar::Real;
@@ -150,7 +150,7 @@ impl AdaptiveSpec {
         let (mut gram, mut moment) = (memory::zeros(p * p)?, vec![0.0; p]);
         let (mut weighed, mut column) = (vec![0.0; n * p], vec![0.0; n]);
         for (w, tau) in rows.chunks_exact(n * p).zip(torques.chunks_exact(n)) {
-            look();
+            interrupt::check();
             for k in 0..p {
                 for i in 0..n {
                     column[i] = w[i * p + k];
@@ -191,7 +191,7 @@ impl AdaptiveSpec {
         let (mut full, mut entries) = (vec![0.0; n * all], vec![0.0; p - bodies]);
         let joints = LoopColumns::<f64>::new(&self.columns);
         for (k, w) in rows.chunks_exact_mut(n * p).enumerate() {
-            look();
+            interrupt::check();
             let at = k * n..(k + 1) * n;
             let (v, a) = (&record.v[at.clone()], &a[at.clone()]);
             self.model.at(&record.q[at]).regressor(v, v, a, &mut full);
@@ -229,7 +229,7 @@ impl AdaptiveSpec {
         let (mut workspace, mut entries, mut inertial) = (arm.workspace(), vec![0.0; p - bodies], vec![0.0; n * bodies]);
         let parts = stored.rows.chunks_exact_mut(n * p).zip(stored.torques.chunks_exact_mut(n));
         for (window, (w, torque)) in parts.enumerate() {
-            look();
+            interrupt::check();
             entries.fill(0.0);
             inertial.fill(0.0);
             let (first, last) = (window * half, (window + 2) * half);

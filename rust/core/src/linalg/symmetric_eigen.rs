@@ -2,7 +2,7 @@
 //! Van Loan, Matrix Computations, 8.5).
 
 use crate::error::{Error, Result, finite};
-use crate::interrupt::look;
+use crate::interrupt;
 use crate::status::Status;
 
 const MAX_SWEEPS: usize = 60;
@@ -30,7 +30,7 @@ pub fn symmetric_eigen(a: &[f64], n: usize) -> Result<(Vec<f64>, Vec<f64>)> {
     for _ in 0..MAX_SWEEPS {
         let mut quiet = true;
         for p in 0..n {
-            look();
+            interrupt::check();
             for q in p + 1..n {
                 let (app, aqq, apq) = (s[p * n + p], s[q * n + q], s[p * n + q]);
                 // Skip an entry that is negligible compared with both diagonal entries, or with the rounding error of the matrix. The first

@@ -12,7 +12,7 @@
 //! `q, q', q''` is interpolated by the quintic that has all three values at both ends of a piece.
 
 use crate::error::{Error, Result, finite};
-use crate::interrupt::look;
+use crate::interrupt;
 use crate::memory;
 
 /// Number of knots between two checks for an interrupt.
@@ -101,7 +101,7 @@ fn slopes(s: &[f64], q: &[f64], n: usize, ends: Ends) -> Vec<f64> {
     let mut upper = vec![0.0; k];
     for i in 0..k {
         if i % CHECK_INTERVAL == 0 {
-            look();
+            interrupt::check();
         }
         let (low, diagonal, up) = match (i, ends) {
             (0, Ends::Clamped) => (0.0, 1.0, 0.0),
@@ -166,7 +166,7 @@ impl Path {
         let mut c = vec![0.0; (s.len() - 1) * TERMS * n];
         for p in 0..s.len() - 1 {
             if p % CHECK_INTERVAL == 0 {
-                look();
+                interrupt::check();
             }
             let h = s[p + 1] - s[p];
             for j in 0..n {
@@ -257,7 +257,7 @@ impl Path {
         let mut c = vec![0.0; (s.len() - 1) * TERMS * n];
         for p in 0..s.len() - 1 {
             if p % CHECK_INTERVAL == 0 {
-                look();
+                interrupt::check();
             }
             let h = s[p + 1] - s[p];
             for j in 0..n {

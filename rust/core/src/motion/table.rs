@@ -4,7 +4,7 @@
 //! Between two knots, the motion is the quintic polynomial in `x = (t - t_k)/dt` with the values `q, v, a` at both ends.
 
 use crate::error::{Error, Result, finite, positive};
-use crate::interrupt::look;
+use crate::interrupt;
 use crate::memory;
 use crate::scalar::Real;
 use std::sync::Arc;
@@ -100,7 +100,7 @@ impl Table {
             if at == 3 * dof {
                 (knot, at) = (knot + 1, 0);
                 if knot % CHECK_INTERVAL == 0 {
-                    look();
+                    interrupt::check();
                 }
             }
             x

@@ -12,7 +12,7 @@
 //! the larger acceleration, so the two speed curves cross at most once.
 
 use super::steps::{FrictionLink, Progress, Step, evaluate};
-use crate::interrupt::look;
+use crate::interrupt;
 
 /// A phase from rest, as integration steps.
 #[derive(Default)]
@@ -45,7 +45,7 @@ impl Curve {
             return curve;
         }
         while at.y < distance && curve.steps.len() < MAX_STEPS && !at.stands() {
-            look();
+            interrupt::check();
             let mut step = at.step(distance);
             if !(step.length > 0.0) {
                 break;

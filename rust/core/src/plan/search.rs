@@ -18,7 +18,7 @@
 //! searched by a sweep for changes of sign of the derivative. The search first uses coarse values of `dT/de` with few digits (`phase.rs`).
 //! Its last steps use accurate values.
 
-use crate::interrupt::look;
+use crate::interrupt;
 
 /// A motion with one reversal. Its angles are `x = direction theta`, where `direction` is 1 or -1. Times are in units of `sqrt(I/2)`
 /// seconds without friction, else in seconds.
@@ -105,7 +105,7 @@ impl<B: BackSwings> TurnSearch<'_, B> {
             return None;
         }
         for window in self.swings.windows(self.farthest) {
-            look();
+            interrupt::check();
             if !(window.0 < self.farthest) {
                 break;
             }
@@ -128,7 +128,7 @@ impl<B: BackSwings> TurnSearch<'_, B> {
     /// The scaled derivative at `e` within an interval. If rounding errors dominate near an edge, the result is the limit of the derivative
     /// at this edge.
     fn point(&self, e: f64, (low, high): Window, fine: bool) -> Point {
-        look();
+        interrupt::check();
         (e, self.swings.slope(e, fine).unwrap_or(if e - low < high - e { -1.0 } else { 1.0 }))
     }
 

@@ -6,7 +6,7 @@ use super::method::PriorityMethod;
 use super::regular::regular_ranks;
 use super::solver::PrioritySolver;
 use crate::error::Result;
-use crate::interrupt::look;
+use crate::interrupt;
 use crate::scalar::Real;
 use crate::status::Status;
 use crate::trace::Sym;
@@ -215,7 +215,7 @@ impl StackBatch {
         let StackBatch { program, single, declined, .. } = self;
         let (n, levels) = (single.n(), single.rows().len());
         for &i in declined.iter() {
-            look();
+            interrupt::check();
             let ended = solve_one(single, given, first + i, program.is_some());
             let sound = ended.is_ok();
             let or_nan = |x: f64| if sound { x } else { f64::NAN };

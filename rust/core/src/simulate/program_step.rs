@@ -11,7 +11,7 @@ use super::program_loop::ProgramLoop;
 use super::recorded::Recorded;
 use super::world::World;
 use crate::integrate::FixedStep;
-use crate::interrupt::look;
+use crate::interrupt;
 use crate::memory;
 use crate::motion::Table;
 use crate::scalar::Real;
@@ -193,7 +193,7 @@ pub fn tabulate(recorded: &Recorded, world: &World, steps: usize, h: f64) -> Opt
     }
     let (mut table, mut times) = (memory::zeros(numbers).ok()?, Vec::new());
     for first in (0..steps).step_by(STREAM_STEPS).filter(|_| width > 0) {
-        look();
+        interrupt::check();
         instants(layout, equal(first, (first + STREAM_STEPS).min(steps), h), &mut times);
         world.sample_each(0, &times, width, &mut table[first * new * width..]);
     }

@@ -2,7 +2,7 @@
 
 use super::bound::Bound;
 use crate::error::{Error, Result, finite, positive};
-use crate::interrupt::look;
+use crate::interrupt;
 use crate::memory;
 
 /// A time `t` counts as the end of a step if `|t - end| / dt` is below this limit, dimensionless. `dt` is the step size.
@@ -192,7 +192,7 @@ impl Schedule {
         let mut times = memory::reserved(self.count())?;
         for i in 0..self.count() {
             if i % LOOK == 0 {
-                look();
+                interrupt::check();
             }
             times.extend(self.record(i).map(|record| record.t));
         }

@@ -7,7 +7,7 @@
 use super::cache::{Cache, MadeOnce};
 use super::function::{Evaluation, KEPT_OPERATIONS, Recorded};
 use super::tangents::{Tangents, tangents};
-use crate::interrupt::look;
+use crate::interrupt;
 use std::sync::Arc;
 
 /// The maximum number of recorded operations of all stored functions together. Each function is stored with its derivatives, which have
@@ -153,7 +153,7 @@ impl Jacobian {
         let tangent = self.tangent.get_or_insert_with(|| self.prepared.tangent(self.compiled).with(&self.values));
         let lanes = tangent.lanes();
         for first in (0..x.len() - fixed).step_by(lanes) {
-            look();
+            interrupt::check();
             let (at, direction) = tangent.all_inputs().split_at_mut(x.len() * lanes);
             at.chunks_exact_mut(lanes).zip(x).for_each(|(at, &x)| at.fill(x));
             direction.fill(0.0);

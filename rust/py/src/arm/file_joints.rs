@@ -7,7 +7,7 @@ use crate::broadcast::{broadcast, require_all_finite};
 use crate::errors::entry;
 use crate::interrupts::long;
 use armlet_core::dynamics::Quantity;
-use armlet_core::interrupt::look;
+use armlet_core::interrupt;
 use armlet_macros::entered;
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
@@ -100,7 +100,7 @@ impl Arm {
             written_array(py, &shape, |out| {
                 long(py, || {
                     for (i, out) in out.chunks_exact_mut(width.max(1)).enumerate() {
-                        look();
+                        interrupt::check();
                         self.model.file_positions(inputs.row(0, i), out);
                     }
                     Ok(())

@@ -16,7 +16,7 @@ use crate::interrupts::long;
 use crate::seal::bytes;
 use armlet_core::arm::{self as core, Frame, Joint, JointType, Limits, Mimic};
 use armlet_core::error::{Error, Result as CoreResult};
-use armlet_core::interrupt::look;
+use armlet_core::interrupt;
 use armlet_core::memory;
 use armlet_core::spatial::{Matrix3, Placement, Vector3};
 use armlet_macros::entered;
@@ -68,7 +68,7 @@ impl Stored {
         out.text(&arm.name)?;
         out.numbers(&arm.gravity)?;
         for j in &arm.joints {
-            look();
+            interrupt::check();
             out.index(j.parent)?;
             out.placement(&j.placement)?;
             out.numbers(&j.axis)?;
@@ -78,7 +78,7 @@ impl Stored {
             out.text(j.kind.name())?;
         }
         for f in &arm.frames {
-            look();
+            interrupt::check();
             out.index(f.body)?;
             out.integer(i64::from(f.joint.is_some()))?;
             out.placement(&f.placement)?;
@@ -191,11 +191,11 @@ fn arm_of(integers: &[u8], numbers: &[u8], text: &[u8]) -> CoreResult<core::Arm>
         report: memory::reserved(remarks)?,
     };
     for i in 0..joints {
-        look();
+        interrupt::check();
         arm.joints.push(reader.joint(i).ok_or_else(damaged)?);
     }
     for _ in 0..frames {
-        look();
+        interrupt::check();
         arm.frames.push(reader.frame(joints).ok_or_else(damaged)?);
     }
     for _ in 0..mimics {

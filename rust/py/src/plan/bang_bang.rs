@@ -7,7 +7,7 @@ use crate::arrays::require_finite;
 use crate::broadcast::columns;
 use crate::errors::entry;
 use crate::interrupts::long;
-use armlet_core::interrupt::look;
+use armlet_core::interrupt;
 use armlet_macros::entered;
 use pyo3::prelude::*;
 
@@ -69,7 +69,7 @@ pub fn bang_bang_time<'py>(
                     let (most, least) = c.last_two();
                     let bad = long(py, || {
                         for (most, least) in most.chunks(CHUNK).zip(least.chunks_mut(CHUNK)) {
-                            look();
+                            interrupt::check();
                             if let Some(&bad) = most.iter().find(|&&x| x <= 0.0) {
                                 return Ok(Some(bad));
                             }

@@ -7,7 +7,7 @@ use crate::errors::{Failure, entry, input_error};
 use crate::interrupts::{Breaks, long, signalled};
 use crate::seal::{Sealed, seal_call};
 use armlet_core::error::Error;
-use armlet_core::interrupt::{interrupt, look};
+use armlet_core::interrupt::{self, interrupt};
 use armlet_core::{memory, parallel, plan};
 use armlet_macros::entered;
 use pyo3::exceptions::PyIndexError;
@@ -81,7 +81,7 @@ impl BangBangBatch {
         };
         let [t_min, t_max, a_min, a_max] = written_arrays(py, shape, |mut times| {
             let work = |(start, (numbers, flags)): Part| {
-                look();
+                interrupt::check();
                 let end = start + flags[0].len();
                 // The planner takes `tau_min` before `tau_max`.
                 let columns = [0, 1, 2, 3, 5, 4].map(|k| column(k, start, end));

@@ -7,7 +7,7 @@ use crate::errors::{Failure, entry, input_error};
 use crate::interrupts::long;
 use crate::seal::Sealed;
 use armlet_core::error::Error;
-use armlet_core::interrupt::look;
+use armlet_core::interrupt;
 use armlet_core::plan::{self, TorqueProfile};
 use armlet_macros::entered;
 use pyo3::prelude::*;
@@ -119,7 +119,7 @@ impl TorqueOptimum {
             long(py, || {
                 for (i, &t) in times.iter().enumerate() {
                     if i % LOOK == 0 {
-                        look();
+                        interrupt::check();
                     }
                     let s = profile.at(t);
                     for (out, x) in outs.iter_mut().zip([s.q, s.v, s.a, s.tau]) {

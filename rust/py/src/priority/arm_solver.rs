@@ -14,7 +14,7 @@ use crate::interrupts::{long, signalled};
 use crate::seal::{Sealed, seal_call};
 use crate::task::each;
 use armlet_core::error::Error;
-use armlet_core::interrupt::{interrupt, look};
+use armlet_core::interrupt::{self, interrupt};
 use armlet_core::law::{ArmSolver as Core, with_limits};
 use armlet_core::memory;
 use armlet_core::simulate::{default_threads, solve_rows};
@@ -170,7 +170,7 @@ impl ArmPrioritySolver {
                 let values = if one || shape == lead { values } else { crate::broadcast::stretch(&shape, &lead, &values, m)? };
                 for row in 0..commands {
                     if row % LOOK == 0 {
-                        look();
+                        interrupt::check();
                     }
                     stacked[row * total + at..row * total + at + m].copy_from_slice(&values[row * m..(row + 1) * m]);
                 }

@@ -5,7 +5,7 @@
 use super::{IkOptions, IkSolver};
 use crate::arm::Arm;
 use crate::error::{Error, Result};
-use crate::interrupt::{interrupt, look};
+use crate::interrupt::{self, interrupt};
 use crate::kinematics::TaskFunction;
 use crate::memory;
 use crate::parallel;
@@ -209,7 +209,7 @@ fn by_task(stacked: &[f64], functions: &[TaskFunction], slots: usize, total: usi
         let mut own = memory::reserved(slots * m)?;
         for (i, row) in stacked.chunks_exact(total.max(1)).enumerate() {
             if i % (1 << 12) == 0 {
-                look();
+                interrupt::check();
             }
             own.extend_from_slice(&row[at..at + m]);
         }

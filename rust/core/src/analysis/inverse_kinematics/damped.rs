@@ -10,7 +10,7 @@
 use super::super::uniform::{mirror, within};
 use super::attempt::{StartResult, advance, aim_at_middle, better, blocked, clip, largest, misses_of};
 use crate::arm::Arm;
-use crate::interrupt::look;
+use crate::interrupt;
 use crate::kinematics::{TaskFunction, TaskStack};
 use crate::linalg::dot;
 
@@ -77,7 +77,7 @@ impl Damped {
         };
         let (mut state, mut q, zeros) = (0, vec![0.0; n], vec![0.0; n]);
         for k in 0..2 * SAMPLES {
-            look();
+            interrupt::check();
             match k % 2 {
                 0 => within(bounds, angles, &zeros, &mut state, &mut q),
                 _ => mirror(bounds, angles, &zeros, &mut q),
@@ -98,7 +98,7 @@ impl Damped {
         let (mut mark, mut since) = (f64::INFINITY, 0);
         clip(q, reach.bounds);
         for _ in 0..reach.max_iterations.max(1) {
-            look();
+            interrupt::check();
             self.look_at(q, desired, reach.tolerance, found);
             if self.misses.iter().all(|miss| *miss == 0.0) {
                 return true;

@@ -14,7 +14,7 @@ use super::active_limits::{Constraints, Matrix, Vector, inverse, newton_step, nu
 use super::attempt::{StartResult, better, clip, misses_of};
 use crate::arm::Arm;
 use crate::error::{Error, Result};
-use crate::interrupt::look;
+use crate::interrupt;
 use crate::kinematics::{TaskFunction, TaskStack};
 use crate::status::Status;
 use std::ops::Range;
@@ -102,7 +102,7 @@ impl Nearest {
         let above: Vec<f64> = (0..level).map(|j| self.cost(j, &start)).collect();
         let mut flat = 0;
         for _ in 0..self.most {
-            look();
+            interrupt::check();
             let here = self.rows_of(goal, q);
             let (range, constraints) = (self.range(level), self.constraints(level, goal, (q, &here), fixed)?);
             let (e, j) = (here.e.rows_range(range.clone()), here.j.rows_range(range));

@@ -7,7 +7,7 @@ use super::damped::{Damped, Reach};
 use super::options::{IkOptions, limits};
 use crate::arm::Arm;
 use crate::error::Result;
-use crate::interrupt::look;
+use crate::interrupt;
 use crate::kinematics::TaskFunction;
 use crate::kinematics::task::Posture;
 use crate::law::ArmSolver;
@@ -140,7 +140,7 @@ impl NewtonSearch {
         q.copy_from_slice(&self.found.q);
         self.look_at(q);
         for _ in 0..LAST_STEPS {
-            look();
+            interrupt::check();
             self.solver.prepare(q);
             self.e[rows..].fill(0.0);
             self.set_thresholds()?;
@@ -161,7 +161,7 @@ impl NewtonSearch {
         self.mark.fill(f64::INFINITY);
         let mut since = 0;
         for _ in 0..self.search.max_iterations.max(1) {
-            look();
+            interrupt::check();
             self.look_at(q);
             self.keep_best(q);
             if self.misses.iter().all(|miss| *miss == 0.0) {

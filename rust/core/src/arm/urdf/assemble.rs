@@ -8,7 +8,7 @@ use super::part::Part;
 use super::source::Source;
 use crate::arm::{Arm, Follows, Frame, Joint, STANDARD_GRAVITY};
 use crate::error::{Result, listed};
-use crate::interrupt::look;
+use crate::interrupt;
 use crate::spatial::{Matrix, Placement, Vector, Vector3};
 
 pub fn arm(source: &Source, mut robot: Robot, options: &UrdfOptions) -> Result<Arm> {
@@ -29,7 +29,7 @@ pub fn arm(source: &Source, mut robot: Robot, options: &UrdfOptions) -> Result<A
     // the body of the moving joint.
     let mut stack: Vec<(usize, Option<usize>, Option<usize>, Placement)> = vec![(part.base, None, None, Placement::IDENTITY)];
     while let Some((link, through, carrier, parent)) = stack.pop() {
-        look();
+        interrupt::check();
         let placement = through.map_or(parent, |j| parent.then(&robot.joints[j].placement));
         let frame = Frame { name: robot.links[link].name.clone(), body: carrier, placement, joint: None };
         let inertia = &robot.links[link].inertia;

@@ -5,7 +5,7 @@ use super::declaration::{is_xacro, xacro_name};
 use super::source::Source;
 use crate::arm::{JointKind, Limits};
 use crate::error::{Error, Result};
-use crate::interrupt::look;
+use crate::interrupt;
 use crate::spatial::{Inertia, Placement};
 use roxmltree::{Document, Node};
 use std::collections::BTreeMap;
@@ -80,7 +80,7 @@ pub fn read(source: &Source, document: &Document) -> Result<Robot> {
     }
     let (mut links, mut joints) = (Vec::new(), Vec::new());
     for node in root.children().filter(Node::is_element) {
-        look();
+        interrupt::check();
         match node.tag_name().name() {
             _ if is_xacro(node) => reader.leftover(node)?,
             "link" => links.push(reader.link(node)),

@@ -6,7 +6,7 @@ use super::link_tree::{Fault, LinkTree, Place};
 use super::options::UrdfOptions;
 use super::source::Source;
 use crate::error::{Error, Result, listed};
-use crate::interrupt::look;
+use crate::interrupt;
 
 pub struct Part {
     /// Whether the arm is the whole robot: neither `root` nor `tip` is given.
@@ -55,7 +55,7 @@ impl Part {
         part.links[part.base] = true;
         let mut stack = vec![part.base];
         while let Some(link) = stack.pop() {
-            look();
+            interrupt::check();
             for &j in tree.children[link].iter().rev() {
                 let Some(child) = tree.ends[j][1] else { continue };
                 if robot.joints[j].moves && path.as_ref().is_some_and(|on| !on[child]) {

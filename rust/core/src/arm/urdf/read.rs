@@ -9,7 +9,7 @@ use super::source::Source;
 use super::{assemble, declaration, element};
 use crate::arm::Arm;
 use crate::error::{Error, Result};
-use crate::interrupt::look;
+use crate::interrupt;
 use crate::memory;
 use std::io::Read;
 use std::path::Path;
@@ -117,7 +117,7 @@ fn scan(source: &Source, text: &str) -> Result<()> {
     let bytes = text.as_bytes();
     let (mut i, mut depth) = (0, 0usize);
     while let Some(open) = find(bytes, i, b'<') {
-        look();
+        interrupt::check();
         let rest = &text[open..];
         let skip_to = |end: &str, from: usize| rest[from..].find(end).map_or(bytes.len(), |k| open + from + k + end.len());
         if rest.starts_with("<!--") {

@@ -5,7 +5,7 @@ use super::plausible::negative_moment;
 use super::plausible::{DRIVE, INERTIA, LENGTH, MASS};
 use crate::arm::{Arm, Frame, JointKind, STANDARD_GRAVITY};
 use crate::error::listed;
-use crate::interrupt::look;
+use crate::interrupt;
 use crate::spatial::{Inertia, PARAMETERS, Placement, RotationMatrix, Vector, Vector3};
 use std::collections::HashSet;
 use std::fmt::Write;
@@ -66,7 +66,7 @@ impl Arm {
         let mut out = String::new();
         let _ = writeln!(out, "<?xml version=\"1.0\"?>\n<robot name=\"{}\">", escaped(&self.name));
         for (s, name) in names.iter().enumerate() {
-            look();
+            interrupt::check();
             if own[s].is_none() {
                 let parameters = s.checked_sub(1).map(|b| &self.joints[b].parameters);
                 link(&mut out, name, parameters, &mut report);
@@ -76,7 +76,7 @@ impl Arm {
             }
         }
         for (k, frame) in self.frames.iter().enumerate() {
-            look();
+            interrupt::check();
             let s = slot(frame.body);
             if own[s] != Some(k) {
                 link(&mut out, &frame.name, None, &mut report);

@@ -10,7 +10,7 @@ use super::magnitudes::FASTEST;
 use super::reach::Profile;
 use super::samples::{Samples, Segment};
 use super::tip::length;
-use crate::interrupt::look;
+use crate::interrupt;
 use crate::scalar::{GenericKernel, Real, run_lanes};
 
 /// The values of a block of rows at the samples of a segment.
@@ -244,7 +244,7 @@ impl<F: FnMut(usize, usize, f64, f64)> GenericKernel for Examine<'_, F> {
         let mut order = 0;
         for (k, &i) in list.iter().enumerate() {
             if k % CHECK_INTERVAL == 0 {
-                look();
+                interrupt::check();
             }
             let (first, last) = self.course.spans[self.samples.span[i]];
             let window = self.course.stencil.of(i, first, last).filter(|_| !self.samples.exact[i]);

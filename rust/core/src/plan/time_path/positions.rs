@@ -5,7 +5,7 @@
 
 use super::mover::Mover;
 use super::reason::{LimitKind, PathReason, Shortfall};
-use crate::interrupt::look;
+use crate::interrupt;
 use crate::motion::{Path, TERMS};
 
 /// The relative tolerance of a position limit, for rounding errors of the path.
@@ -55,7 +55,7 @@ pub(super) fn beyond(mover: Mover, path: &Path, lower: &[f64], upper: &[f64]) ->
     let (knots, coefficients) = (path.knots(), path.coefficients());
     let (mut places, mut worst): (Vec<f64>, Option<PathReason>) = (Vec::new(), None);
     for (p, piece) in coefficients.chunks_exact(TERMS * n).enumerate() {
-        look();
+        interrupt::check();
         for j in 0..n {
             let c: Polynomial = std::array::from_fn(|k| piece[k * n + j]);
             let reach: f64 = c[1..].iter().map(|c| c.abs()).sum();

@@ -23,7 +23,7 @@ use super::setup::PathProblem;
 use super::timing::TimePath;
 use super::tip::length;
 use crate::error::Result;
-use crate::interrupt::look;
+use crate::interrupt;
 use crate::motion::TimedPath;
 
 /// Exponents `j`: the search tries windows of `2^j` times the duration of the fastest timing.
@@ -155,7 +155,7 @@ impl<'a> RateSamples<'a> {
         let mut worst = Beyond { excess: f64::NEG_INFINITY, joint: None, limit: LimitKind::TorqueRate, s: s[0] };
         for i in 0..(s.len() - 1) / per {
             if i % CHECK_INTERVAL == 0 {
-                look();
+                interrupt::check();
             }
             for j in 0..n {
                 let torque = |m: usize| held[n * m + j] + rubbed[n * m + j] * by + all[stride * m + j] * by2;

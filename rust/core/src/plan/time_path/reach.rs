@@ -16,7 +16,7 @@
 use super::lines::{LimitRows, Lines, STATIC_EXCESS, largest, load};
 use super::magnitudes::{FAR, NONE};
 use super::tip::Ball;
-use crate::interrupt::look;
+use crate::interrupt;
 use crate::scalar::{GenericKernel, Real, run_lanes};
 use nalgebra::Vector3;
 
@@ -111,7 +111,7 @@ impl GenericKernel for Solve<'_> {
         (low[count], high[count], led[count]) = (rows.x_end, rows.x_end, whole);
         for i in (0..count).rev() {
             if i % CHECK_INTERVAL == 0 {
-                look();
+                interrupt::check();
             }
             if stale[i] {
                 lines.build::<S>(rows, i, i, 0.0);

@@ -12,7 +12,7 @@ use super::along::Along;
 use super::mover::Mover;
 use super::tip::{self, TIP};
 use crate::dynamics::{Quantity, Query};
-use crate::interrupt::look;
+use crate::interrupt;
 use crate::motion::Path;
 
 /// Joint friction: `viscous v + coulomb sign(v)`, `(n,)` each.
@@ -90,7 +90,7 @@ impl Points<'_> {
         let mut answers = vec![0.0; BLOCK_POINTS * length];
         let mut tips = vec![0.0; if tip.is_some() { BLOCK_POINTS * TIP } else { 0 }];
         for first in (0..count).step_by(BLOCK_POINTS) {
-            look();
+            interrupt::check();
             let block = BLOCK_POINTS.min(count - first);
             let [q, v, a] = &mut points;
             for k in 0..block {

@@ -21,7 +21,7 @@ use super::prepared::{Preparation, Prepared};
 use super::timeline::Operation;
 use crate::error::{Error, Result};
 use crate::integrate::{MethodKind, Scheme, StepController, Tableau, Tolerance, WithScheme};
-use crate::interrupt::look;
+use crate::interrupt;
 use crate::memory;
 use crate::simulate::sampling::gaussian;
 use crate::status::Status;
@@ -73,7 +73,7 @@ impl WithScheme for Divide<'_> {
         let tableau = Tableau::with_last_stage::<C>();
         let mut run = ControlledRun::new::<C>(self.prepared, &mixture, &tableau, self.steps)?;
         for &operation in &self.prepared.timeline.operations {
-            look();
+            interrupt::check();
             match operation {
                 Operation::Step { t, h, end, mode } => run.divide::<C>((t, h, end), mode)?,
                 other => run.blocks.iter_mut().try_for_each(|block| block.jump(other))?,

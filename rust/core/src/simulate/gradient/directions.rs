@@ -2,7 +2,7 @@
 
 use super::parameters::{Parameters, entangled, is_shared};
 use crate::error::{Error, Result};
-use crate::interrupt::look;
+use crate::interrupt;
 use crate::memory;
 use crate::motion::Side;
 use crate::simulate::assembly::{assemble, start, world};
@@ -44,7 +44,7 @@ fn combined(base: &[f64], others: &[(&[f64], f64)], mut put: impl FnMut(usize, f
 
 /// Return all loop parameters of run `run`.
 fn numbers(problem: &Problem, run: usize) -> Vec<f64> {
-    look();
+    interrupt::check();
     sym::begin_moving(Moving::All);
     drop(assemble(problem, run, false));
     sym::finish().values
@@ -65,7 +65,7 @@ pub fn start_rates(problem: &Problem, parameters: Parameters) -> Result<Vec<f64>
         group.rates(&first, parameters.all, |run| Ok(starts(run)), |k, p, rate| rates[k * count + p] = rate)?;
     }
     for (p, parameter) in parameters.all.iter().enumerate().filter(|&(p, _)| !is_shared(parameters.shared, p)) {
-        look();
+        interrupt::check();
         let others: Vec<(Vec<f64>, f64)> = parameter.iter().map(|&(run, weight)| (starts(run), weight)).collect();
         let others: Vec<(&[f64], f64)> = others.iter().map(|(values, weight)| (values.as_slice(), *weight)).collect();
         combined(&first, &others, |k, rate| rates[k * count + p] = rate);

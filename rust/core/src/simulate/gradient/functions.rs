@@ -5,7 +5,7 @@ use super::directions::{Directions, refused};
 use super::set_ups::SetUps;
 use super::timeline::Contacts;
 use crate::error::{Error, Result};
-use crate::interrupt::look;
+use crate::interrupt;
 use crate::law::Route;
 use crate::scalar::Real;
 use crate::simulate::assembly::assemble;
@@ -120,7 +120,7 @@ impl LoopFunctions {
         let sizes = Sizes::of(problem, directions);
         let refusal = || Error::input("law", format!("has no derivatives of runs: {} branches on its numbers", problem.law(0).name()));
         let all = |run: usize| {
-            look();
+            interrupt::check();
             let of = LoopRecorder { problem, run, directions, sizes: &sizes };
             let guards: Option<Vec<Function>> = contacts.guards.iter().map(|&guard| of.guard(guard)).collect();
             Some(LoopFunctions { sizes, rates: of.rates(contacts.held())?, law: of.law()?, guards: guards?, branches: None })

@@ -1,7 +1,7 @@
 //! The recorded set-ups of a loop: the operations that compute its constants from the loop parameters.
 
 use super::directions::Directions;
-use crate::interrupt::look;
+use crate::interrupt;
 use crate::simulate::assembly::assemble;
 use crate::simulate::key::{Common, Key};
 use crate::simulate::problem::Problem;
@@ -30,7 +30,7 @@ pub struct SetUps {
 impl SetUps {
     pub fn of(problem: &Problem, directions: &Directions) -> Self {
         let of = |run: usize| {
-            look();
+            interrupt::check();
             sym::begin_moving(Moving::These(directions.moving.clone()));
             drop(assemble(problem, run, false));
             let recording = sym::finish();

@@ -1,7 +1,7 @@
 //! A run as a list of operations in time order: steps, samples and records.
 
 use crate::error::{Error, Result};
-use crate::interrupt::look;
+use crate::interrupt;
 use crate::memory::append;
 use crate::plant::Touch;
 use crate::simulate::problem::{Division, Problem};
@@ -286,7 +286,7 @@ impl<'a> TimelineBuilder<'a> {
 
     fn fixed(mut self, schedule: &Schedule, hold: usize) -> Result<Timeline> {
         for step in 0..=schedule.steps {
-            look();
+            interrupt::check();
             let t = schedule.time(step);
             if hold != 0 && step.is_multiple_of(hold) && schedule.is_on_grid(step) {
                 self.sample(after_jump(self.passed(t, ON_STEP * schedule.dt), t))?;
@@ -315,7 +315,7 @@ impl<'a> TimelineBuilder<'a> {
     fn adaptive(mut self, path: &AdaptivePath, records: &[f64]) -> Result<Timeline> {
         let mut switched = path.switched.iter().peekable();
         for (j, &t) in path.times.iter().enumerate() {
-            look();
+            interrupt::check();
             while let Some(next) = switched.next_if(|next| next.t <= t) {
                 self.switch(t, next)?;
             }

@@ -6,7 +6,7 @@ use super::prepared::Prepared;
 use super::timeline::{Acting, Operation, Timeline};
 use crate::error::{Error, Result, all_finite};
 use crate::integrate::Tableau;
-use crate::interrupt::look;
+use crate::interrupt;
 use crate::linalg::Pairs;
 use crate::motion::Side;
 use crate::simulate::assembly::start;
@@ -147,7 +147,7 @@ impl<'a> Walker<'a> {
     }
 
     pub fn apply(&mut self, operation: Operation, state: &mut [f64]) -> Result<()> {
-        look();
+        interrupt::check();
         match operation {
             Operation::Sample { k, t } => self.sample(k, t, state),
             Operation::Act(acting) => {
