@@ -59,7 +59,7 @@ pub use with_method::{WithAdaptive, WithExplicitSteps, WithScheme, WithSteps};
 use crate::linalg::Pairs;
 use crate::scalar::Real;
 
-/// A system of differential equations `x' = f(u(t), x)`, with all hooks that the integration methods call. Times and step sizes are in s.
+/// A system of differential equations `x' = f(u(t), x)`, as the integration methods see it. Times and step sizes are in s.
 /// Unless stated otherwise, states, slopes and other arrays have one entry per state.
 ///
 /// ```
@@ -97,26 +97,6 @@ pub trait System<S: Real> {
     fn chatter_budget(&self) -> u64 {
         500_000
     }
-    /// Evaluate the sampled law of a loop at time `t` and state `x`. Its output is then held until the next sample.
-    fn sample(&mut self, _t: f64, _x: &[S]) {}
-    /// Update the switches of the system at time `t` and state `x`, before a fixed step. An example of a switch is stick or slip of a
-    /// joint. Return whether the slope jumps.
-    fn enter_step(&mut self, _t: f64, _x: &[S]) -> bool {
-        false
-    }
-    /// Update the switches of the system at state `x`, after a fixed step. The function may change `x`, for example to stop a sliding
-    /// joint. Return whether `x` changed.
-    fn leave_step(&mut self, _x: &mut [S]) -> bool {
-        false
-    }
-    /// Remove the rounding errors of an adaptive method from components that the system holds at rest, such as the velocities of stuck
-    /// joints.
-    fn still(&mut self, _x: &mut [S]) {}
-    /// Add the contribution of time `t` to the metrics. `x` contains the state, and then the metrics. `h` is the time to the next step, s,
-    /// and zero at the end of the run.
-    fn sum_up(&mut self, _t: f64, _h: f64, _x: &mut [S]) {}
-    /// Store the state at time `t` as record `i`. Only a system that stores the records of a run itself implements this function.
-    fn note(&mut self, _i: usize, _t: f64, _x: &[S]) {}
     /// The index of the component that is the rate of component `i`: `x_i' = x_k` gives `Some(k)`. Methods that treat positions and
     /// velocities differently require this index. `None` means that no component is this rate.
     fn rate_of(&self, i: usize) -> Option<usize> {

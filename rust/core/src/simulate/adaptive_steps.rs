@@ -3,9 +3,10 @@
 use super::rates_loop::RatesLoop;
 use super::schedule::Times;
 use super::segments::{Clock, Cut, ON_SAMPLE, Outcome, Segments};
+use super::simulated_loop::SimulatedLoop;
 use super::stop::Stop;
 use super::watching::Watching;
-use crate::integrate::{Adaptive, System};
+use crate::integrate::Adaptive;
 use crate::status::Status;
 
 /// An accepted step.
@@ -58,7 +59,7 @@ impl DueRecords<'_> {
                 }
                 if step.ends {
                     method.interpolate(system, step.reached, at);
-                    system.still(at);
+                    system.remove_creep(at);
                     record(step.reached, system, at);
                 } else {
                     record(step.reached, system, method.x());
@@ -68,7 +69,7 @@ impl DueRecords<'_> {
                 while self.wanted < t_eval.len() && t_eval[self.wanted] <= step.reached {
                     let t = t_eval[self.wanted];
                     method.interpolate(system, t, at);
-                    system.still(at);
+                    system.remove_creep(at);
                     // A record at a sample time contains the input that acts after the sample.
                     if step.sample == Some(t) {
                         system.sample(t, at);
@@ -184,7 +185,7 @@ where
             if !ends && !segments.bound.holds(method.x()) {
                 return outcome(Status::Diverged, reached, method);
             }
-            system.still(method.x_mut());
+            system.remove_creep(method.x_mut());
             if watch.active() {
                 watch.keep(system, method, reached);
             }

@@ -4,21 +4,10 @@ use super::closed_loop::{ClosedLoop, Closing};
 use super::monitors;
 use super::problem::Problem;
 use super::sampler::Sampler;
-use super::sink::Sink;
 use super::torque_sensing::TorqueSensing;
-use super::world::{Exogenous, World};
-use crate::integrate::System;
+use super::world::World;
 use crate::law::{Route, Truth};
 use crate::scalar::Real;
-
-/// A loop whose run can be recorded.
-pub trait Watched<S: Real>: System<S, Input = Exogenous<S>> {
-    /// Return the plant's input at time `t` and state `x`.
-    fn input_at(&mut self, t: f64, x: &[S]) -> &[S];
-    /// Pass the stored records to the sink. A program stores them if it computes several steps. `time(k)` is the time at the start of step
-    /// `k`.
-    fn pass_on(&mut self, _time: &dyn Fn(usize) -> f64, _: &mut dyn Sink) {}
-}
 
 /// Return the desired motions and forces of the runs `run(lane)`.
 pub fn world<'a>(problem: &'a Problem, lanes: usize, run: impl Fn(usize) -> usize) -> World<'a> {

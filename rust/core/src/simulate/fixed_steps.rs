@@ -6,8 +6,9 @@
 
 use super::bound::Bound;
 use super::schedule::{Schedule, Within, after_jump, is_end};
+use super::simulated_loop::SimulatedLoop;
 use super::stop::Stop;
-use crate::integrate::{FixedStep, System};
+use crate::integrate::FixedStep;
 use crate::scalar::Real;
 
 /// The largest number of steps between two checks.
@@ -42,7 +43,7 @@ pub fn run<S, F, M>(
 ) -> Faults
 where
     S: Real,
-    F: System<S>,
+    F: SimulatedLoop<S>,
     M: FixedStep<S, F, Vec<S>>,
 {
     let mut faults = Faults { at: vec![f64::INFINITY; S::LANES], interrupted: false, steps: 0 };
@@ -119,7 +120,7 @@ fn run_block<S, F, M>(
     (start, x): (&Vec<S>, &mut Vec<S>),
 ) where
     S: Real,
-    F: System<S>,
+    F: SimulatedLoop<S>,
     M: FixedStep<S, F, Vec<S>>,
 {
     let (bound, first_break) = (schedule.bound, *next_break);
@@ -196,7 +197,7 @@ fn smooth_steps(schedule: &Schedule, step: usize, to: usize, hold: usize, next_b
 fn one_step<S, F, M>(system: &mut F, method: &mut M, schedule: &Schedule, step: usize, offset: f64, next_break: &mut usize, x: &mut Vec<S>)
 where
     S: Real,
-    F: System<S>,
+    F: SimulatedLoop<S>,
     M: FixedStep<S, F, Vec<S>>,
 {
     let (t, mut end) = (schedule.time(step), schedule.time(step + 1));
@@ -217,7 +218,7 @@ pub fn divided_step<S, F, M>(
     x: &mut Vec<S>,
 ) where
     S: Real,
-    F: System<S>,
+    F: SimulatedLoop<S>,
     M: FixedStep<S, F, Vec<S>>,
 {
     loop {

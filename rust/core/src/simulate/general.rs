@@ -1,7 +1,6 @@
 //! Runs of any plant with any law, by any method, on plain numbers or on lanes.
 
 use super::adaptive_steps;
-use super::assembly::Watched;
 use super::fixed_steps::{self, Record};
 use super::monitors;
 use super::problem::{Division, Ended, Fixed, Problem};
@@ -9,6 +8,7 @@ use super::rates_loop::RatesLoop;
 use super::rates_programs::Rates;
 use super::run_observer::RunObserver;
 use super::segments::Segments;
+use super::simulated_loop::SimulatedLoop;
 use super::sink::Sink;
 use super::stop::Stop;
 use super::watching::Watching;
@@ -57,7 +57,7 @@ impl LaneRecorder<'_> {
     }
 }
 
-impl<S: Real, F: Watched<S>> Record<S, F> for LaneRecorder<'_> {
+impl<S: Real, F: SimulatedLoop<S>> Record<S, F> for LaneRecorder<'_> {
     fn record(&mut self, i: usize, t: f64, closed: &mut F, x: &[S]) {
         let tau = closed.input_at(t, x);
         self.write(i, t, x, tau);
@@ -77,7 +77,7 @@ impl<'a> General<'a> {
     pub fn fixed<S, F, M>(self, fixed: &Fixed, closed: &mut F, x: Vec<S>, mut method: M) -> Ended
     where
         S: Real,
-        F: Watched<S>,
+        F: SimulatedLoop<S>,
         M: FixedStep<S, F, Vec<S>>,
     {
         let time = |step: usize| fixed.schedule.time(step);

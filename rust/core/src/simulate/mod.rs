@@ -66,6 +66,7 @@ mod sampler;
 mod sampling;
 mod schedule;
 mod segments;
+mod simulated_loop;
 mod single;
 mod sink;
 mod stepper;

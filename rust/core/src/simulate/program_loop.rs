@@ -1,11 +1,11 @@
 //! A recorded loop with the interface of a closed loop. Its programs are the compiled recordings, and a frame is their memory. The method
 //! in [`super::program_step`] advances this loop by fixed steps.
 
-use super::assembly::Watched;
 use super::layout::Layout;
 use super::log::{Log, MOST_LANES};
 use super::recorded::Recorded;
 use super::sampler::Sampler;
+use super::simulated_loop::SimulatedLoop;
 use super::sink::Sink;
 use super::world::{Exogenous, World};
 use crate::integrate::System;
@@ -194,6 +194,12 @@ impl<S: Real> System<S> for ProgramLoop<'_, S> {
     fn input(&mut self, t: f64, u: &mut Exogenous<S>) {
         self.world.sample(t, u);
     }
+    fn rhs(&mut self, _: &Exogenous<S>, _: &[S], _: &mut [S]) {
+        unreachable!("a recorded loop advances by whole steps")
+    }
+}
+
+impl<S: Real> SimulatedLoop<S> for ProgramLoop<'_, S> {
     fn sample(&mut self, t: f64, x: &[S]) {
         if let Some(mut sampler) = self.sampler.take() {
             self.sample_by(&mut sampler, t, x);
@@ -202,8 +208,11 @@ impl<S: Real> System<S> for ProgramLoop<'_, S> {
             self.observe(t, x);
         }
     }
-    fn rhs(&mut self, _: &Exogenous<S>, _: &[S], _: &mut [S]) {
-        unreachable!("a recorded loop advances by whole steps")
+    fn input_at(&mut self, t: f64, x: &[S]) -> &[S] {
+        if !self.held {
+            self.observe(t, x);
+        }
+        &self.tau
     }
     fn sum_up(&mut self, t: f64, h: f64, x: &mut [S]) {
         let recorded = self.recorded.clone();
@@ -231,15 +240,6 @@ impl<S: Real> System<S> for ProgramLoop<'_, S> {
             log.note_state(i, k, frame);
             log.note_rest(i, k, frame);
         }
-    }
-}
-
-impl<S: Real> Watched<S> for ProgramLoop<'_, S> {
-    fn input_at(&mut self, t: f64, x: &[S]) -> &[S] {
-        if !self.held {
-            self.observe(t, x);
-        }
-        &self.tau
     }
     fn pass_on(&mut self, time: &dyn Fn(usize) -> f64, sink: &mut dyn Sink) {
         if let Some(log) = &mut self.log {

@@ -5,13 +5,14 @@
 //! and steppers, machine code is made at the start. The bits are the same in both cases. If an angle exceeds the range of the sines of
 //! machine code, the interpreter continues. A stepper uses machine code again from a state that the caller sets.
 
-use super::assembly::{Watched, sampler, start, world};
+use super::assembly::{sampler, start, world};
 use super::force::Wrench;
 use super::key::Common;
 use super::problem::Problem;
 use super::rates_programs::{self, Rates};
 use super::running_rates::Running;
 use super::sampler::Sampler;
+use super::simulated_loop::SimulatedLoop;
 use super::sticking_joints::StickingJoints;
 use super::world::{Exogenous, World};
 use crate::integrate::{Attempt, Buffer, Differentiable, Scheme, System};
@@ -287,6 +288,12 @@ impl System<f64> for RatesLoop<'_> {
         }
         valid == Some(true)
     }
+    fn pairs(&self) -> Pairs {
+        self.pairs
+    }
+}
+
+impl SimulatedLoop<f64> for RatesLoop<'_> {
     fn sample(&mut self, t: f64, x: &[f64]) {
         if let Some(mut sampler) = self.sampler.take() {
             self.sample_by(&mut sampler, t, x);
@@ -302,15 +309,6 @@ impl System<f64> for RatesLoop<'_> {
     fn leave_step(&mut self, x: &mut [f64]) -> bool {
         self.arrest(x)
     }
-    fn still(&mut self, x: &mut [f64]) {
-        self.remove_creep(x);
-    }
-    fn pairs(&self) -> Pairs {
-        self.pairs
-    }
-}
-
-impl Watched<f64> for RatesLoop<'_> {
     fn input_at(&mut self, t: f64, x: &[f64]) -> &[f64] {
         if !self.held {
             self.observe(t, x);

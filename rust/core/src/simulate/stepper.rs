@@ -1,6 +1,5 @@
 //! A loop that computes one step of fixed size per call. The law or the caller provides the input.
 
-use super::assembly::Watched;
 use super::bound::Bound;
 use super::fixed_steps::divided_step;
 use super::force::Wrench;
@@ -8,8 +7,9 @@ use super::problem::Problem;
 use super::rates_loop::RatesLoop;
 use super::sampling::Sampling;
 use super::schedule::{after_jump, is_end};
+use super::simulated_loop::SimulatedLoop;
 use crate::error::{Error, Result};
-use crate::integrate::{FixedStep, Method, MethodKind, System, WithSteps};
+use crate::integrate::{FixedStep, Method, MethodKind, WithSteps};
 use crate::law::Route;
 use crate::status::Status;
 

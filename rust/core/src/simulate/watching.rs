@@ -11,9 +11,9 @@ use super::rates_loop::RatesLoop;
 use super::run_observer::{Guard, RunObserver};
 use super::segments::Cut;
 use super::switching::{Probe, Switching};
+use crate::integrate::Adaptive;
 use crate::integrate::events::{crossing, dip};
 use crate::integrate::solve::node;
-use crate::integrate::{Adaptive, System};
 use crate::memory;
 use crate::plant::{PlantSpec, Touch};
 use crate::scalar::sign;
@@ -290,7 +290,7 @@ impl<'a> Watching<'a> {
             memory::append(&mut polynomials.ends, &[t])?;
             for k in 0..=degree {
                 method.interpolate(system, if k == degree { t } else { t0 + node(k, degree) * (t - t0) }, at);
-                system.still(at);
+                system.remove_creep(at);
                 for x in at.iter().take(width) {
                     memory::append(&mut polynomials.nodes, &[*x])?;
                 }
