@@ -23,6 +23,8 @@ pub use tree::{BASE, Body, Tree, TreeFrame, second_moment};
 pub use urdf::Written;
 #[cfg(feature = "urdf")]
 pub use urdf::{MAX_BYTES, MAX_DEPTH, MimicMode, UrdfOptions, urdf_joints};
+#[cfg(feature = "urdf")]
+pub(crate) use urdf::{read_file, read_text};
 pub use urdf_examples::{EXAMPLES, example_urdf};
 
 use crate::error::{Error, Result, finite};

@@ -20,7 +20,7 @@ const WORK: usize = 20_000;
 const ROUNDING: f64 = 1e-12;
 
 /// The warning in the arm's report about the mass matrix; `None` if the mass matrix is positive definite at the sampled configurations.
-pub fn indefinite(arm: &Arm) -> Option<String> {
+pub(super) fn indefinite(arm: &Arm) -> Option<String> {
     let tree = Tree::<f64>::new(arm);
     let mut ws = Workspace::new(&tree);
     let movers: Vec<&Joint> = arm.independent().collect();
@@ -93,7 +93,7 @@ fn drawn(joint: &Joint, i: usize, sample: usize) -> f64 {
     if sample == 0 { 0.0 } else { low + share * (high - low) }
 }
 
-#[cfg(all(test, feature = "urdf"))]
+#[cfg(test)]
 mod tests {
     use super::*;
     use crate::arm::{EXAMPLES, STANDARD_GRAVITY};

@@ -17,6 +17,7 @@ mod closed_form;
 pub mod coriolis;
 #[doc(hidden)]
 pub mod crba;
+#[cfg(feature = "urdf")]
 mod definite;
 #[doc(hidden)]
 pub mod derivatives;
@@ -43,12 +44,13 @@ mod recorded;
 #[doc(hidden)]
 pub mod regressor;
 mod tree;
+#[cfg(feature = "urdf")]
+mod urdf;
 mod vectors;
 #[doc(hidden)]
 pub mod workspace;
 
 pub use arm_at::ArmAt;
-pub use definite::indefinite;
 pub use evaluate::Evaluator;
 pub use functions::Functions;
 pub use model::{AnyArm, Model};

@@ -8,7 +8,7 @@ use crate::errors::{Failure, entry, input_error};
 use crate::interrupts::{long, paused};
 use crate::seal::{Sealed, seal_call};
 use armlet_core::arm::{self as core, Convention, Follows, Frame, Joint, JointType, Limits, MimicMode, UrdfOptions};
-use armlet_core::dynamics::{PlanarPr, indefinite};
+use armlet_core::dynamics::PlanarPr;
 use armlet_core::memory;
 use armlet_core::spatial::{Matrix3, Placement, Vector3};
 use armlet_macros::entered;
@@ -148,14 +148,8 @@ pub fn load_urdf(
             let (path, read): (String, _) = files.call_method1("robot_file", (&*text, is_xml, search_path, xacro_arguments))?.extract()?;
             (path.into(), read)
         };
-        long(py, || {
-            let mut arm = match &read {
-                Some(read) => core::Arm::read_urdf(read, &file, &options)?,
-                None => core::Arm::read_urdf(&file, "<string>", &options)?,
-            };
-            arm.report.extend(indefinite(&arm));
-            Ok(arm.into())
-        })
+        let (text, file): (&str, &str) = read.as_ref().map_or((&file, "<string>"), |read| (read, &file));
+        long(py, || Ok(core::Arm::read_urdf(text, file, &options)?.into()))
     })
 }
 

@@ -48,4 +48,6 @@ pub use options::{MimicMode, UrdfOptions};
 pub(super) use plausible::negative_moment;
 #[cfg(feature = "urdf")]
 pub use read::{MAX_BYTES, MAX_DEPTH, urdf_joints};
+#[cfg(feature = "urdf")]
+pub(crate) use read::{read_file, read_text};
 pub use write::Written;

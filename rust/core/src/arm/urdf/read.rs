@@ -1,4 +1,4 @@
-//! The entry point of the URDF reader. It checks size, encoding and nesting. Then it reads XML, the elements (`element`) and the arm
+//! The parser of URDF. It checks size, encoding and nesting. Then it reads XML, the elements (`element`) and the arm
 //! (`assemble`).
 //!
 //! Reading time is linear in the size of the file. The code recurses only for undeclared prefixes, at most eight times. Before parsing, a
@@ -26,43 +26,35 @@ const MAX_NODES: u32 = 1_000_000;
 /// The number of undeclared prefixes that a text may use.
 const MAX_UNDECLARED: usize = 8;
 
-impl Arm {
-    /// Read a URDF text like [`Arm::read_urdf`]. `file`: name for errors. `gravity`: axes of the fixed base, m/s^2. `root` and `tip`: link
-    /// names. The link `root` becomes the fixed base. With `tip`, only the joints between `root` and `tip` remain.
-    pub fn from_urdf(text: &str, file: &str, gravity: [f64; 3], root: Option<&str>, tip: Option<&str>) -> Result<Arm> {
-        Arm::read_urdf(text, file, &UrdfOptions { gravity: Some(gravity), root, tip, ..Default::default() })
-    }
+/// Read a URDF text. The report has no line about the mass matrix: [`Arm::read_urdf`] adds it.
+pub(crate) fn read_text(text: &str, file: &str, options: &UrdfOptions) -> Result<Arm> {
+    crate::error::finite("gravity", options.gravity.as_ref().map_or(&[], |gravity| &gravity[..]))?;
+    let (source, robot) = elements(text, file)?;
+    assemble::arm(&source, robot, options)
+}
 
-    /// Read a URDF text. `file`: name for errors. Errors: `Model` for a fault of the text, `Input` or `Unknown` for an option, `Memory`.
-    pub fn read_urdf(text: &str, file: &str, options: &UrdfOptions) -> Result<Arm> {
-        crate::error::finite("gravity", options.gravity.as_ref().map_or(&[], |gravity| &gravity[..]))?;
-        let (source, robot) = elements(text, file)?;
-        assemble::arm(&source, robot, options)
+/// Read the URDF file `path` like [`read_text`].
+pub(crate) fn read_file(path: &Path, options: &UrdfOptions) -> Result<Arm> {
+    let name = path.display().to_string();
+    let cannot =
+        |e: std::io::Error| Error::input("path_or_xml", format!("cannot be read: expected a URDF file or its text, got {name} ({e})"));
+    let mut bytes = Vec::new();
+    // Opening a pipe waits for its writer, and a device may have no end.
+    if !std::fs::metadata(path).map_err(cannot)?.is_file() {
+        return Err(Error::input("path_or_xml", format!("is no regular file: expected a URDF file or its text, got {name}")));
     }
-
-    /// Read the URDF file `path`. Errors: `Input` for a file that cannot be read, and those of [`Arm::read_urdf`].
-    pub fn load_urdf(path: &Path, options: &UrdfOptions) -> Result<Arm> {
-        let name = path.display().to_string();
-        let cannot =
-            |e: std::io::Error| Error::input("path_or_xml", format!("cannot be read: expected a URDF file or its text, got {name} ({e})"));
-        let mut bytes = Vec::new();
-        // Opening a pipe waits for its writer, and a device may have no end.
-        if !std::fs::metadata(path).map_err(cannot)?.is_file() {
-            return Err(Error::input("path_or_xml", format!("is no regular file: expected a URDF file or its text, got {name}")));
+    let file = std::fs::File::open(path).map_err(cannot)?;
+    file.take(MAX_BYTES as u64 + 1).read_to_end(&mut bytes).map_err(cannot)?;
+    let text = match std::str::from_utf8(&bytes) {
+        Ok(text) => text,
+        // A character may be cut at the size limit. The error is then about the size, not about the encoding.
+        Err(_) if bytes.len() > MAX_BYTES => return Err(Source::new(&name, "").error(1, too_large())),
+        Err(e) => {
+            let line = 1 + bytes[..e.valid_up_to()].iter().filter(|b| **b == b'\n').count() as u32;
+            return Err(Source::new(&name, "").error(line, "is not UTF-8 text: expected a URDF file"));
         }
-        let file = std::fs::File::open(path).map_err(cannot)?;
-        file.take(MAX_BYTES as u64 + 1).read_to_end(&mut bytes).map_err(cannot)?;
-        let text = match std::str::from_utf8(&bytes) {
-            Ok(text) => text,
-            // A character may be cut at the size limit. The error is then about the size, not about the encoding.
-            Err(_) if bytes.len() > MAX_BYTES => return Err(Source::new(&name, "").error(1, too_large())),
-            Err(e) => {
-                let line = 1 + bytes[..e.valid_up_to()].iter().filter(|b| **b == b'\n').count() as u32;
-                return Err(Source::new(&name, "").error(line, "is not UTF-8 text: expected a URDF file"));
-            }
-        };
-        Arm::read_urdf(text, &name, options)
-    }
+    };
+    read_text(text, &name, options)
 }
 
 /// Return the name, the parent link and the child link of each joint of a URDF text. A name that the text does not state is empty. `file`:
