@@ -1,18 +1,25 @@
 //! The attribute `#[entered]` for entry points of the extension. Their bodies run inside `errors::caught`, where a panic becomes an
 //! `InternalError`.
 
-mod surplus;
+mod arguments;
 
 use proc_macro2::TokenStream;
 use quote::quote;
-use syn::{Block, Expr, ImplItem, Item, ReturnType, Signature, Stmt, Type, parse_quote};
+use syn::{
+    Attribute, Block, FnArg, GenericArgument, Ident, ImplItem, Item, ItemConst, PathArguments, ReturnType, Signature, Stmt, Type,
+    parse_quote,
+};
 
 /// Runs the body of this function inside `errors::caught`. On an `impl`, this applies to every function.
 ///
 /// The attribute must precede `#[pymethods]` and `#[pyfunction]`, so that pyo3 receives the changed functions. A function that returns `T`
-/// is changed to return `PyResult<T>`. A body that is one call of `errors::entry` is not changed.
+/// is changed to return `PyResult<T>`.
 ///
-/// A call with too many arguments without a name raises a `TypeError` that lists the keyword-only arguments.
+/// The body of a function that returns `Result<T, Failure>` runs inside `errors::entry`, which converts its errors. In this body, `py` is the
+/// token of the interpreter, and `NAME` the name of the function in messages. It is `Class` for a constructor, and else `Class.method` or
+/// `function`. A body that starts with its own constant `NAME` replaces this name.
+///
+/// `#[arguments(a, b=None, *, c=false)]` on a function lists the arguments that Python passes: see the module `arguments`.
 #[proc_macro_attribute]
 pub fn entered(_: proc_macro::TokenStream, item: proc_macro::TokenStream) -> proc_macro::TokenStream {
     expand(item.into()).unwrap_or_else(|error| error.to_compile_error()).into()
@@ -22,8 +29,7 @@ fn expand(item: TokenStream) -> syn::Result<TokenStream> {
     match syn::parse2(item)? {
         Item::Fn(mut function) => {
             let name = function.sig.ident.to_string();
-            enter(&mut function.sig, &mut function.block, &name);
-            surplus::name_the_others(&mut function.attrs, &mut function.sig, &mut function.block, &name)?;
+            enter(&mut function.attrs, &mut function.sig, &mut function.block, &name)?;
             Ok(quote!(#function))
         }
         Item::Impl(mut methods) => {
@@ -34,9 +40,7 @@ fn expand(item: TokenStream) -> syn::Result<TokenStream> {
             for item in &mut methods.items {
                 if let ImplItem::Fn(method) = item {
                     let name = format!("{class}.{}", method.sig.ident);
-                    enter(&mut method.sig, &mut method.block, &name);
-                    let name = name.trim_end_matches(".new");
-                    surplus::name_the_others(&mut method.attrs, &mut method.sig, &mut method.block, name)?;
+                    enter(&mut method.attrs, &mut method.sig, &mut method.block, name.trim_end_matches(".new"))?;
                 }
             }
             Ok(quote!(#methods))
@@ -45,43 +49,72 @@ fn expand(item: TokenStream) -> syn::Result<TokenStream> {
     }
 }
 
-fn enter(signature: &mut Signature, body: &mut Block, name: &str) {
-    if is_entry(body) {
-        return;
-    }
-    let results = match &signature.output {
-        ReturnType::Type(_, output) => is_result(output),
-        ReturnType::Default => false,
-    };
-    *body = if results {
-        parse_quote!({ crate::errors::caught(#name, move || #body) })
+/// Change a function. `name` is its name in messages.
+fn enter(attributes: &mut Vec<Attribute>, signature: &mut Signature, body: &mut Block, name: &str) -> syn::Result<()> {
+    if let Some((value, failure)) = fallible(&signature.output) {
+        let (constants, rest) = leading_constants(body);
+        let named = constants.iter().any(|constant| constant.ident == "NAME");
+        let default: Option<ItemConst> = (!named).then(|| parse_quote!(const NAME: &str = #name;));
+        *body = parse_quote!({
+            #(#constants)*
+            #default
+            crate::errors::entry(py, NAME, || -> Result<#value, #failure> { #(#rest)* })
+        });
+        signature.output = parse_quote!(-> ::pyo3::PyResult<#value>);
+        pass_interpreter(signature);
+    } else if is_result(&signature.output) {
+        *body = parse_quote!({ crate::errors::caught(#name, move || #body) });
     } else {
-        parse_quote!({ crate::errors::caught(#name, move || ::pyo3::PyResult::Ok((move || #body)())) })
-    };
-    if !results {
+        *body = parse_quote!({ crate::errors::caught(#name, move || ::pyo3::PyResult::Ok((move || #body)())) });
         signature.output = match &signature.output {
             ReturnType::Type(_, output) => parse_quote!(-> ::pyo3::PyResult<#output>),
             ReturnType::Default => parse_quote!(-> ::pyo3::PyResult<()>),
         };
     }
+    arguments::add(attributes, signature, body, name)
 }
 
-fn is_result(output: &Type) -> bool {
-    matches!(output, Type::Path(path) if path.path.segments.last().is_some_and(|segment| segment.ident == "PyResult"))
+/// Add the argument `py` to a function that does not declare it.
+fn pass_interpreter(signature: &mut Signature) {
+    let named = |input: &FnArg, names: &[&str]| arguments::named(input).is_some_and(|name| names.iter().any(|wanted| name == wanted));
+    if signature.inputs.iter().any(|input| named(input, &["py"])) {
+        return;
+    }
+    let has_object = signature.inputs.first().is_some_and(|first| matches!(first, FnArg::Receiver(_)) || named(first, &["slf", "cls"]));
+    signature.inputs.insert(usize::from(has_object), parse_quote!(py: ::pyo3::Python<'py>));
+    arguments::declare_lifetime(signature);
 }
 
-/// Whether a body consists of one call of `entry`, preceded only by constants and `let py = x.py();`.
-fn is_entry(body: &Block) -> bool {
-    let Some((Stmt::Expr(Expr::Call(call), None), before)) = body.stmts.split_last() else { return false };
-    let harmless = |statement: &Stmt| match statement {
-        Stmt::Item(Item::Const(_)) => true,
-        Stmt::Local(local) => local
-            .init
-            .as_ref()
-            .is_some_and(|init| matches!(&*init.expr, Expr::MethodCall(call) if call.method == "py" && call.args.is_empty())),
-        _ => false,
-    };
-    matches!(&*call.func, Expr::Path(path) if path.path.is_ident("entry")) && before.iter().all(harmless)
+/// The constants at the start of a body, and its other statements.
+fn leading_constants(body: &Block) -> (Vec<ItemConst>, Vec<Stmt>) {
+    let mut rest = body.stmts.clone();
+    let mut constants = Vec::new();
+    while let Some(Stmt::Item(Item::Const(constant))) = rest.first() {
+        constants.push(constant.clone());
+        rest.remove(0);
+    }
+    (constants, rest)
+}
+
+/// The last segment of a type: its name and its arguments.
+fn last_segment(output: &ReturnType) -> Option<(&Ident, &PathArguments)> {
+    let ReturnType::Type(_, output) = output else { return None };
+    let Type::Path(path) = &**output else { return None };
+    path.path.segments.last().map(|segment| (&segment.ident, &segment.arguments))
+}
+
+fn is_result(output: &ReturnType) -> bool {
+    last_segment(output).is_some_and(|(name, _)| name == "PyResult")
+}
+
+/// The types `T` and `Failure` of the output `Result<T, Failure>`.
+fn fallible(output: &ReturnType) -> Option<(Type, Type)> {
+    let (name, PathArguments::AngleBracketed(arguments)) = last_segment(output)? else { return None };
+    let mut types = arguments.args.iter().filter_map(|argument| match argument {
+        GenericArgument::Type(each) => Some(each.clone()),
+        _ => None,
+    });
+    if name == "Result" { Some((types.next()?, types.next()?)) } else { None }
 }
 
 #[cfg(test)]
@@ -108,48 +141,68 @@ mod tests {
     }
 
     #[test]
-    fn a_body_that_is_an_entry_stays_as_it_is() {
-        let entry = quote!(
-            fn f(x: &Bound<'_, PyAny>) -> PyResult<f64> {
-                const NAME: &str = "f";
-                let py = x.py();
-                entry(py, NAME, || Ok(1.0))
-            }
-        );
-        assert_eq!(expanded(entry.clone()), entry.to_string().replace(' ', ""));
-        let text = expanded(quote!(
-            fn f(x: f64) -> PyResult<f64> {
-                let y = risky(x);
-                entry(py, NAME, || Ok(y))
-            }
-        ));
-        assert!(text.contains("caught"), "{text}");
-    }
-
-    #[test]
-    fn arguments_without_a_name_are_refused() {
+    fn failures_are_converted() {
         let text = expanded(quote! {
             impl Arm {
-                #[pyo3(signature = (q, frame, *, out=None, scaled=true, kind="a", size=-1.0))]
-                fn pose(&self, q: u8, frame: u8, out: Option<u8>, scaled: bool, kind: &str, size: f64) -> PyResult<u8> { Ok(1) }
-                #[pyo3(signature = (q, out=None))]
-                fn plain(&self, q: u8, out: Option<u8>) -> PyResult<u8> { Ok(1) }
+                #[new]
+                fn new(x: &Bound<'_, PyAny>) -> Result<Self, Failure> { Ok(Arm { n: count(NAME, "x", x)? }) }
+                fn scale(&self) -> Result<f64, Failure> {
+                    const NAME: &str = "scale";
+                    self.scaled(NAME)
+                }
             }
         });
-        assert!(text.contains(r#"signature=(q,frame,*surplus,out=None,scaled=true,kind="a",size=-1.0)"#), "{text}");
-        assert!(text.contains(r#"text_signature="($self,q,frame,*,out=None,scaled=True,kind='a',size=...)""#), "{text}");
-        assert!(text.contains("frame:u8,surplus:&::pyo3::Bound<'_,::pyo3::types::PyTuple>,out:Option<u8>"), "{text}");
-        assert!(text.contains(r#"require_names(surplus,"Arm.pose",2usize,"out=,scaled=,kind=,size=")?;"#), "{text}");
-        assert!(text.contains("fnplain(&self,q:u8,out:Option<u8>)"), "{text}");
+        let body = r#"{constNAME:&str="Arm";crate::errors::entry(py,NAME,||->Result<Self,Failure>{Ok(Arm{n:count(NAME,"x",x)?})})}"#;
+        assert!(text.contains(&format!("fnnew<'py>(py:::pyo3::Python<'py>,x:&Bound<'_,PyAny>)->::pyo3::PyResult<Self>{body}")), "{text}");
+        assert!(text.contains("fnscale<'py>(&self,py:::pyo3::Python<'py>)"), "{text}");
+        assert!(
+            text.contains(r#"{constNAME:&str="scale";crate::errors::entry(py,NAME,||->Result<f64,Failure>{self.scaled(NAME)})}"#),
+            "{text}"
+        );
     }
 
     #[test]
-    fn other_items_are_refused() {
-        assert!(
-            expand(quote!(
-                struct Arm;
-            ))
-            .is_err()
-        );
+    fn arguments_of_any_type_need_no_declaration() {
+        let text = expanded(quote! {
+            impl Arm {
+                #[arguments(q, frame=None, *, out=None, flag=false, scaled=true, kind="a", size=1.0)]
+                fn pose(&self, scaled: bool, kind: &str, size: f64) -> PyResult<u8> { Ok(1) }
+                #[new]
+                #[arguments(q, out=None)]
+                fn new() -> PyResult<u8> { Ok(1) }
+                #[arguments(q)]
+                fn __call__(&self) -> PyResult<u8> { Ok(1) }
+            }
+        });
+        assert!(text.contains(r#"signature=(q,frame=None,*surplus,out=None,flag=None,scaled=true,kind="a",size=1.0)"#), "{text}");
+        let shown = r#"text_signature="($self, q, frame=None, *, out=None, flag=False, scaled=True, kind='a', size=1.0)""#;
+        assert!(text.contains(&shown.replace(' ', "")), "{text}");
+        let any = "::pyo3::Bound<'py,::pyo3::PyAny>";
+        let surplus = "surplus:&::pyo3::Bound<'py,::pyo3::types::PyTuple>";
+        let others = format!("{surplus},out:Option<&{any}>,flag:Option<&{any}>,scaled:bool,kind:&str,size:f64");
+        assert!(text.contains(&format!("fnpose<'py>(&self,q:&{any},frame:Option<&{any}>,{others})")), "{text}");
+        assert!(text.contains(r#"require_names(surplus,"Arm.pose",2usize,"out=,flag=,scaled=,kind=,size=")?;"#), "{text}");
+        assert!(text.contains(r#"signature=(q,out=None),text_signature="(q,out=None)""#), "{text}");
+        assert!(text.contains("signature=(q))]"), "{text}");
+    }
+
+    #[test]
+    fn other_defaults_and_items_are_refused() {
+        let refused = |item| expand(item).is_err();
+        assert!(refused(quote!(
+            #[arguments(x=[])]
+            fn f() -> PyResult<u8> {
+                Ok(1)
+            }
+        )));
+        assert!(refused(quote!(
+            #[pyo3(signature = (x, *, y=None))]
+            fn f(x: u8, y: Option<u8>) -> PyResult<u8> {
+                Ok(1)
+            }
+        )));
+        assert!(refused(quote!(
+            struct Arm;
+        )));
     }
 }

@@ -2,7 +2,7 @@
 
 use crate::arm::Arm;
 use crate::arrays::{
-    Axis, Form, SCALAR, WHATEVER, flag_or_false, new_array, numbers, object, owned, per_entry, quoted, require_finite, spread, text,
+    Axis, Form, SCALAR, WHATEVER, copied, flag_or_false, numbers, object, owned, per_entry, quoted, require_finite, spread, text,
 };
 use crate::errors::{Failure, input_error};
 use crate::kept::Kept;
@@ -68,7 +68,7 @@ impl<'py> Arguments<'py> {
 
     /// Read and keep numbers `(n,)`, or one number for all `n`. The result is `None` if the argument is missing.
     pub fn rows(&mut self, name: &'static str, value: Option<&Bound<'py, PyAny>>, n: usize) -> Result<Option<Vec<f64>>, Failure> {
-        let Some(value) = value.filter(|value| !value.is_none()) else { return Ok(None) };
+        let Some(value) = value else { return Ok(None) };
         let (shape, values) = numbers(self.function, name, value, &[SCALAR, Form(&[Axis::Is(n)])])?;
         self.keep(name, value)?;
         Ok(Some(spread(&shape, values, n)?))
@@ -113,10 +113,7 @@ impl<'py> Arguments<'py> {
     /// Keep a copy of the caller's array, so that later changes of the array have no effect.
     pub fn keep(&mut self, name: &'static str, value: &Bound<'py, PyAny>) -> Result<(), Failure> {
         let (shape, values) = numbers(self.function, name, value, &[WHATEVER])?;
-        let copy = new_array(value.py(), &shape, |out| {
-            out.copy_from_slice(&values);
-            Ok(())
-        })?;
+        let copy = copied(value.py(), &shape, &values)?;
         self.arguments.push((name, copy.unbind()));
         Ok(())
     }
@@ -124,7 +121,7 @@ impl<'py> Arguments<'py> {
 
 /// Refuse the argument `name`, which takes effect only with `partner`, unless the partner is present.
 pub fn require_partner(function: &str, name: &str, value: Option<&Bound<'_, PyAny>>, partner: &str, present: bool) -> Result<(), Failure> {
-    match value.filter(|value| !value.is_none()) {
+    match value {
         Some(value) if !present => {
             let problem = format!("takes effect only with {partner}: expected None without it, got {}", quoted(value));
             Err(input_error(value.py(), function, name, problem).into())

@@ -29,74 +29,56 @@ const NAME: &str = "_BatchStepper";
 #[pymethods]
 impl _BatchStepper {
     #[new]
-    fn new(plant: &Bound<'_, PyAny>, rows: &Bound<'_, PyAny>, dt: &Bound<'_, PyAny>) -> PyResult<Self> {
-        let py = plant.py();
-        entry(py, NAME, || {
-            let plant = object::<Plant>(NAME, "plant", "a plant such as RigidArm", plant)?.get().spec.clone();
-            let (rows, dt) = (count(NAME, "rows", rows)?, number(NAME, "dt", dt)?);
-            let stepper = BatchStepper::new(&plant, rows, dt)?;
-            let zeros = |width: usize| -> Result<Vec<f64>, Failure> { Ok(memory::filled(rows.saturating_mul(width), 0.0)?) };
-            Ok(_BatchStepper { x: zeros(plant.states())?, tau: zeros(plant.n())?, stepper, plant })
-        })
+    fn new(plant: &Bound<'_, PyAny>, rows: &Bound<'_, PyAny>, dt: &Bound<'_, PyAny>) -> Result<Self, Failure> {
+        let plant = object::<Plant>(NAME, "plant", "a plant such as RigidArm", plant)?.get().spec.clone();
+        let (rows, dt) = (count(NAME, "rows", rows)?, number(NAME, "dt", dt)?);
+        let stepper = BatchStepper::new(&plant, rows, dt)?;
+        let zeros = |width: usize| -> Result<Vec<f64>, Failure> { Ok(memory::filled(rows.saturating_mul(width), 0.0)?) };
+        Ok(_BatchStepper { x: zeros(plant.states())?, tau: zeros(plant.n())?, stepper, plant })
     }
 
     /// Advance all rows by `steps` steps of the classical Runge-Kutta method with the inputs `tau`, `(B, n)`.
     ///
     /// Returns the positions and the velocities after the last step, `(B, n)` each. A row that diverges is not finite.
-    fn step<'py>(
-        &mut self,
-        py: Python<'py>,
-        tau: &Bound<'py, PyAny>,
-        steps: &Bound<'py, PyAny>,
-    ) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>)> {
-        const NAME: &str = "_BatchStepper.step";
-        entry(py, NAME, || {
-            let (n, rows) = (self.plant.n(), self.tau.len() / self.plant.n());
-            let given = owned(numbers(NAME, "tau", tau, &[Form(&[Axis::Is(rows), Axis::Is(n)])])?.1)?;
-            let steps = count(NAME, "steps", steps)?;
-            let Self { stepper, x, tau, .. } = self;
-            let before = x.clone();
-            long(py, || {
-                if stepper.advance(&given, steps, default_threads(), &mut signalled, x) {
-                    *x = before;
-                } else {
-                    *tau = given;
-                }
-                Ok(())
-            })?;
-            self.read(py)
-        })
+    #[arguments(tau, steps)]
+    fn step<'py>(&mut self) -> Result<(Bound<'py, PyAny>, Bound<'py, PyAny>), Failure> {
+        let (n, rows) = (self.plant.n(), self.tau.len() / self.plant.n());
+        let given = owned(numbers(NAME, "tau", tau, &[Form(&[Axis::Is(rows), Axis::Is(n)])])?.1)?;
+        let steps = count(NAME, "steps", steps)?;
+        let Self { stepper, x, tau, .. } = self;
+        let before = x.clone();
+        long(py, || {
+            if stepper.advance(&given, steps, default_threads(), &mut signalled, x) {
+                *x = before;
+            } else {
+                *tau = given;
+            }
+            Ok(())
+        })?;
+        self.read(py)
     }
 
     /// Set the rows with the indices `rows` to positions and velocities, `(len(rows), n)` each.
     ///
     /// Returns the positions and the velocities of all rows, `(B, n)` each.
-    fn put<'py>(
-        &mut self,
-        py: Python<'py>,
-        rows: &Bound<'py, PyAny>,
-        q: &Bound<'py, PyAny>,
-        v: &Bound<'py, PyAny>,
-    ) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>)> {
-        const NAME: &str = "_BatchStepper.put";
-        entry(py, NAME, || {
-            let (n, states, all) = (self.plant.n(), self.plant.states(), self.tau.len() / self.plant.n());
-            let rows: Vec<usize> =
-                items(NAME, "rows", "a list", rows, all)?.iter().map(|row| whole(NAME, "rows", row)).collect::<Result<_, _>>()?;
-            let shape = [Axis::Is(rows.len()), Axis::Is(n)];
-            let (q, v) = (numbers(NAME, "q", q, &[Form(&shape)])?.1, numbers(NAME, "v", v, &[Form(&shape)])?.1);
-            if let Some((k, row)) = rows.iter().enumerate().find(|(_, row)| **row >= all) {
-                let problem = format!("is out of range: expected numbers below {all}, got {row} (first bad index {k})");
-                return Err(input_error(py, NAME, "rows", problem).into());
-            }
-            for (k, &row) in rows.iter().enumerate() {
-                let (q, v) = (&q[k * n..(k + 1) * n], &v[k * n..(k + 1) * n]);
-                let v: &[f64] = if self.plant.kind().has_speeds() { v } else { &[] };
-                self.x[row * states..(row + 1) * states].copy_from_slice(&self.plant.initial_state(q, v, None, None));
-                self.tau[row * n..(row + 1) * n].fill(0.0);
-            }
-            self.read(py)
-        })
+    #[arguments(rows, q, v)]
+    fn put<'py>(&mut self) -> Result<(Bound<'py, PyAny>, Bound<'py, PyAny>), Failure> {
+        let (n, states, all) = (self.plant.n(), self.plant.states(), self.tau.len() / self.plant.n());
+        let rows: Vec<usize> =
+            items(NAME, "rows", "a list", rows, all)?.iter().map(|row| whole(NAME, "rows", row)).collect::<Result<_, _>>()?;
+        let shape = [Axis::Is(rows.len()), Axis::Is(n)];
+        let (q, v) = (numbers(NAME, "q", q, &[Form(&shape)])?.1, numbers(NAME, "v", v, &[Form(&shape)])?.1);
+        if let Some((k, row)) = rows.iter().enumerate().find(|(_, row)| **row >= all) {
+            let problem = format!("is out of range: expected numbers below {all}, got {row} (first bad index {k})");
+            return Err(input_error(py, NAME, "rows", problem).into());
+        }
+        for (k, &row) in rows.iter().enumerate() {
+            let (q, v) = (&q[k * n..(k + 1) * n], &v[k * n..(k + 1) * n]);
+            let v: &[f64] = if self.plant.kind().has_speeds() { v } else { &[] };
+            self.x[row * states..(row + 1) * states].copy_from_slice(&self.plant.initial_state(q, v, None, None));
+            self.tau[row * n..(row + 1) * n].fill(0.0);
+        }
+        self.read(py)
     }
 
     /// A copy of the states of all rows, `(B, states)`.

@@ -2,9 +2,9 @@
 //! about a long sample time.
 
 use crate::arguments::require_partner;
-use crate::arrays::{Looked, new_array, number, object, optional_number, vector};
+use crate::arrays::{Looked, copied, new_array, number, object, optional_number, vector};
 use crate::broadcast::{LOOK, columns};
-use crate::errors::{Failure, entry, input_error};
+use crate::errors::{Failure, input_error};
 use crate::force::{self, Raised, force_frame};
 use crate::interrupts::long;
 use crate::law::Law;
@@ -75,49 +75,44 @@ fn put_eigenvalues(fields: &Bound<'_, PyDict>, values: &[(f64, f64)]) -> Result<
 #[entered]
 #[pyfunction]
 pub fn equilibrium<'py>(
-    py: Python<'py>,
     plant: &Bound<'py, PyAny>,
     law: &Bound<'py, PyAny>,
     force: Option<&Bound<'py, PyAny>>,
     q0: &Bound<'py, PyAny>,
     force_frame: Option<&Bound<'py, PyAny>>,
-) -> PyResult<Bound<'py, PyDict>> {
-    const NAME: &str = "equilibrium";
-    entry(py, NAME, || {
-        let plant = object::<Plant>(NAME, "plant", "a plant such as ElasticArm", plant)?;
-        let law = object::<Law>(NAME, "law", "a law such as ElasticImpedance", law)?;
-        let (plant, law) = (&plant.get().spec, &law.get().spec);
-        let (wrench, frame) = constant(NAME, plant, law, force, force_frame)?;
-        let q0 = vector(NAME, "q0", q0, plant.n())?;
-        let found = long(py, || rest::equilibrium(plant, law, &wrench, frame, &q0))?;
-        let fields = PyDict::new(py);
-        put(&fields, "q", &found.q)?;
-        put(&fields, "tau", &found.tau)?;
-        put(&fields, "x", &found.x)?;
-        put(&fields, "residual", &found.residual)?;
-        if plant.elastic().is_some() {
-            put(&fields, "theta", &found.theta)?;
-        }
-        if !found.integral.is_empty() {
-            put(&fields, "estimate", &found.integral)?;
-        }
-        fields.set_item("reachable", found.reachable)?;
-        fields.set_item("spurious", found.spurious)?;
-        if plant.wall().is_some() {
-            put(&fields, "wall_force", &found.wall_force)?;
-        }
-        fields.set_item("stable", found.stable)?;
-        fields.set_item("free_motions", found.free_motions)?;
-        put_eigenvalues(&fields, &found.eigenvalues)?;
-        Ok(fields)
-    })
+) -> Result<Bound<'py, PyDict>, Failure> {
+    let plant = object::<Plant>(NAME, "plant", "a plant such as ElasticArm", plant)?;
+    let law = object::<Law>(NAME, "law", "a law such as ElasticImpedance", law)?;
+    let (plant, law) = (&plant.get().spec, &law.get().spec);
+    let (wrench, frame) = constant(NAME, plant, law, force, force_frame)?;
+    let q0 = vector(NAME, "q0", q0, plant.n())?;
+    let found = long(py, || rest::equilibrium(plant, law, &wrench, frame, &q0))?;
+    let fields = PyDict::new(py);
+    put(&fields, "q", &found.q)?;
+    put(&fields, "tau", &found.tau)?;
+    put(&fields, "x", &found.x)?;
+    put(&fields, "residual", &found.residual)?;
+    if plant.elastic().is_some() {
+        put(&fields, "theta", &found.theta)?;
+    }
+    if !found.integral.is_empty() {
+        put(&fields, "estimate", &found.integral)?;
+    }
+    fields.set_item("reachable", found.reachable)?;
+    fields.set_item("spurious", found.spurious)?;
+    if plant.wall().is_some() {
+        put(&fields, "wall_force", &found.wall_force)?;
+    }
+    fields.set_item("stable", found.stable)?;
+    fields.set_item("free_motions", found.free_motions)?;
+    put_eigenvalues(&fields, &found.eigenvalues)?;
+    Ok(fields)
 }
 
 /// Return a dict with the fields of an `armlet.ElasticLimits`.
 #[entered]
 #[pyfunction]
 pub fn elastic_limits<'py>(
-    py: Python<'py>,
     plant: &Bound<'py, PyAny>,
     law: &Bound<'py, PyAny>,
     force: Option<&Bound<'py, PyAny>>,
@@ -125,29 +120,26 @@ pub fn elastic_limits<'py>(
     force_frame: Option<&Bound<'py, PyAny>>,
     sample_time: Option<&Bound<'py, PyAny>>,
     sensor_bandwidth: Option<&Bound<'py, PyAny>>,
-) -> PyResult<Bound<'py, PyDict>> {
-    const NAME: &str = "elastic_limits";
-    entry(py, NAME, || {
-        let plant = object::<Plant>(NAME, "plant", "a plant such as ElasticArm", plant)?;
-        let law = object::<Law>(NAME, "law", "a law such as ElasticImpedance", law)?;
-        let (plant, law) = (&plant.get().spec, &law.get().spec);
-        let (wrench, frame) = constant(NAME, plant, law, force, force_frame)?;
-        let q0 = vector(NAME, "q0", q0, plant.n())?;
-        let sample_time = optional_number(NAME, "sample_time", sample_time)?;
-        require_partner(NAME, "sensor_bandwidth", sensor_bandwidth, "sample_time", sample_time.is_some())?;
-        let bandwidth = optional_number(NAME, "sensor_bandwidth", sensor_bandwidth)?.unwrap_or(f64::INFINITY);
-        let found = long(py, || limits::elastic_limits(plant, law, &wrench, frame, &q0, sample_time, bandwidth))?;
-        let fields = PyDict::new(py);
-        fields.set_item("sample_time_max", found.sample_time_max)?;
-        if sample_time.is_some() {
-            put(&fields, "reduced_inertia_min", &found.reduced_inertia_min)?;
-        }
-        put(&fields, "stiffness_max", &found.stiffness_max)?;
-        put(&fields, "stiffness", &found.stiffness)?;
-        fields.set_item("stiffness_scale_max", found.stiffness_scale_max)?;
-        put_eigenvalues(&fields, &found.eigenvalues)?;
-        Ok(fields)
-    })
+) -> Result<Bound<'py, PyDict>, Failure> {
+    let plant = object::<Plant>(NAME, "plant", "a plant such as ElasticArm", plant)?;
+    let law = object::<Law>(NAME, "law", "a law such as ElasticImpedance", law)?;
+    let (plant, law) = (&plant.get().spec, &law.get().spec);
+    let (wrench, frame) = constant(NAME, plant, law, force, force_frame)?;
+    let q0 = vector(NAME, "q0", q0, plant.n())?;
+    let sample_time = optional_number(NAME, "sample_time", sample_time)?;
+    require_partner(NAME, "sensor_bandwidth", sensor_bandwidth, "sample_time", sample_time.is_some())?;
+    let bandwidth = optional_number(NAME, "sensor_bandwidth", sensor_bandwidth)?.unwrap_or(f64::INFINITY);
+    let found = long(py, || limits::elastic_limits(plant, law, &wrench, frame, &q0, sample_time, bandwidth))?;
+    let fields = PyDict::new(py);
+    fields.set_item("sample_time_max", found.sample_time_max)?;
+    if sample_time.is_some() {
+        put(&fields, "reduced_inertia_min", &found.reduced_inertia_min)?;
+    }
+    put(&fields, "stiffness_max", &found.stiffness_max)?;
+    put(&fields, "stiffness", &found.stiffness)?;
+    fields.set_item("stiffness_scale_max", found.stiffness_scale_max)?;
+    put_eigenvalues(&fields, &found.eigenvalues)?;
+    Ok(fields)
 }
 
 /// Refuse NaN. Infinity is accepted, because it means that there is no limit.
@@ -210,24 +202,14 @@ fn each<'py, const K: usize>(
 /// array([0.0002  , 0.0008  , 0.003204])
 #[entered]
 #[pyfunction]
-#[pyo3(signature = (motor_inertia, joint_stiffness, sample_time, *, damping_ratio=None, sensor_bandwidth=None))]
-pub fn smallest_reduced_inertia<'py>(
-    py: Python<'py>,
-    motor_inertia: &Bound<'py, PyAny>,
-    joint_stiffness: &Bound<'py, PyAny>,
-    sample_time: &Bound<'py, PyAny>,
-    damping_ratio: Option<&Bound<'py, PyAny>>,
-    sensor_bandwidth: Option<&Bound<'py, PyAny>>,
-) -> PyResult<Bound<'py, PyAny>> {
-    const NAME: &str = "smallest_reduced_inertia";
-    entry(py, NAME, || {
-        let one = 1.0f64.into_pyobject(py).map_err(PyErr::from)?.into_any();
-        let never = f64::INFINITY.into_pyobject(py).map_err(PyErr::from)?.into_any();
-        let (ratio, bandwidth) = (damping_ratio.unwrap_or(&one), sensor_bandwidth.unwrap_or(&never));
-        let names = ["motor_inertia", "joint_stiffness", "sample_time", "damping_ratio", "sensor_bandwidth"];
-        each(py, NAME, names, [motor_inertia, joint_stiffness, sample_time, ratio, bandwidth], |[b, k, dt, zeta, w]| {
-            limits::smallest_reduced_inertia(b, k, dt, w, zeta)
-        })
+#[arguments(motor_inertia, joint_stiffness, sample_time, *, damping_ratio=None, sensor_bandwidth=None)]
+pub fn smallest_reduced_inertia<'py>() -> Result<Bound<'py, PyAny>, Failure> {
+    let one = 1.0f64.into_pyobject(py).map_err(PyErr::from)?.into_any();
+    let never = f64::INFINITY.into_pyobject(py).map_err(PyErr::from)?.into_any();
+    let (ratio, bandwidth) = (damping_ratio.unwrap_or(&one), sensor_bandwidth.unwrap_or(&never));
+    let names = ["motor_inertia", "joint_stiffness", "sample_time", "damping_ratio", "sensor_bandwidth"];
+    each(py, NAME, names, [motor_inertia, joint_stiffness, sample_time, ratio, bandwidth], |[b, k, dt, zeta, w]| {
+        limits::smallest_reduced_inertia(b, k, dt, w, zeta)
     })
 }
 
@@ -256,31 +238,21 @@ pub fn smallest_reduced_inertia<'py>(
 /// 2660.0
 #[entered]
 #[pyfunction]
-#[pyo3(signature = (mass, joint_stiffness, reduced_inertia, damping, *, motor_damping=None))]
-pub fn stiffness_limit<'py>(
-    py: Python<'py>,
-    mass: &Bound<'py, PyAny>,
-    joint_stiffness: &Bound<'py, PyAny>,
-    reduced_inertia: &Bound<'py, PyAny>,
-    damping: &Bound<'py, PyAny>,
-    motor_damping: Option<&Bound<'py, PyAny>>,
-) -> PyResult<Bound<'py, PyAny>> {
-    const NAME: &str = "stiffness_limit";
-    entry(py, NAME, || {
-        let critical = motor_damping.is_none();
-        let names = ["mass", "joint_stiffness", "reduced_inertia", "damping", "motor_damping"];
-        // Without `motor_damping` the fifth value is a placeholder that is not used.
-        let values = [mass, joint_stiffness, reduced_inertia, damping, motor_damping.unwrap_or(mass)];
-        each(py, NAME, names, values, |[m, k, b0, d, d0]| {
-            let d0 = if critical { 2.0 * (b0 * k).sqrt() } else { d0 };
-            for (name, x) in [("mass", m), ("joint_stiffness", k), ("reduced_inertia", b0), ("motor_damping", d0)] {
-                armlet_core::error::positive(name, x)?;
-            }
-            if !(d >= 0.0 && d.is_finite()) {
-                return Err(Error::input("damping", format!("is negative or not finite: expected >= 0, got {d}")));
-            }
-            Ok(limits::stiffness_limit(m, k, b0, d, d0))
-        })
+#[arguments(mass, joint_stiffness, reduced_inertia, damping, *, motor_damping=None)]
+pub fn stiffness_limit<'py>() -> Result<Bound<'py, PyAny>, Failure> {
+    let critical = motor_damping.is_none();
+    let names = ["mass", "joint_stiffness", "reduced_inertia", "damping", "motor_damping"];
+    // Without `motor_damping` the fifth value is a placeholder that is not used.
+    let values = [mass, joint_stiffness, reduced_inertia, damping, motor_damping.unwrap_or(mass)];
+    each(py, NAME, names, values, |[m, k, b0, d, d0]| {
+        let d0 = if critical { 2.0 * (b0 * k).sqrt() } else { d0 };
+        for (name, x) in [("mass", m), ("joint_stiffness", k), ("reduced_inertia", b0), ("motor_damping", d0)] {
+            armlet_core::error::positive(name, x)?;
+        }
+        if !(d >= 0.0 && d.is_finite()) {
+            return Err(Error::input("damping", format!("is negative or not finite: expected >= 0, got {d}")));
+        }
+        Ok(limits::stiffness_limit(m, k, b0, d, d0))
     })
 }
 
@@ -308,21 +280,11 @@ pub fn stiffness_limit<'py>(
 ///        [ 0.,  7.]])
 #[entered]
 #[pyfunction]
-pub fn damping_from_ratio<'py>(
-    inertia: &Bound<'py, PyAny>,
-    stiffness: &Bound<'py, PyAny>,
-    ratio: &Bound<'py, PyAny>,
-) -> PyResult<Bound<'py, PyAny>> {
-    const NAME: &str = "damping_from_ratio";
-    let py = inertia.py();
-    entry(py, NAME, || {
-        let n = Looked::at(NAME, "inertia", inertia)?.shape.first().copied().unwrap_or(1);
-        let square = |name: &'static str, value| crate::arguments::gain(NAME, name, value, n);
-        let (m, k) = (square("inertia", inertia)?, square("stiffness", stiffness)?);
-        let d = ratio_damping(&m, &k, number(NAME, "ratio", ratio)?)?;
-        new_array(py, &[n, n], |out| {
-            out.copy_from_slice(&d.matrix());
-            Ok(())
-        })
-    })
+#[arguments(inertia, stiffness, ratio)]
+pub fn damping_from_ratio<'py>() -> Result<Bound<'py, PyAny>, Failure> {
+    let n = Looked::at(NAME, "inertia", inertia)?.shape.first().copied().unwrap_or(1);
+    let square = |name: &'static str, value| crate::arguments::gain(NAME, name, value, n);
+    let (m, k) = (square("inertia", inertia)?, square("stiffness", stiffness)?);
+    let d = ratio_damping(&m, &k, number(NAME, "ratio", ratio)?)?;
+    copied(py, &[n, n], &d.matrix())
 }

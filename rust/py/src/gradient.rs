@@ -7,7 +7,7 @@
 //! A *record* is the state and the input at one time of `t_eval`. A *series* is one quantity of all records, such as `q` or `tau`.
 
 use crate::arrays::{Axis, Form, adopted, count, numbers};
-use crate::errors::{Failure, entry, input_error};
+use crate::errors::{Failure, input_error};
 use crate::force;
 use crate::interrupts::{long, signalled};
 use crate::loops::{Loops, threads_of};
@@ -152,23 +152,20 @@ fn by_series<'py>(
 #[entered]
 #[pyfunction]
 pub fn _sensitivities<'py>(
-    py: Python<'py>,
     plant: &Bound<'py, PyAny>,
     law: &Bound<'py, PyAny>,
     q0: &Bound<'py, PyAny>,
     weights: &Bound<'py, PyAny>,
     names: &Bound<'py, PyAny>,
     keywords: &Bound<'py, PyDict>,
-) -> PyResult<Bound<'py, PyDict>> {
+) -> Result<Bound<'py, PyDict>, Failure> {
     const NAME: &str = "simulate";
-    entry(py, NAME, || {
-        Loops::of(NAME, plant, law, keywords)?.with_problem(q0, |problem, rows, raised| {
-            let named = Named::of(NAME, weights, names, rows)?;
-            let all = named.parameters();
-            let mut poll = || force::failed(raised) || signalled();
-            let rates = long(py, || core::sensitivities(&problem, all, &core::Poller::new(&mut poll)))?;
-            by_series(py, &problem, &[], named.all.len(), rates)
-        })
+    Loops::of(NAME, plant, law, keywords)?.with_problem(q0, |problem, rows, raised| {
+        let named = Named::of(NAME, weights, names, rows)?;
+        let all = named.parameters();
+        let mut poll = || force::failed(raised) || signalled();
+        let rates = long(py, || core::sensitivities(&problem, all, &core::Poller::new(&mut poll)))?;
+        by_series(py, &problem, &[], named.all.len(), rates)
     })
 }
 
@@ -176,7 +173,6 @@ pub fn _sensitivities<'py>(
 #[entered]
 #[pyfunction]
 pub fn _adjoint<'py>(
-    py: Python<'py>,
     plant: &Bound<'py, PyAny>,
     law: &Bound<'py, PyAny>,
     q0: &Bound<'py, PyAny>,
@@ -185,18 +181,16 @@ pub fn _adjoint<'py>(
     slopes: &Bound<'py, PyDict>,
     bytes: &Bound<'py, PyAny>,
     keywords: &Bound<'py, PyDict>,
-) -> PyResult<Bound<'py, PyAny>> {
+) -> Result<Bound<'py, PyAny>, Failure> {
     const NAME: &str = "gradient";
-    entry(py, NAME, || {
-        Loops::of(NAME, plant, law, keywords)?.with_problem(q0, |problem, rows, raised| {
-            let named = Named::of(NAME, weights, names, rows)?;
-            let all = named.parameters();
-            let bytes = count(NAME, "memory", bytes)?;
-            let weighed = slopes_of(NAME, &problem, slopes, 1)?;
-            let mut poll = || force::failed(raised) || signalled();
-            let gradient = long(py, || core::adjoint(&problem, all, &weighed, bytes, &core::Poller::new(&mut poll)))?;
-            Ok(adopted(py, &[named.all.len()], gradient)?.into_any())
-        })
+    Loops::of(NAME, plant, law, keywords)?.with_problem(q0, |problem, rows, raised| {
+        let named = Named::of(NAME, weights, names, rows)?;
+        let all = named.parameters();
+        let bytes = count(NAME, "memory", bytes)?;
+        let weighed = slopes_of(NAME, &problem, slopes, 1)?;
+        let mut poll = || force::failed(raised) || signalled();
+        let gradient = long(py, || core::adjoint(&problem, all, &weighed, bytes, &core::Poller::new(&mut poll)))?;
+        Ok(adopted(py, &[named.all.len()], gradient)?.into_any())
     })
 }
 
@@ -204,7 +198,6 @@ pub fn _adjoint<'py>(
 #[entered]
 #[pyfunction]
 pub fn _sensitivities_of_rows<'py>(
-    py: Python<'py>,
     plant: &Bound<'py, PyAny>,
     law: &Bound<'py, PyAny>,
     q0: &Bound<'py, PyAny>,
@@ -212,17 +205,15 @@ pub fn _sensitivities_of_rows<'py>(
     names: &Bound<'py, PyAny>,
     threads: Option<&Bound<'py, PyAny>>,
     keywords: &Bound<'py, PyDict>,
-) -> PyResult<Bound<'py, PyDict>> {
+) -> Result<Bound<'py, PyDict>, Failure> {
     const NAME: &str = "simulate_batch";
-    entry(py, NAME, || {
-        let threads = threads_of(NAME, threads)?;
-        Loops::of(NAME, plant, law, keywords)?.with_problem(q0, |problem, runs, _| {
-            let parameters = parameters_of_rows(NAME, weights, runs)?;
-            let (rows, directions) = (parameters.len(), parameters.first().map_or(0, Vec::len));
-            let sizes = sizes(NAME, names, directions)?;
-            let rates = long(py, || core::sensitivities_of_rows(&Rows::of(&problem, &parameters, &sizes)?, threads, &mut signalled))?;
-            by_series(py, &problem, &[rows], directions, rates)
-        })
+    let threads = threads_of(NAME, threads)?;
+    Loops::of(NAME, plant, law, keywords)?.with_problem(q0, |problem, runs, _| {
+        let parameters = parameters_of_rows(NAME, weights, runs)?;
+        let (rows, directions) = (parameters.len(), parameters.first().map_or(0, Vec::len));
+        let sizes = sizes(NAME, names, directions)?;
+        let rates = long(py, || core::sensitivities_of_rows(&Rows::of(&problem, &parameters, &sizes)?, threads, &mut signalled))?;
+        by_series(py, &problem, &[rows], directions, rates)
     })
 }
 
@@ -230,7 +221,6 @@ pub fn _sensitivities_of_rows<'py>(
 #[entered]
 #[pyfunction]
 pub fn _adjoint_of_rows<'py>(
-    py: Python<'py>,
     plant: &Bound<'py, PyAny>,
     law: &Bound<'py, PyAny>,
     q0: &Bound<'py, PyAny>,
@@ -240,19 +230,17 @@ pub fn _adjoint_of_rows<'py>(
     bytes: &Bound<'py, PyAny>,
     threads: Option<&Bound<'py, PyAny>>,
     keywords: &Bound<'py, PyDict>,
-) -> PyResult<Bound<'py, PyAny>> {
+) -> Result<Bound<'py, PyAny>, Failure> {
     const NAME: &str = "gradient";
-    entry(py, NAME, || {
-        let threads = threads_of(NAME, threads)?;
-        Loops::of(NAME, plant, law, keywords)?.with_problem(q0, |problem, runs, _| {
-            let parameters = parameters_of_rows(NAME, weights, runs)?;
-            let (rows, directions) = (parameters.len(), parameters.first().map_or(0, Vec::len));
-            let sizes = sizes(NAME, names, directions)?;
-            let bytes = count(NAME, "memory", bytes)?;
-            let weighed = slopes_of(NAME, &problem, slopes, rows)?;
-            let gradient =
-                long(py, || core::adjoint_of_rows(&Rows::of(&problem, &parameters, &sizes)?, &weighed, bytes, threads, &mut signalled))?;
-            Ok(adopted(py, &[rows, directions], gradient)?.into_any())
-        })
+    let threads = threads_of(NAME, threads)?;
+    Loops::of(NAME, plant, law, keywords)?.with_problem(q0, |problem, runs, _| {
+        let parameters = parameters_of_rows(NAME, weights, runs)?;
+        let (rows, directions) = (parameters.len(), parameters.first().map_or(0, Vec::len));
+        let sizes = sizes(NAME, names, directions)?;
+        let bytes = count(NAME, "memory", bytes)?;
+        let weighed = slopes_of(NAME, &problem, slopes, rows)?;
+        let gradient =
+            long(py, || core::adjoint_of_rows(&Rows::of(&problem, &parameters, &sizes)?, &weighed, bytes, threads, &mut signalled))?;
+        Ok(adopted(py, &[rows, directions], gradient)?.into_any())
     })
 }

@@ -4,7 +4,7 @@ use crate::arguments::require_partner;
 use crate::arm::Arm;
 use crate::arrays::{Axis, Form, Looked, SCALAR, adopted, copied, elements, flag, number, numbers, object, owned, shown, whole};
 use crate::broadcast::{common_shape, stretch};
-use crate::errors::{Failure, entry, input_error};
+use crate::errors::{Failure, input_error};
 use crate::interrupts::{long, signalled};
 use crate::kept::brief;
 use crate::loops::threads_of;
@@ -173,85 +173,65 @@ const NAME: &str = "inverse_kinematics";
 ///        [False, False]]))
 #[entered]
 #[pyfunction]
-#[pyo3(
-    signature = (arm, tasks, q0, *, method=None, eps=None, tolerance=None, max_iterations=None, restarts=None, seed=None, step_max=None,
-                 limits=None, check_limits=None, solutions=None, threads=None),
-    text_signature = "(arm, tasks, q0, *, method=None, eps=None, tolerance=None, max_iterations=None, restarts=None, seed=None, \
-                      step_max=None, limits=True, check_limits=None, solutions=None, threads=None)"
+#[arguments(
+    arm, tasks, q0, *, method=None, eps=None, tolerance=None, max_iterations=None, restarts=None, seed=None, step_max=None, limits=true,
+    check_limits=None, solutions=None, threads=None
 )]
-pub fn inverse_kinematics<'py>(
-    py: Python<'py>,
-    arm: &Bound<'py, PyAny>,
-    tasks: &Bound<'py, PyAny>,
-    q0: &Bound<'py, PyAny>,
-    method: Option<&Bound<'py, PyAny>>,
-    eps: Option<&Bound<'py, PyAny>>,
-    tolerance: Option<&Bound<'py, PyAny>>,
-    max_iterations: Option<&Bound<'py, PyAny>>,
-    restarts: Option<&Bound<'py, PyAny>>,
-    seed: Option<&Bound<'py, PyAny>>,
-    step_max: Option<&Bound<'py, PyAny>>,
-    limits: Option<&Bound<'py, PyAny>>,
-    check_limits: Option<&Bound<'py, PyAny>>,
-    solutions: Option<&Bound<'py, PyAny>>,
-    threads: Option<&Bound<'py, PyAny>>,
-) -> PyResult<InverseKinematics> {
-    entry(py, NAME, || {
-        let arm = object::<Arm>(NAME, "arm", "an Arm such as planar_arm(..)", arm)?;
-        let model = arm.get().model.core();
-        let tree = model.tree("arm")?;
-        let (_, goals) = each(NAME, tasks, |task| task.goals(tree))?;
-        let alone = solutions.is_none() && goals.iter().all(|goal| goal.lead.is_empty());
-        // An argument `q0` with at most one axis is a single start, so the message about a wrong shape expects `(n,)`.
-        let wide = Looked::at(NAME, "q0", q0)?.shape.len() > 1;
-        let form = if wide { Form(&[Axis::Leading, Axis::Is(model.n())]) } else { Form(&[Axis::Is(model.n())]) };
-        let (mut lead, q0) = numbers(NAME, "q0", q0, &[form])?;
-        lead.pop();
-        let q0 = owned(q0)?;
-        let check = LimitCheck::of(NAME, check_limits)?;
-        let plain = IkOptions::default();
-        let thresholds = match eps {
+pub fn inverse_kinematics() -> Result<InverseKinematics, Failure> {
+    let arm = object::<Arm>(NAME, "arm", "an Arm such as planar_arm(..)", arm)?;
+    let model = arm.get().model.core();
+    let tree = model.tree("arm")?;
+    let (_, goals) = each(NAME, tasks, |task| task.goals(tree))?;
+    let alone = solutions.is_none() && goals.iter().all(|goal| goal.lead.is_empty());
+    // An argument `q0` with at most one axis is a single start, so the message about a wrong shape expects `(n,)`.
+    let wide = Looked::at(NAME, "q0", q0)?.shape.len() > 1;
+    let form = if wide { Form(&[Axis::Leading, Axis::Is(model.n())]) } else { Form(&[Axis::Is(model.n())]) };
+    let (mut lead, q0) = numbers(NAME, "q0", q0, &[form])?;
+    lead.pop();
+    let q0 = owned(q0)?;
+    let check = LimitCheck::of(NAME, check_limits)?;
+    let plain = IkOptions::default();
+    let thresholds = match eps {
+        None => None,
+        Some(eps) => {
+            let (_, values) = numbers(NAME, "eps", eps, &[SCALAR, Form(&[Axis::Is(goals.len())])])?;
+            Some(owned(values)?)
+        }
+    };
+    let search = IkOptions {
+        tolerance: tolerance.map_or(Ok(plain.tolerance), |x| number(NAME, "tolerance", x))?,
+        max_iterations: max_iterations.map_or(Ok(plain.max_iterations), |x| whole(NAME, "max_iterations", x))?,
+        restarts: restarts.map_or(Ok(plain.restarts), |x| whole(NAME, "restarts", x))?,
+        seed: seed.map_or(Ok(plain.seed), |x| whole(NAME, "seed", x).map(|x| x as u64))?,
+        step_max: step_max.map_or(Ok(plain.step_max), |x| number(NAME, "step_max", x))?,
+        limits: limits.map_or(Ok(plain.limits), |x| flag(NAME, "limits", x))?,
+        method: match method {
             None => None,
-            Some(eps) => {
-                let (_, values) = numbers(NAME, "eps", eps, &[SCALAR, Form(&[Axis::Is(goals.len())])])?;
-                Some(owned(values)?)
-            }
-        };
-        let search = IkOptions {
-            tolerance: tolerance.map_or(Ok(plain.tolerance), |x| number(NAME, "tolerance", x))?,
-            max_iterations: max_iterations.map_or(Ok(plain.max_iterations), |x| whole(NAME, "max_iterations", x))?,
-            restarts: restarts.map_or(Ok(plain.restarts), |x| whole(NAME, "restarts", x))?,
-            seed: seed.map_or(Ok(plain.seed), |x| whole(NAME, "seed", x).map(|x| x as u64))?,
-            step_max: step_max.map_or(Ok(plain.step_max), |x| number(NAME, "step_max", x))?,
-            limits: limits.map_or(Ok(plain.limits), |x| flag(NAME, "limits", x))?,
-            method: match method {
-                None => None,
-                given => Some(PriorityMethod::from_name(method_name(NAME, given)?)?),
-            },
-            eps: thresholds,
-        };
-        let threshold = search.method.is_none_or(PriorityMethod::has_threshold);
-        require_partner(NAME, "eps", eps, "the methods clamp, damped and chiaverini", threshold)?;
-        require_partner(NAME, "check_limits", check_limits, "limits=True", search.limits)?;
-        if search.limits {
-            check.rows(py, NAME, "q0", tree, &q0, wide)?;
-        }
-        let threads = threads_of(NAME, threads)?;
-        if !(alone && lead.is_empty()) {
-            let solutions = solutions.map(|k| positive_count("solutions", k)).transpose()?;
-            return many(py, tree, goals, (lead, q0), &search, solutions, threads);
-        }
-        let rows: Vec<usize> = goals.iter().map(|goal| goal.function.rows()).collect();
-        let goals: Vec<Goal> = goals.into_iter().map(|goal| (goal.function, goal.targets)).collect();
-        let found = long(py, || core(tree, &goals, &q0, &search))?;
-        Ok(InverseKinematics {
-            q: copied(py, &[found.q.len()], &found.q)?.unbind(),
-            errors: residual_list(py, &rows, &found.errors)?.into_any().unbind(),
-            reached: PyList::new(py, &found.reached)?.into_any().unbind(),
-            iterations: found.iterations.into_py_any(py)?,
-            restarts: found.restarts.into_py_any(py)?,
-            status: status_member(py, found.status)?,
-        })
+            given => Some(PriorityMethod::from_name(method_name(NAME, given)?)?),
+        },
+        eps: thresholds,
+    };
+    let threshold = search.method.is_none_or(PriorityMethod::has_threshold);
+    require_partner(NAME, "eps", eps, "the methods clamp, damped and chiaverini", threshold)?;
+    require_partner(NAME, "check_limits", check_limits, "limits=True", search.limits)?;
+    if search.limits {
+        check.rows(py, NAME, "q0", tree, &q0, wide)?;
+    }
+    let threads = threads_of(NAME, threads)?;
+    if !(alone && lead.is_empty()) {
+        let solutions = solutions.map(|k| positive_count("solutions", k)).transpose()?;
+        return many(py, tree, goals, (lead, q0), &search, solutions, threads);
+    }
+    let rows: Vec<usize> = goals.iter().map(|goal| goal.function.rows()).collect();
+    let goals: Vec<Goal> = goals.into_iter().map(|goal| (goal.function, goal.targets)).collect();
+    let found = long(py, || core(tree, &goals, &q0, &search))?;
+    Ok(InverseKinematics {
+        q: copied(py, &[found.q.len()], &found.q)?.unbind(),
+        errors: residual_list(py, &rows, &found.errors)?.into_any().unbind(),
+        reached: PyList::new(py, &found.reached)?.into_any().unbind(),
+        iterations: found.iterations.into_py_any(py)?,
+        restarts: found.restarts.into_py_any(py)?,
+        status: status_member(py, found.status)?,
     })
 }
 

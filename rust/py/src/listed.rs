@@ -1,7 +1,7 @@
 //! `loop_program` returns a *program*, the recorded operations of a closed loop, as lists.
 
 use crate::arrays::{flag, object, text};
-use crate::errors::entry;
+use crate::errors::Failure;
 use crate::force::Raised;
 use crate::interrupts::long;
 use crate::keywords::{Keywords, law_of};
@@ -15,49 +15,45 @@ use pyo3::types::{PyDict, PyList, PyTuple};
 #[entered]
 #[pyfunction]
 pub fn loop_program<'py>(
-    py: Python<'py>,
     plant: &Bound<'py, PyAny>,
     law: &Bound<'py, PyAny>,
     keywords: &Bound<'py, PyDict>,
-) -> PyResult<Bound<'py, PyDict>> {
-    const NAME: &str = "loop_program";
-    entry(py, NAME, || {
-        let plant = object::<Plant>(NAME, "plant", "a plant such as RigidArm", plant)?;
-        let plant = &plant.get().spec;
-        let raised = Raised::default();
-        let law = &law_of(NAME, law, plant, &raised)?;
-        let given = Keywords { function: NAME, keywords: keywords.clone() };
-        let options = given.options(plant.n())?;
-        given.require_force()?;
-        let (force, force_frame) = given.force(plant, law, &raised)?;
-        let batch = flag(NAME, "batch", &given.required("batch")?)?;
-        let part = given.get("part")?.map(|part| text(NAME, "part", &part)).transpose()?;
-        let x0 = vec![0.0; plant.states()];
-        let problem =
-            Problem { plants: vec![plant], laws: vec![law], x0, forces: force.iter().collect(), force_frame, options, measures: None };
-        let listed = long(py, || list_loop(&problem, batch, part.as_deref()))?;
-        let fields = PyDict::new(py);
-        fields.set_item("part", listed.part)?;
-        let parts = PyDict::new(py);
-        for (name, operations) in listed.parts {
-            parts.set_item(name, operations)?;
+) -> Result<Bound<'py, PyDict>, Failure> {
+    let plant = object::<Plant>(NAME, "plant", "a plant such as RigidArm", plant)?;
+    let plant = &plant.get().spec;
+    let raised = Raised::default();
+    let law = &law_of(NAME, law, plant, &raised)?;
+    let given = Keywords { function: NAME, keywords: keywords.clone() };
+    let options = given.options(plant.n())?;
+    given.require_force()?;
+    let (force, force_frame) = given.force(plant, law, &raised)?;
+    let batch = flag(NAME, "batch", &given.required("batch")?)?;
+    let part = given.get("part")?.map(|part| text(NAME, "part", &part)).transpose()?;
+    let x0 = vec![0.0; plant.states()];
+    let problem =
+        Problem { plants: vec![plant], laws: vec![law], x0, forces: force.iter().collect(), force_frame, options, measures: None };
+    let listed = long(py, || list_loop(&problem, batch, part.as_deref()))?;
+    let fields = PyDict::new(py);
+    fields.set_item("part", listed.part)?;
+    let parts = PyDict::new(py);
+    for (name, operations) in listed.parts {
+        parts.set_item(name, operations)?;
+    }
+    fields.set_item("parts", parts)?;
+    fields.set_item("engine", listed.engine)?;
+    fields.set_item("set", listed.set)?;
+    fields.set_item("lanes", listed.lanes)?;
+    fields.set_item("code_bytes", listed.size.map(|(bytes, _)| bytes))?;
+    fields.set_item("spilled", listed.size.map(|(_, spilled)| spilled))?;
+    fields.set_item("inputs", listed.inputs.into_iter().map(|((name, kind), value)| (name, kind, value)).collect::<Vec<_>>())?;
+    let stages = PyDict::new(py);
+    for (stage, listing) in listed.stages {
+        let lines = PyList::empty(py);
+        for line in listing.lines {
+            lines.append((line.to, line.kind, PyTuple::new(py, line.operands)?))?;
         }
-        fields.set_item("parts", parts)?;
-        fields.set_item("engine", listed.engine)?;
-        fields.set_item("set", listed.set)?;
-        fields.set_item("lanes", listed.lanes)?;
-        fields.set_item("code_bytes", listed.size.map(|(bytes, _)| bytes))?;
-        fields.set_item("spilled", listed.size.map(|(_, spilled)| spilled))?;
-        fields.set_item("inputs", listed.inputs.into_iter().map(|((name, kind), value)| (name, kind, value)).collect::<Vec<_>>())?;
-        let stages = PyDict::new(py);
-        for (stage, listing) in listed.stages {
-            let lines = PyList::empty(py);
-            for line in listing.lines {
-                lines.append((line.to, line.kind, PyTuple::new(py, line.operands)?))?;
-            }
-            stages.set_item(stage, (lines, listing.outputs))?;
-        }
-        fields.set_item("stages", stages)?;
-        Ok(fields)
-    })
+        stages.set_item(stage, (lines, listing.outputs))?;
+    }
+    fields.set_item("stages", stages)?;
+    Ok(fields)
 }

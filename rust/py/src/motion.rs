@@ -276,14 +276,8 @@ pub struct Table;
 #[pymethods]
 impl Table {
     #[new]
-    #[pyo3(signature = (dt, q, v, a, *, start=None))]
-    fn new(
-        dt: &Bound<'_, PyAny>,
-        q: &Bound<'_, PyAny>,
-        v: &Bound<'_, PyAny>,
-        a: &Bound<'_, PyAny>,
-        start: Option<&Bound<'_, PyAny>>,
-    ) -> PyResult<PyClassInitializer<Self>> {
+    #[arguments(dt, q, v, a, *, start=None)]
+    fn new() -> PyResult<PyClassInitializer<Self>> {
         let py = dt.py();
         entry(py, "Table", || {
             let dt = number("Table", "dt", dt)?;

@@ -145,7 +145,7 @@ impl MomentumObserver {
         let py = q.py();
         let [(shape, q)] = self.rows(function, [("q", q)])?;
         let frame = text(function, "frame", frame)?;
-        let eps = eps.filter(|eps| !eps.is_none()).map(|eps| number(function, "eps", eps)).transpose()?;
+        let eps = eps.map(|eps| number(function, "eps", eps)).transpose()?;
         self.observed(py).require_rows(py, function, &shape)?;
         let (wrench, rest, [wide, narrow]) = self.detached(py, |observed| {
             let (rows, n) = (observed.core.rows(), observed.core.n());
@@ -161,50 +161,37 @@ impl MomentumObserver {
 #[pymethods]
 impl MomentumObserver {
     #[new]
-    #[pyo3(
-        signature = (arm, gain, *, friction=None, motor_inertia=None, threshold=None),
-        text_signature = "(arm, gain, *, friction=False, motor_inertia=None, threshold=None)"
-    )]
-    fn new<'py>(
-        arm: &Bound<'py, PyAny>,
-        gain: &Bound<'py, PyAny>,
-        friction: Option<&Bound<'py, PyAny>>,
-        motor_inertia: Option<&Bound<'py, PyAny>>,
-        threshold: Option<&Bound<'py, PyAny>>,
-    ) -> PyResult<Self> {
-        entry(arm.py(), NAME, || {
-            let mut given = Arguments::new(NAME, arm)?;
-            let model = given.model();
-            let n = model.n();
-            let gain = given.gain("gain", gain, n)?;
-            let friction = given.flag("friction", friction)?;
-            if friction {
-                model.tree("friction")?;
-            }
-            let mut core = Core::new(model, gain, friction)?;
-            if let Some(inertia) = motor_inertia.filter(|inertia| !inertia.is_none()) {
-                core = core.of_motors(given.gain("motor_inertia", inertia, n)?)?;
-            }
-            if let Some(threshold) = threshold.filter(|threshold| !threshold.is_none()) {
-                let (shape, values) = numbers(NAME, "threshold", threshold, &[SCALAR, Form(&[Axis::Is(n)])])?;
-                core.set_thresholds(spread(&shape, values, n)?)?;
-                given.keep("threshold", threshold)?;
-            }
-            let Arguments { arm, arguments, .. } = given;
-            let observed = Mutex::new(Observed { core, batched: false });
-            Ok(MomentumObserver { observed, arm: arm.unbind(), arguments })
-        })
+    #[arguments(arm, gain, *, friction=false, motor_inertia=None, threshold=None)]
+    fn new() -> Result<Self, Failure> {
+        let mut given = Arguments::new(NAME, arm)?;
+        let model = given.model();
+        let n = model.n();
+        let gain = given.gain("gain", gain, n)?;
+        let friction = given.flag("friction", friction)?;
+        if friction {
+            model.tree("friction")?;
+        }
+        let mut core = Core::new(model, gain, friction)?;
+        if let Some(inertia) = motor_inertia {
+            core = core.of_motors(given.gain("motor_inertia", inertia, n)?)?;
+        }
+        if let Some(threshold) = threshold {
+            let (shape, values) = numbers(NAME, "threshold", threshold, &[SCALAR, Form(&[Axis::Is(n)])])?;
+            core.set_thresholds(spread(&shape, values, n)?)?;
+            given.keep("threshold", threshold)?;
+        }
+        let Arguments { arm, arguments, .. } = given;
+        let observed = Mutex::new(Observed { core, batched: false });
+        Ok(MomentumObserver { observed, arm: arm.unbind(), arguments })
     }
 
     /// Restart the observer at the positions `q` (rad or m) and velocities `v` (rad/s or m/s), `(n,)` or `(B, n)`, with `r = 0`.
-    fn reset(&self, py: Python<'_>, q: &Bound<'_, PyAny>, v: &Bound<'_, PyAny>) -> PyResult<()> {
-        entry(py, "MomentumObserver.reset", || {
-            let [(shape, q), (_, v)] = self.rows("MomentumObserver.reset", [("q", q), ("v", v)])?;
-            self.detached(py, |observed| {
-                observed.core.reset(&q, &v)?;
-                observed.batched = shape.len() > 1;
-                Ok(())
-            })
+    fn reset(&self, q: &Bound<'_, PyAny>, v: &Bound<'_, PyAny>) -> Result<(), Failure> {
+        let [(shape, q), (_, v)] = self.rows(NAME, [("q", q), ("v", v)])?;
+        self.detached(py, |observed| {
+            observed.core.reset(&q, &v)?;
+            observed.batched = shape.len() > 1;
+            Ok(())
         })
     }
 
@@ -220,45 +207,32 @@ impl MomentumObserver {
     /// Raises:
     ///     InputError: a shape is wrong, a number is not finite, `dt` is not positive, or `r` would not be finite. The observer then does
     ///         not change.
-    fn update<'py>(
-        &self,
-        py: Python<'py>,
-        q: &Bound<'py, PyAny>,
-        v: &Bound<'py, PyAny>,
-        tau: &Bound<'py, PyAny>,
-        dt: &Bound<'py, PyAny>,
-    ) -> PyResult<Bound<'py, PyAny>> {
-        const FUNCTION: &str = "MomentumObserver.update";
-        entry(py, FUNCTION, || {
-            let [(shape, q), (_, v), (_, tau)] = self.rows(FUNCTION, [("q", q), ("v", v), ("tau", tau)])?;
-            let dt = number(FUNCTION, "dt", dt)?;
-            self.observed(py).require_rows(py, FUNCTION, &shape)?;
-            let residual = self.detached(py, |observed| {
-                observed.core.update(&q, &v, &tau, dt)?;
-                observed.batched = shape.len() > 1;
-                memory::copied(&observed.core.state().residual)
-            })?;
-            Ok(adopted(py, &shape, residual)?)
-        })
+    #[arguments(q, v, tau, dt)]
+    fn update<'py>(&self) -> Result<Bound<'py, PyAny>, Failure> {
+        let [(shape, q), (_, v), (_, tau)] = self.rows(NAME, [("q", q), ("v", v), ("tau", tau)])?;
+        let dt = number(NAME, "dt", dt)?;
+        self.observed(py).require_rows(py, NAME, &shape)?;
+        let residual = self.detached(py, |observed| {
+            observed.core.update(&q, &v, &tau, dt)?;
+            observed.batched = shape.len() > 1;
+            memory::copied(&observed.core.state().residual)
+        })?;
+        Ok(adopted(py, &shape, residual)?)
     }
 
     /// The last residual `r`, `(n,)` or `(B, n)`, N m or N; None before the first sample or `reset`.
     #[getter]
-    fn residual<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyAny>>> {
-        entry(py, "MomentumObserver.residual", || {
-            let observed = self.observed(py);
-            let values = &observed.core.state().residual;
-            if values.is_empty() { Ok(None) } else { Ok(Some(copied(py, &observed.shape(observed.core.n()), values)?)) }
-        })
+    fn residual<'py>(&self) -> Result<Option<Bound<'py, PyAny>>, Failure> {
+        let observed = self.observed(py);
+        let values = &observed.core.state().residual;
+        if values.is_empty() { Ok(None) } else { Ok(Some(copied(py, &observed.shape(observed.core.n()), values)?)) }
     }
 
     /// The thresholds of contact `(n,)`, N m or N; None without thresholds.
     #[getter]
-    fn threshold<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyAny>>> {
-        entry(py, "MomentumObserver.threshold", || {
-            let observed = self.observed(py);
-            observed.core.thresholds().map(|thresholds| copied(py, &[thresholds.len()], thresholds)).transpose()
-        })
+    fn threshold<'py>(&self) -> Result<Option<Bound<'py, PyAny>>, Failure> {
+        let observed = self.observed(py);
+        observed.core.thresholds().map(|thresholds| copied(py, &[thresholds.len()], thresholds)).transpose()
     }
 
     /// Compute the wrench `F = [f; m]` at the origin of `frame` that explains `r` best: `(6,)` or `(B, 6)`, N and N m, world axes.
@@ -266,66 +240,45 @@ impl MomentumObserver {
     /// `F` is the least-squares solution of `r = J' F` with the smallest norm, if all nonzero singular values of `J'` are at least `eps`. A
     /// smaller one, `s`, is inverted as `s / eps^2`. The default of `eps` is 0.02 times the largest row norm of `J'`. The
     /// argument `q` must be the positions of the last sample.
-    #[pyo3(signature = (q, frame, *, eps=None))]
-    fn wrench<'py>(
-        &self,
-        py: Python<'py>,
-        q: &Bound<'py, PyAny>,
-        frame: &Bound<'py, PyAny>,
-        eps: Option<&Bound<'py, PyAny>>,
-    ) -> PyResult<Bound<'py, PyAny>> {
-        entry(py, "MomentumObserver.wrench", || {
-            let [wrench, _] = self.wrench_and_rest("MomentumObserver.wrench", q, frame, eps)?;
-            Ok(wrench)
-        })
+    #[arguments(q, frame, *, eps=None)]
+    fn wrench<'py>(&self) -> Result<Bound<'py, PyAny>, Failure> {
+        let [wrench, _] = self.wrench_and_rest(NAME, q, frame, eps)?;
+        Ok(wrench)
     }
 
     /// Compute the part of `r` that the wrench `F` at a frame does not explain: `r - J' F`, N m or N, of the shape of `q`.
     ///
     /// The method has the same arguments as `wrench`.
-    #[pyo3(signature = (q, frame, *, eps=None))]
-    fn unexplained<'py>(
-        &self,
-        py: Python<'py>,
-        q: &Bound<'py, PyAny>,
-        frame: &Bound<'py, PyAny>,
-        eps: Option<&Bound<'py, PyAny>>,
-    ) -> PyResult<Bound<'py, PyAny>> {
-        entry(py, "MomentumObserver.unexplained", || {
-            let [_, rest] = self.wrench_and_rest("MomentumObserver.unexplained", q, frame, eps)?;
-            Ok(rest)
-        })
+    #[arguments(q, frame, *, eps=None)]
+    fn unexplained<'py>(&self) -> Result<Bound<'py, PyAny>, Failure> {
+        let [_, rest] = self.wrench_and_rest(NAME, q, frame, eps)?;
+        Ok(rest)
     }
 
     /// Set the threshold of each joint to `|mean| + sigmas * deviation` of recorded `residuals`, `(K, n)`, N m or N.
     ///
     /// The record must be without contact, with `K >= 2`. `deviation` is the standard deviation; `sigmas` is 5 if None.
-    #[pyo3(signature = (residuals, sigmas=None), text_signature = "($self, residuals, sigmas=5.0)")]
-    fn calibrate(&self, py: Python<'_>, residuals: &Bound<'_, PyAny>, sigmas: Option<&Bound<'_, PyAny>>) -> PyResult<()> {
-        const FUNCTION: &str = "MomentumObserver.calibrate";
-        entry(py, FUNCTION, || {
-            let n = self.observed(py).core.n();
-            let (shape, values) = numbers(FUNCTION, "residuals", residuals, &[Form(&[Axis::Any("K"), Axis::Is(n)])])?;
-            require_finite(py, FUNCTION, "residuals", &shape, &values)?;
-            let sigmas = sigmas.map_or(Ok(5.0), |sigmas| number(FUNCTION, "sigmas", sigmas))?;
-            Ok(self.observed(py).core.calibrate(&values, sigmas)?)
-        })
+    #[arguments(residuals, sigmas = 5.0)]
+    fn calibrate(&self) -> Result<(), Failure> {
+        let n = self.observed(py).core.n();
+        let (shape, values) = numbers(NAME, "residuals", residuals, &[Form(&[Axis::Any("K"), Axis::Is(n)])])?;
+        require_finite(py, NAME, "residuals", &shape, &values)?;
+        let sigmas = sigmas.map_or(Ok(5.0), |sigmas| number(NAME, "sigmas", sigmas))?;
+        Ok(self.observed(py).core.calibrate(&values, sigmas)?)
     }
 
     /// The index of the joint of the touched link, or -1 without contact: an integer, or an array `(B,)`.
     ///
     /// The joint is the outermost one with `|r_i|` above its threshold, because a force on a link loads no joint further out. If several
     /// branches have such a joint, the result is the one with the largest ratio of `|r_i|` to its threshold.
-    fn contact<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        entry(py, "MomentumObserver.contact", || {
-            let observed = self.observed(py);
-            let found: Vec<i64> = observed.core.contacts()?.into_iter().map(|joint| joint.map_or(-1, |joint| joint as i64)).collect();
-            if observed.batched {
-                Ok(adopted(py, &[found.len()], found)?)
-            } else {
-                Ok(PyInt::new(py, found.first().copied().unwrap_or(-1)).into_any())
-            }
-        })
+    fn contact<'py>(&self) -> Result<Bound<'py, PyAny>, Failure> {
+        let observed = self.observed(py);
+        let found: Vec<i64> = observed.core.contacts()?.into_iter().map(|joint| joint.map_or(-1, |joint| joint as i64)).collect();
+        if observed.batched {
+            Ok(adopted(py, &[found.len()], found)?)
+        } else {
+            Ok(PyInt::new(py, found.first().copied().unwrap_or(-1)).into_any())
+        }
     }
 
     fn __repr__(slf: &Bound<'_, Self>) -> PyResult<String> {

@@ -3,7 +3,7 @@
 use crate::arguments::Arguments;
 use crate::arm::Arm;
 use crate::arrays::{number, object, quoted, text, three};
-use crate::errors::{Failure, entry, input_error};
+use crate::errors::{Failure, input_error};
 use crate::friction;
 use crate::kept::{Kept, stands_on_arm};
 use crate::seal::{Sealed, seal_new};
@@ -73,22 +73,13 @@ type Placed = (String, [f64; 3], [f64; 3]);
 #[pymethods]
 impl Wall {
     #[new]
-    #[pyo3(signature = (frame, point, normal, *, stiffness, damping=None))]
-    fn new(
-        frame: &Bound<'_, PyAny>,
-        point: &Bound<'_, PyAny>,
-        normal: &Bound<'_, PyAny>,
-        stiffness: &Bound<'_, PyAny>,
-        damping: Option<&Bound<'_, PyAny>>,
-    ) -> PyResult<Self> {
-        const NAME: &str = "Wall";
-        entry(frame.py(), NAME, || {
-            let damping = damping.map_or(Ok(0.0), |damping| number(NAME, "damping", damping))?;
-            let stiffness = number(NAME, "stiffness", stiffness)?;
-            // The index 0 is a placeholder, because a wall does not know its arm. The constructor of a plant finds the index of the frame.
-            let core = CoreWall::new(0, three(NAME, "point", Some(point))?, three(NAME, "normal", Some(normal))?, stiffness, damping)?;
-            Ok(Wall { frame: text(NAME, "frame", frame)?, core })
-        })
+    #[arguments(frame, point, normal, *, stiffness, damping=None)]
+    fn new() -> Result<Self, Failure> {
+        let damping = damping.map_or(Ok(0.0), |damping| number(NAME, "damping", damping))?;
+        let stiffness = number(NAME, "stiffness", stiffness)?;
+        // The index 0 is a placeholder, because a wall does not know its arm. The constructor of a plant finds the index of the frame.
+        let core = CoreWall::new(0, three(NAME, "point", Some(point))?, three(NAME, "normal", Some(normal))?, stiffness, damping)?;
+        Ok(Wall { frame: text(NAME, "frame", frame)?, core })
     }
 
     fn __repr__(&self) -> String {
@@ -111,7 +102,7 @@ impl Wall {
 
 /// Read the wall of a plant, and find the index of its frame.
 fn wall<'py>(given: &mut Arguments<'py>, function: &str, wall: Option<&Bound<'py, PyAny>>) -> Result<Option<CoreWall>, Failure> {
-    let Some(wall) = wall.filter(|wall| !wall.is_none()) else { return Ok(None) };
+    let Some(wall) = wall else { return Ok(None) };
     let object = object::<Wall>(function, "wall", "a Wall or None", wall)?;
     given.plain("wall", wall);
     let model = given.model();
@@ -194,30 +185,22 @@ pub struct RigidArm;
 #[pymethods]
 impl RigidArm {
     #[new]
-    #[pyo3(signature = (arm, *, friction=None, wall=None, stops=None), text_signature = "(arm, *, friction=False, wall=None, stops=None)")]
-    fn new<'py>(
-        arm: &Bound<'py, PyAny>,
-        friction: Option<&Bound<'py, PyAny>>,
-        wall: Option<&Bound<'py, PyAny>>,
-        stops: Option<&Bound<'py, PyAny>>,
-    ) -> PyResult<PyClassInitializer<Self>> {
-        const NAME: &str = "RigidArm";
-        entry(arm.py(), NAME, || {
-            let mut given = Arguments::new(NAME, arm)?;
-            let friction = rubbing(&mut given, NAME, "friction", friction)?;
-            if !matches!(friction, Rubbing::Flag(false)) {
-                given.model().tree("friction")?;
-            }
-            let wall = self::wall(&mut given, NAME, wall)?;
-            let stops = self::stops(&mut given, NAME, stops)?;
-            let spec = RigidSpec { wall, stops, ..RigidSpec::new(given.model()) };
-            let spec = match friction {
-                Rubbing::Flag(friction) => RigidSpec { friction, ..spec },
-                Rubbing::Sticking => spec.with_sticking_friction()?,
-                Rubbing::Dry(dry) => spec.with_friction(Some(dry))?,
-            };
-            Ok(given.plant(spec.into()).add_subclass(RigidArm))
-        })
+    #[arguments(arm, *, friction=false, wall=None, stops=None)]
+    fn new() -> Result<PyClassInitializer<Self>, Failure> {
+        let mut given = Arguments::new(NAME, arm)?;
+        let friction = rubbing(&mut given, NAME, "friction", friction)?;
+        if !matches!(friction, Rubbing::Flag(false)) {
+            given.model().tree("friction")?;
+        }
+        let wall = self::wall(&mut given, NAME, wall)?;
+        let stops = self::stops(&mut given, NAME, stops)?;
+        let spec = RigidSpec { wall, stops, ..RigidSpec::new(given.model()) };
+        let spec = match friction {
+            Rubbing::Flag(friction) => RigidSpec { friction, ..spec },
+            Rubbing::Sticking => spec.with_sticking_friction()?,
+            Rubbing::Dry(dry) => spec.with_friction(Some(dry))?,
+        };
+        Ok(given.plant(spec.into()).add_subclass(RigidArm))
     }
 }
 
@@ -233,12 +216,10 @@ pub struct VelocityArm;
 #[pymethods]
 impl VelocityArm {
     #[new]
-    fn new(arm: &Bound<'_, PyAny>) -> PyResult<PyClassInitializer<Self>> {
-        entry(arm.py(), "VelocityArm", || {
-            let given = Arguments::new("VelocityArm", arm)?;
-            let spec = VelocitySpec { model: given.model() };
-            Ok(given.plant(spec.into()).add_subclass(VelocityArm))
-        })
+    fn new(arm: &Bound<'_, PyAny>) -> Result<PyClassInitializer<Self>, Failure> {
+        let given = Arguments::new(NAME, arm)?;
+        let spec = VelocitySpec { model: given.model() };
+        Ok(given.plant(spec.into()).add_subclass(VelocityArm))
     }
 }
 
@@ -274,33 +255,22 @@ pub struct ElasticArm;
 #[pymethods]
 impl ElasticArm {
     #[new]
-    #[pyo3(signature = (arm, stiffness, motor_inertia, *, joint_damping=None, motor_friction=None, wall=None, stops=None))]
-    fn new<'py>(
-        arm: &Bound<'py, PyAny>,
-        stiffness: &Bound<'py, PyAny>,
-        motor_inertia: &Bound<'py, PyAny>,
-        joint_damping: Option<&Bound<'py, PyAny>>,
-        motor_friction: Option<&Bound<'py, PyAny>>,
-        wall: Option<&Bound<'py, PyAny>>,
-        stops: Option<&Bound<'py, PyAny>>,
-    ) -> PyResult<PyClassInitializer<Self>> {
-        const NAME: &str = "ElasticArm";
-        entry(arm.py(), NAME, || {
-            let mut given = Arguments::new(NAME, arm)?;
-            let model = given.model();
-            let n = model.n();
-            let (stiffness, inertia) = (given.gain("stiffness", stiffness, n)?, given.gain("motor_inertia", motor_inertia, n)?);
-            let mut optional = |name, value: Option<&Bound<'py, PyAny>>| value.map(|value| given.vector(name, value, n)).transpose();
-            let damping = optional("joint_damping", joint_damping)?;
-            let dry = motor_friction.map_or(Ok(None), |value| friction::friction(NAME, n, "motor_friction", value))?;
-            let friction = if dry.is_some() { None } else { optional("motor_friction", motor_friction)? };
-            if let (Some(_), Some(value)) = (&dry, motor_friction) {
-                given.plain("motor_friction", value);
-            }
-            let wall = self::wall(&mut given, NAME, wall)?;
-            let stops = self::stops(&mut given, NAME, stops)?;
-            let spec = ElasticSpec::new(model, stiffness, inertia, damping, friction, wall)?.with_stops(stops).with_friction(dry)?;
-            Ok(given.plant(spec.into()).add_subclass(ElasticArm))
-        })
+    #[arguments(arm, stiffness, motor_inertia, *, joint_damping=None, motor_friction=None, wall=None, stops=None)]
+    fn new<'py>() -> Result<PyClassInitializer<Self>, Failure> {
+        let mut given = Arguments::new(NAME, arm)?;
+        let model = given.model();
+        let n = model.n();
+        let (stiffness, inertia) = (given.gain("stiffness", stiffness, n)?, given.gain("motor_inertia", motor_inertia, n)?);
+        let mut optional = |name, value: Option<&Bound<'py, PyAny>>| value.map(|value| given.vector(name, value, n)).transpose();
+        let damping = optional("joint_damping", joint_damping)?;
+        let dry = motor_friction.map_or(Ok(None), |value| friction::friction(NAME, n, "motor_friction", value))?;
+        let friction = if dry.is_some() { None } else { optional("motor_friction", motor_friction)? };
+        if let (Some(_), Some(value)) = (&dry, motor_friction) {
+            given.plain("motor_friction", value);
+        }
+        let wall = self::wall(&mut given, NAME, wall)?;
+        let stops = self::stops(&mut given, NAME, stops)?;
+        let spec = ElasticSpec::new(model, stiffness, inertia, damping, friction, wall)?.with_stops(stops).with_friction(dry)?;
+        Ok(given.plant(spec.into()).add_subclass(ElasticArm))
     }
 }

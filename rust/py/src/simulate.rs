@@ -2,7 +2,7 @@
 
 use crate::arrays::{adopted, flag, object, text, written_array};
 use crate::elastic::warn_of_sampling;
-use crate::errors::{Failure, entry, input_error};
+use crate::errors::{Failure, input_error};
 use crate::event;
 use crate::force::{self, Raised, raise};
 use crate::interrupts::{long, long_calling, signalled, signalled_in_turn};
@@ -57,143 +57,134 @@ fn put_series(fields: &Bound<'_, PyDict>, lead: &[usize], k: usize, n: usize, p:
 #[entered]
 #[pyfunction]
 pub fn simulate<'py>(
-    py: Python<'py>,
     plant: &Bound<'py, PyAny>,
     law: &Bound<'py, PyAny>,
     q0: &Bound<'py, PyAny>,
     keywords: &Bound<'py, PyDict>,
-) -> PyResult<Bound<'py, PyDict>> {
-    const NAME: &str = "simulate";
-    entry(py, NAME, || {
-        let plant = object::<Plant>(NAME, "plant", A_PLANT, plant)?;
-        let plant = &plant.get().spec;
-        let raised = Raised::default();
-        let law = &law_of(NAME, law, plant, &raised)?;
-        let given = Keywords { function: NAME, keywords: keywords.clone() };
-        let n = plant.n();
-        let options = given.options(n)?;
-        let (_, x0) = given.initial_states(&[plant], q0, false)?;
-        given.require_force()?;
-        let (force, force_frame) = given.force(plant, law, &raised)?;
-        let problem =
-            Problem { plants: vec![plant], laws: vec![law], x0, forces: force.iter().collect(), force_frame, options, measures: None };
-        warn_of_sampling(py, NAME, &problem)?;
-        given.limit_check()?.problem(py, NAME, &problem, false)?;
-        let dense = given.get("dense")?.map_or(Ok(false), |dense| flag(NAME, "dense", &dense))?;
-        let mut observer = event::observer(plant, given.get("events")?, dense, &raised)?;
-        let calls_python = matches!(law, LawSpec::External(_)) || matches!(force, Some(Force::Signal(_)));
-        let mut poll = || force::failed(&raised) || if calls_python { signalled_in_turn() } else { signalled() };
-        let work = || core::simulate_observed(&problem, &core::Poller::new(&mut poll), observer.as_mut());
-        let run = if calls_python { long_calling(work) } else { long(py, work) }?;
-        raise(&raised)?;
-        let (k, p) = (run.t.len(), law.initial_state().len());
-        let fields = PyDict::new(py);
-        put(&fields, "t", run.t, &[k])?;
-        let series = [run.q, run.v, run.tau, run.theta, run.theta_dot, run.z, run.friction, run.bristles];
-        put_series(&fields, &[], k, n, p, series)?;
-        let series = PyDict::new(py);
-        for (name, values) in run.monitors {
-            put(&series, name, values, &[k])?;
-        }
-        fields.set_item("monitors", series)?;
-        fields.set_item("status", run.status.code())?;
-        fields.set_item("ended", run.ended)?;
-        fields.set_item("unresolved", run.unresolved)?;
-        let balances = PyDict::new(py);
-        for (name, value) in core::BALANCES.into_iter().zip(run.balances) {
-            balances.set_item(name, value)?;
-        }
-        fields.set_item("balances", balances)?;
-        let stats = PyDict::new(py);
-        stats.set_item("evaluations", run.evaluations)?;
-        stats.set_item("steps", run.steps)?;
-        stats.set_item("rejections", run.rejections)?;
-        stats.set_item("engine", run.engine)?;
-        if run.coarsen > 0.0 {
-            stats.set_item("coarsen", run.coarsen)?;
-        }
-        let o = &problem.options;
-        if o.method.is_adaptive() {
-            stats.set_item("rtol", o.rtol)?;
-            stats.set_item("atol", o.atol)?;
-        } else {
-            stats.set_item("dt", o.grid())?;
-        }
-        fields.set_item("stats", stats)?;
-        if let Some(observer) = observer {
-            event::answer(&fields, plant, p, observer)?;
-        }
-        Ok(fields)
-    })
+) -> Result<Bound<'py, PyDict>, Failure> {
+    let plant = object::<Plant>(NAME, "plant", A_PLANT, plant)?;
+    let plant = &plant.get().spec;
+    let raised = Raised::default();
+    let law = &law_of(NAME, law, plant, &raised)?;
+    let given = Keywords { function: NAME, keywords: keywords.clone() };
+    let n = plant.n();
+    let options = given.options(n)?;
+    let (_, x0) = given.initial_states(&[plant], q0, false)?;
+    given.require_force()?;
+    let (force, force_frame) = given.force(plant, law, &raised)?;
+    let problem =
+        Problem { plants: vec![plant], laws: vec![law], x0, forces: force.iter().collect(), force_frame, options, measures: None };
+    warn_of_sampling(py, NAME, &problem)?;
+    given.limit_check()?.problem(py, NAME, &problem, false)?;
+    let dense = given.get("dense")?.map_or(Ok(false), |dense| flag(NAME, "dense", &dense))?;
+    let mut observer = event::observer(plant, given.get("events")?, dense, &raised)?;
+    let calls_python = matches!(law, LawSpec::External(_)) || matches!(force, Some(Force::Signal(_)));
+    let mut poll = || force::failed(&raised) || if calls_python { signalled_in_turn() } else { signalled() };
+    let work = || core::simulate_observed(&problem, &core::Poller::new(&mut poll), observer.as_mut());
+    let run = if calls_python { long_calling(work) } else { long(py, work) }?;
+    raise(&raised)?;
+    let (k, p) = (run.t.len(), law.initial_state().len());
+    let fields = PyDict::new(py);
+    put(&fields, "t", run.t, &[k])?;
+    let series = [run.q, run.v, run.tau, run.theta, run.theta_dot, run.z, run.friction, run.bristles];
+    put_series(&fields, &[], k, n, p, series)?;
+    let series = PyDict::new(py);
+    for (name, values) in run.monitors {
+        put(&series, name, values, &[k])?;
+    }
+    fields.set_item("monitors", series)?;
+    fields.set_item("status", run.status.code())?;
+    fields.set_item("ended", run.ended)?;
+    fields.set_item("unresolved", run.unresolved)?;
+    let balances = PyDict::new(py);
+    for (name, value) in core::BALANCES.into_iter().zip(run.balances) {
+        balances.set_item(name, value)?;
+    }
+    fields.set_item("balances", balances)?;
+    let stats = PyDict::new(py);
+    stats.set_item("evaluations", run.evaluations)?;
+    stats.set_item("steps", run.steps)?;
+    stats.set_item("rejections", run.rejections)?;
+    stats.set_item("engine", run.engine)?;
+    if run.coarsen > 0.0 {
+        stats.set_item("coarsen", run.coarsen)?;
+    }
+    let o = &problem.options;
+    if o.method.is_adaptive() {
+        stats.set_item("rtol", o.rtol)?;
+        stats.set_item("atol", o.atol)?;
+    } else {
+        stats.set_item("dt", o.grid())?;
+    }
+    fields.set_item("stats", stats)?;
+    if let Some(observer) = observer {
+        event::answer(&fields, plant, p, observer)?;
+    }
+    Ok(fields)
 }
 
 /// Simulate a batch of runs, and return a dict of its fields. `armlet.simulate_batch` documents the keywords.
 #[entered]
 #[pyfunction]
 pub fn simulate_batch<'py>(
-    py: Python<'py>,
     plant: &Bound<'py, PyAny>,
     law: &Bound<'py, PyAny>,
     q0: &Bound<'py, PyAny>,
     keywords: &Bound<'py, PyDict>,
-) -> PyResult<Bound<'py, PyDict>> {
-    const NAME: &str = "simulate_batch";
-    entry(py, NAME, || {
-        let loops = Loops::of(NAME, plant, law, keywords)?;
-        let (given, n) = (&loops.given, loops.plant().n());
-        let keep = match text(NAME, "keep", &given.required("keep")?)?.as_str() {
-            "all" => Keep::All,
-            "final" => Keep::Final,
-            "metrics" => Keep::Metrics(given.measures(n)?),
-            other => {
-                let problem = format!("is unknown: expected one of all, final, metrics, got {other}");
-                return Err(input_error(py, NAME, "keep", problem).into());
-            }
-        };
-        let threads = threads_of(NAME, given.get("threads")?.as_ref())?;
-        let (batch, rows, p) = loops.with_problem(q0, |problem, rows, _| {
-            if problem.forces.iter().any(|force| matches!(force, Force::Signal(_))) {
-                let problem =
-                    "is a function: expected None, a constant or [(t_start, F), ...] in a batch, which runs without Python inside";
-                return Err(input_error(py, NAME, "force", problem).into());
-            }
-            let p = problem.laws[0].initial_state().len();
-            // A piece of a batch does not warn, because the whole batch was checked before.
-            if given.get("check_sampling")?.map_or(Ok(true), |check| flag(NAME, "check_sampling", &check))? {
-                warn_of_sampling(py, NAME, &problem)?;
-            }
-            // The pieces of a batch have the monitors of its first piece.
-            if given.get("check_monitors")?.map_or(Ok(false), |check| flag(NAME, "check_monitors", &check))? {
-                problem.require_same_monitors()?;
-            }
-            given.limit_check()?.problem(py, NAME, &problem, true)?;
-            Ok((long(py, || core::simulate_batch(problem, keep, threads, &mut signalled))?, rows, p))
-        })?;
-        let k = batch.t.len();
-        let fields = PyDict::new(py);
-        put(&fields, "t", batch.t, &[k])?;
-        let series = [batch.q, batch.v, batch.tau, batch.theta, batch.theta_dot, batch.z, batch.friction, batch.bristles];
-        put_series(&fields, &[rows], k, n, p, series)?;
-        let series = PyDict::new(py);
-        for (name, values) in batch.monitors {
-            put(&series, name, values, &[rows, k])?;
+) -> Result<Bound<'py, PyDict>, Failure> {
+    let loops = Loops::of(NAME, plant, law, keywords)?;
+    let (given, n) = (&loops.given, loops.plant().n());
+    let keep = match text(NAME, "keep", &given.required("keep")?)?.as_str() {
+        "all" => Keep::All,
+        "final" => Keep::Final,
+        "metrics" => Keep::Metrics(given.measures(n)?),
+        other => {
+            let problem = format!("is unknown: expected one of all, final, metrics, got {other}");
+            return Err(input_error(py, NAME, "keep", problem).into());
         }
-        fields.set_item("monitors", series)?;
-        let balances = PyDict::new(py);
-        for (name, values) in core::BALANCES.into_iter().zip(batch.balances) {
-            put(&balances, name, values, &[rows])?;
+    };
+    let threads = threads_of(NAME, given.get("threads")?.as_ref())?;
+    let (batch, rows, p) = loops.with_problem(q0, |problem, rows, _| {
+        if problem.forces.iter().any(|force| matches!(force, Force::Signal(_))) {
+            let problem = "is a function: expected None, a constant or [(t_start, F), ...] in a batch, which runs without Python inside";
+            return Err(input_error(py, NAME, "force", problem).into());
         }
-        fields.set_item("balances", balances)?;
-        let metrics = PyDict::new(py);
-        for (name, width, values) in batch.metrics {
-            let shape: Vec<usize> = std::iter::once(rows).chain(width).collect();
-            put(&metrics, name, values, &shape)?;
+        let p = problem.laws[0].initial_state().len();
+        // A piece of a batch does not warn, because the whole batch was checked before.
+        if given.get("check_sampling")?.map_or(Ok(true), |check| flag(NAME, "check_sampling", &check))? {
+            warn_of_sampling(py, NAME, &problem)?;
         }
-        fields.set_item("metrics", metrics)?;
-        let status = memory::collected(batch.status.iter().map(|s| i64::from(s.code())))?;
-        fields.set_item("status", adopted(py, &[status.len()], status)?)?;
-        put(&fields, "ended", batch.ended, &[rows])?;
-        fields.set_item("engine", batch.engine)?;
-        Ok(fields)
-    })
+        // The pieces of a batch have the monitors of its first piece.
+        if given.get("check_monitors")?.map_or(Ok(false), |check| flag(NAME, "check_monitors", &check))? {
+            problem.require_same_monitors()?;
+        }
+        given.limit_check()?.problem(py, NAME, &problem, true)?;
+        Ok((long(py, || core::simulate_batch(problem, keep, threads, &mut signalled))?, rows, p))
+    })?;
+    let k = batch.t.len();
+    let fields = PyDict::new(py);
+    put(&fields, "t", batch.t, &[k])?;
+    let series = [batch.q, batch.v, batch.tau, batch.theta, batch.theta_dot, batch.z, batch.friction, batch.bristles];
+    put_series(&fields, &[rows], k, n, p, series)?;
+    let series = PyDict::new(py);
+    for (name, values) in batch.monitors {
+        put(&series, name, values, &[rows, k])?;
+    }
+    fields.set_item("monitors", series)?;
+    let balances = PyDict::new(py);
+    for (name, values) in core::BALANCES.into_iter().zip(batch.balances) {
+        put(&balances, name, values, &[rows])?;
+    }
+    fields.set_item("balances", balances)?;
+    let metrics = PyDict::new(py);
+    for (name, width, values) in batch.metrics {
+        let shape: Vec<usize> = std::iter::once(rows).chain(width).collect();
+        put(&metrics, name, values, &shape)?;
+    }
+    fields.set_item("metrics", metrics)?;
+    let status = memory::collected(batch.status.iter().map(|s| i64::from(s.code())))?;
+    fields.set_item("status", adopted(py, &[status.len()], status)?)?;
+    put(&fields, "ended", batch.ended, &[rows])?;
+    fields.set_item("engine", batch.engine)?;
+    Ok(fields)
 }

@@ -114,34 +114,31 @@ impl Simulator {
     /// Raises:
     ///     InputError: an argument has a wrong type, shape or value.
     ///     SolveError: the step diverges. The state does not change.
-    #[pyo3(signature = (tau=None, *, force=None))]
-    fn step(&mut self, py: Python<'_>, tau: Option<&Bound<'_, PyAny>>, force: Option<&Bound<'_, PyAny>>) -> PyResult<()> {
-        const NAME: &str = "Simulator.step";
-        entry(py, NAME, || {
-            let push = force.map(|force| wrench(&self.pushed, force)).transpose()?;
-            let status = match tau {
-                Some(tau) => {
-                    let n = self.given.len();
-                    match of_shape(tau, &[n]) {
-                        Some(values) => self.given.copy_from_slice(values),
-                        None => self.given.copy_from_slice(&vector(NAME, "tau", tau, n)?),
-                    }
-                    if let Some(i) = self.given.iter().position(|x| !x.is_finite()) {
-                        let problem = format!("is not finite: expected finite numbers, got {} (first bad index {i})", self.given[i]);
-                        return Err(input_error(py, NAME, "tau", problem).into());
-                    }
-                    self.stepping.get_mut().unwrap_or_else(PoisonError::into_inner).step(Some(&self.given), push.as_ref())
+    #[arguments(tau=None, *, force=None)]
+    fn step(&mut self) -> Result<(), Failure> {
+        let push = force.map(|force| wrench(&self.pushed, force)).transpose()?;
+        let status = match tau {
+            Some(tau) => {
+                let n = self.given.len();
+                match of_shape(tau, &[n]) {
+                    Some(values) => self.given.copy_from_slice(values),
+                    None => self.given.copy_from_slice(&vector(NAME, "tau", tau, n)?),
                 }
-                None if self.has_law => self.stepping().step(None, push.as_ref()),
-                None => return Err(input_error(py, NAME, "tau", "is missing: expected (n,), since there is no law").into()),
-            };
-            if let Err(error) = raise(&self.raised) {
-                self.stepping().undo();
-                return Err(error);
+                if let Some(i) = self.given.iter().position(|x| !x.is_finite()) {
+                    let problem = format!("is not finite: expected finite numbers, got {} (first bad index {i})", self.given[i]);
+                    return Err(input_error(py, NAME, "tau", problem).into());
+                }
+                self.stepping.get_mut().unwrap_or_else(PoisonError::into_inner).step(Some(&self.given), push.as_ref())
             }
-            self.show(py)?;
-            if status == Status::Success { Ok(()) } else { Err(self.ended(py, status)?) }
-        })
+            None if self.has_law => self.stepping().step(None, push.as_ref()),
+            None => return Err(input_error(py, NAME, "tau", "is missing: expected (n,), since there is no law").into()),
+        };
+        if let Err(error) = raise(&self.raised) {
+            self.stepping().undo();
+            return Err(error);
+        }
+        self.show(py)?;
+        if status == Status::Success { Ok(()) } else { Err(self.ended(py, status)?) }
     }
 
     /// The status: `Status.SUCCESS`, or `Status.DIVERGED` after a step that diverged.
@@ -162,52 +159,38 @@ impl Simulator {
     ///
     /// Raises:
     ///     InputError: a shape is wrong, or a number is not finite. An argument for a state that the loop does not have also raises it.
-    #[pyo3(signature = (q, v, *, theta=None, theta_dot=None, bristles=None, estimate=None))]
-    fn set_state(
-        &mut self,
-        py: Python<'_>,
-        q: &Bound<'_, PyAny>,
-        v: &Bound<'_, PyAny>,
-        theta: Option<&Bound<'_, PyAny>>,
-        theta_dot: Option<&Bound<'_, PyAny>>,
-        bristles: Option<&Bound<'_, PyAny>>,
-        estimate: Option<&Bound<'_, PyAny>>,
-    ) -> PyResult<()> {
-        const NAME: &str = "Simulator.set_state";
-        entry(py, NAME, || {
-            let state = state_of(NAME, &self.plant, (q, v), (theta, theta_dot), bristles)?;
-            let mut law = self.x[state.len()..].to_vec();
-            match estimate {
-                None => self.law.restart(&state, &mut law),
-                Some(estimate) => law = law_state(NAME, estimate, law.len())?,
-            }
-            self.stepping().put(&[state, law].concat());
-            self.show(py)
-        })
+    #[arguments(q, v, *, theta=None, theta_dot=None, bristles=None, estimate=None)]
+    fn set_state(&mut self) -> Result<(), Failure> {
+        let state = state_of(NAME, &self.plant, (q, v), (theta, theta_dot), bristles)?;
+        let mut law = self.x[state.len()..].to_vec();
+        match estimate {
+            None => self.law.restart(&state, &mut law),
+            Some(estimate) => law = law_state(NAME, estimate, law.len())?,
+        }
+        self.stepping().put(&[state, law].concat());
+        self.show(py)
     }
 
     /// Restart the plant and the law at `t = 0`, from the initial state or from `q0` (rad or m) and `v0` (rad/s or m/s), `(n,)`.
-    #[pyo3(signature = (q0=None, v0=None))]
-    fn reset(&mut self, py: Python<'_>, q0: Option<&Bound<'_, PyAny>>, v0: Option<&Bound<'_, PyAny>>) -> PyResult<()> {
-        entry(py, "Simulator.reset", || {
-            let n = self.plant.n();
-            let mut start = self.start.clone();
-            if q0.is_some() || v0.is_some() {
-                let read = |name, value: Option<&Bound<'_, PyAny>>, from: &[f64]| {
-                    value.map_or_else(|| Ok(from.to_vec()), |value| vector("Simulator.reset", name, value, n))
-                };
-                let q = read("q0", q0, &self.start[..n])?;
-                if let (Some(_), Ok(tree)) = (q0, self.plant.model().tree("arm")) {
-                    self.check.rows(py, "Simulator.reset", "q0", tree, &q, false)?;
-                }
-                let v = if self.plant.kind().has_speeds() { read("v0", v0, &self.start[n..2 * n])? } else { Vec::new() };
-                let x = self.plant.initial_state(&q, &v, None, None);
-                start[..x.len()].copy_from_slice(&x);
-                self.law.restart(&x, &mut start[x.len()..]);
+    #[arguments(q0=None, v0=None)]
+    fn reset(&mut self) -> Result<(), Failure> {
+        let n = self.plant.n();
+        let mut start = self.start.clone();
+        if q0.is_some() || v0.is_some() {
+            let read = |name, value: Option<&Bound<'_, PyAny>>, from: &[f64]| {
+                value.map_or_else(|| Ok(from.to_vec()), |value| vector(NAME, name, value, n))
+            };
+            let q = read("q0", q0, &self.start[..n])?;
+            if let (Some(_), Ok(tree)) = (q0, self.plant.model().tree("arm")) {
+                self.check.rows(py, NAME, "q0", tree, &q, false)?;
             }
-            self.stepping().reset(&start);
-            self.show(py)
-        })
+            let v = if self.plant.kind().has_speeds() { read("v0", v0, &self.start[n..2 * n])? } else { Vec::new() };
+            let x = self.plant.initial_state(&q, &v, None, None);
+            start[..x.len()].copy_from_slice(&x);
+            self.law.restart(&x, &mut start[x.len()..]);
+        }
+        self.stepping().reset(&start);
+        self.show(py)
     }
 
     /// The time, s: the number of steps times `dt`.

@@ -8,7 +8,7 @@ use pyo3::prelude::*;
 
 /// Read the stops of a plant from an `armlet.JointStops`.
 pub fn stops(function: &'static str, model: &Model, value: Option<&Bound<'_, PyAny>>) -> Result<Option<Stops>, Failure> {
-    let Some(value) = value.filter(|value| !value.is_none()) else { return Ok(None) };
+    let Some(value) = value else { return Ok(None) };
     let n = model.n();
     let limits = |upper: bool| -> Vec<f64> {
         match model {

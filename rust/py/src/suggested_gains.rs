@@ -31,25 +31,16 @@ const NAME: &str = "suggest_gains";
 #[pymethods]
 impl SuggestedGains {
     #[new]
-    #[pyo3(signature = (bandwidth, damping_ratio, sample_time, inertia, lightest))]
-    fn new(
-        bandwidth: &Bound<'_, PyAny>,
-        damping_ratio: &Bound<'_, PyAny>,
-        sample_time: Option<&Bound<'_, PyAny>>,
-        inertia: &Bound<'_, PyAny>,
-        lightest: &Bound<'_, PyAny>,
-    ) -> PyResult<Self> {
-        const NAME: &str = "SuggestedGains";
-        entry(bandwidth.py(), NAME, || {
-            let core = Core {
-                bandwidth: number(NAME, "bandwidth", bandwidth)?,
-                damping_ratio: number(NAME, "damping_ratio", damping_ratio)?,
-                sample_time: optional_number(NAME, "sample_time", sample_time)?,
-                inertia: any_vector(NAME, "inertia", inertia)?,
-                lightest: number(NAME, "lightest", lightest)?,
-            };
-            Ok(SuggestedGains { core })
-        })
+    #[arguments(bandwidth, damping_ratio, sample_time, inertia, lightest)]
+    fn new(sample_time: Option<&Bound<'_, PyAny>>) -> Result<Self, Failure> {
+        let core = Core {
+            bandwidth: number(NAME, "bandwidth", bandwidth)?,
+            damping_ratio: number(NAME, "damping_ratio", damping_ratio)?,
+            sample_time: optional_number(NAME, "sample_time", sample_time)?,
+            inertia: any_vector(NAME, "inertia", inertia)?,
+            lightest: number(NAME, "lightest", lightest)?,
+        };
+        Ok(SuggestedGains { core })
     }
 
     #[getter]
@@ -166,27 +157,16 @@ fn array<'py>(py: Python<'py>, values: &[f64]) -> PyResult<Bound<'py, PyAny>> {
 /// (array([200.]), array([40.]), 1000.0)
 #[entered]
 #[pyfunction]
-#[pyo3(
-    signature = (arm, bandwidth, damping_ratio=None, sample_time=None),
-    text_signature = "(arm, bandwidth, damping_ratio=1.0, sample_time=None)"
-)]
-pub fn suggest_gains(
-    py: Python<'_>,
-    arm: &Bound<'_, PyAny>,
-    bandwidth: &Bound<'_, PyAny>,
-    damping_ratio: Option<&Bound<'_, PyAny>>,
-    sample_time: Option<&Bound<'_, PyAny>>,
-) -> PyResult<SuggestedGains> {
-    entry(py, NAME, || {
-        let arm = object::<Arm>(NAME, "arm", "an Arm such as planar_arm(..)", arm)?;
-        let model = arm.get().model.core();
-        let bandwidth = number(NAME, "bandwidth", bandwidth)?;
-        let ratio = optional_number(NAME, "damping_ratio", damping_ratio)?.unwrap_or(1.0);
-        let h = optional_number(NAME, "sample_time", sample_time)?;
-        let gains = long(py, || core(&model, bandwidth, ratio, h))?;
-        warn(py, &gains)?;
-        Ok(SuggestedGains { core: gains })
-    })
+#[arguments(arm, bandwidth, damping_ratio=1.0, sample_time=None)]
+pub fn suggest_gains() -> Result<SuggestedGains, Failure> {
+    let arm = object::<Arm>(NAME, "arm", "an Arm such as planar_arm(..)", arm)?;
+    let model = arm.get().model.core();
+    let bandwidth = number(NAME, "bandwidth", bandwidth)?;
+    let ratio = optional_number(NAME, "damping_ratio", damping_ratio)?.unwrap_or(1.0);
+    let h = optional_number(NAME, "sample_time", sample_time)?;
+    let gains = long(py, || core(&model, bandwidth, ratio, h))?;
+    warn(py, &gains)?;
+    Ok(SuggestedGains { core: gains })
 }
 
 fn warn(py: Python<'_>, gains: &Core) -> Result<(), Failure> {

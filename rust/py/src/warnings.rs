@@ -38,7 +38,7 @@ pub enum LimitCheck {
 impl LimitCheck {
     /// Read the argument `check_limits`: None warns, True raises an error, and False does neither.
     pub fn of(function: &str, value: Option<&Bound<'_, PyAny>>) -> Result<Self, Failure> {
-        let Some(value) = value.filter(|value| !value.is_none()) else { return Ok(LimitCheck::Warn) };
+        let Some(value) = value else { return Ok(LimitCheck::Warn) };
         Ok(if flag(function, "check_limits", value)? { LimitCheck::Refuse } else { LimitCheck::Ignore })
     }
 

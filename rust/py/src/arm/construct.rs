@@ -37,14 +37,12 @@ use std::borrow::Cow;
 ///        [0.5, 0.5]])
 #[entered]
 #[pyfunction]
-#[pyo3(name = "planar_pr", signature = (A, B, C))]
+#[pyo3(name = "planar_pr")]
+#[arguments(A, B, C)]
 #[allow(non_snake_case)]
-pub fn planar_pr(py: Python<'_>, A: &Bound<'_, PyAny>, B: &Bound<'_, PyAny>, C: &Bound<'_, PyAny>) -> PyResult<Arm> {
-    const NAME: &str = "planar_pr";
-    entry(py, NAME, || {
-        let [a, b, c] = [scalar(NAME, "A", A)?, scalar(NAME, "B", B)?, scalar(NAME, "C", C)?];
-        Ok(Arm { model: ArmModel::PlanarPr(PlanarPr::new(a, b, c)?) })
-    })
+pub fn planar_pr() -> Result<Arm, Failure> {
+    let [a, b, c] = [scalar(NAME, "A", A)?, scalar(NAME, "B", B)?, scalar(NAME, "C", C)?];
+    Ok(Arm { model: ArmModel::PlanarPr(PlanarPr::new(a, b, c)?) })
 }
 
 /// Restore a `planar_pr` arm from `(A, B, C)`. The parameters are not checked, because `with_parameters` accepts physically impossible
@@ -112,45 +110,33 @@ fn gravity3(function: &str, gravity: Option<&Bound<'_, PyAny>>) -> Result<[f64; 
 /// 2
 #[entered]
 #[pyfunction]
-#[pyo3(signature = (path_or_xml, *, gravity=None, root=None, tip=None, mimic=None, search_path=None, xacro_arguments=None), text_signature = "(path_or_xml, *, gravity=None, root=None, tip=None, mimic='joined', search_path=None, xacro_arguments=None)")]
-pub fn load_urdf(
-    py: Python<'_>,
-    path_or_xml: &Bound<'_, PyAny>,
-    gravity: Option<&Bound<'_, PyAny>>,
-    root: Option<&Bound<'_, PyAny>>,
-    tip: Option<&Bound<'_, PyAny>>,
-    mimic: Option<&Bound<'_, PyAny>>,
-    search_path: Option<&Bound<'_, PyAny>>,
-    xacro_arguments: Option<&Bound<'_, PyAny>>,
-) -> PyResult<Arm> {
-    const NAME: &str = "load_urdf";
-    entry(py, NAME, || {
-        let root = root.map(|root| name(NAME, "root", root)).transpose()?;
-        let tip = tip.map(|tip| name(NAME, "tip", tip)).transpose()?;
-        let mimic = mimic.map_or(Ok(MimicMode::default()), |mimic| Ok::<_, Failure>(MimicMode::parse(name(NAME, "mimic", mimic)?)?))?;
-        let gravity = gravity.map(|gravity| vector(NAME, "gravity", gravity, 3).map(|g| [g[0], g[1], g[2]])).transpose()?;
-        let options = UrdfOptions { gravity, root, tip, mimic };
-        // The text is borrowed, not copied, because it may be large.
-        let text: Cow<'_, str> = match path_or_xml.cast::<PyString>().ok().and_then(|text| text.to_str().ok()) {
-            Some(text) => text.into(),
-            None => path_or_xml.call_method0("__fspath__").and_then(|path| path.extract::<String>()).map(Cow::Owned).map_err(|_| {
-                let problem = format!("is of the wrong type: expected a path or a string of XML, got {}", path_or_xml.get_type());
-                input_error(py, NAME, "path_or_xml", problem)
-            })?,
-        };
-        // A string that contains `<` is XML, not a path. The XML parser reports its errors.
-        let is_xml = text.contains('<') && path_or_xml.is_instance_of::<PyString>();
-        // Python code finds and reads files, and expands xacro files.
-        let (file, read): (Cow<'_, str>, Option<String>) = if is_xml && search_path.is_none() && xacro_arguments.is_none() {
-            (text, None)
-        } else {
-            let files = py.import("armlet.robot_files")?;
-            let (path, read): (String, _) = files.call_method1("robot_file", (&*text, is_xml, search_path, xacro_arguments))?.extract()?;
-            (path.into(), read)
-        };
-        let (text, file): (&str, &str) = read.as_ref().map_or((&file, "<string>"), |read| (read, &file));
-        long(py, || Ok(core::Arm::read_urdf(text, file, &options)?.into()))
-    })
+#[arguments(path_or_xml, *, gravity=None, root=None, tip=None, mimic="joined", search_path=None, xacro_arguments=None)]
+pub fn load_urdf() -> Result<Arm, Failure> {
+    let root = root.map(|root| name(NAME, "root", root)).transpose()?;
+    let tip = tip.map(|tip| name(NAME, "tip", tip)).transpose()?;
+    let mimic = mimic.map_or(Ok(MimicMode::default()), |mimic| Ok::<_, Failure>(MimicMode::parse(name(NAME, "mimic", mimic)?)?))?;
+    let gravity = gravity.map(|gravity| vector(NAME, "gravity", gravity, 3).map(|g| [g[0], g[1], g[2]])).transpose()?;
+    let options = UrdfOptions { gravity, root, tip, mimic };
+    // The text is borrowed, not copied, because it may be large.
+    let text: Cow<'_, str> = match path_or_xml.cast::<PyString>().ok().and_then(|text| text.to_str().ok()) {
+        Some(text) => text.into(),
+        None => path_or_xml.call_method0("__fspath__").and_then(|path| path.extract::<String>()).map(Cow::Owned).map_err(|_| {
+            let problem = format!("is of the wrong type: expected a path or a string of XML, got {}", path_or_xml.get_type());
+            input_error(py, NAME, "path_or_xml", problem)
+        })?,
+    };
+    // A string that contains `<` is XML, not a path. The XML parser reports its errors.
+    let is_xml = text.contains('<') && path_or_xml.is_instance_of::<PyString>();
+    // Python code finds and reads files, and expands xacro files.
+    let (file, read): (Cow<'_, str>, Option<String>) = if is_xml && search_path.is_none() && xacro_arguments.is_none() {
+        (text, None)
+    } else {
+        let files = py.import("armlet.robot_files")?;
+        let (path, read): (String, _) = files.call_method1("robot_file", (&*text, is_xml, search_path, xacro_arguments))?.extract()?;
+        (path.into(), read)
+    };
+    let (text, file): (&str, &str) = read.as_ref().map_or((&file, "<string>"), |read| (read, &file));
+    long(py, || Ok(core::Arm::read_urdf(text, file, &options)?.into()))
 }
 
 /// Return the text of an example URDF of the package.
@@ -171,9 +157,8 @@ pub fn load_urdf(
 /// 7
 #[entered]
 #[pyfunction]
-pub fn example_urdf(py: Python<'_>, name: &Bound<'_, PyAny>) -> PyResult<&'static str> {
-    const NAME: &str = "example_urdf";
-    entry(py, NAME, || Ok(core::example_urdf(self::name(NAME, "name", name)?)?))
+pub fn example_urdf(name: &Bound<'_, PyAny>) -> Result<&'static str, Failure> {
+    Ok(core::example_urdf(self::name(NAME, "name", name)?)?)
 }
 
 /// A planar arm with n revolute joints in the x-y plane; `q1` is measured from the x axis.
@@ -200,27 +185,17 @@ pub fn example_urdf(py: Python<'_>, name: &Bound<'_, PyAny>) -> PyResult<&'stati
 /// array([2., 0., 0.])
 #[entered]
 #[pyfunction]
-#[pyo3(signature = (lengths, *, masses=None, coms=None, inertias=None, gravity=None))]
-pub fn planar_arm(
-    py: Python<'_>,
-    lengths: &Bound<'_, PyAny>,
-    masses: Option<&Bound<'_, PyAny>>,
-    coms: Option<&Bound<'_, PyAny>>,
-    inertias: Option<&Bound<'_, PyAny>>,
-    gravity: Option<&Bound<'_, PyAny>>,
-) -> PyResult<Arm> {
-    const NAME: &str = "planar_arm";
-    entry(py, NAME, || {
-        let lengths = any_vector(NAME, "lengths", lengths)?;
-        let given = |name, value: Option<&Bound<'_, PyAny>>| value.map(|v| per_entry(NAME, name, v, lengths.len())).transpose();
-        let (masses, coms, inertias) = (given("masses", masses)?, given("coms", coms)?, given("inertias", inertias)?);
-        let gravity = match gravity {
-            Some(gravity) => vector(NAME, "gravity", gravity, 2)?,
-            None => vec![0.0, -9.81],
-        };
-        let (masses, coms, inertias) = (masses.as_deref(), coms.as_deref(), inertias.as_deref());
-        long(py, || Ok(core::Arm::planar(&lengths, masses, coms, inertias, [gravity[0], gravity[1]])?.into()))
-    })
+#[arguments(lengths, *, masses=None, coms=None, inertias=None, gravity=None)]
+pub fn planar_arm() -> Result<Arm, Failure> {
+    let lengths = any_vector(NAME, "lengths", lengths)?;
+    let given = |name, value: Option<&Bound<'_, PyAny>>| value.map(|v| per_entry(NAME, name, v, lengths.len())).transpose();
+    let (masses, coms, inertias) = (given("masses", masses)?, given("coms", coms)?, given("inertias", inertias)?);
+    let gravity = match gravity {
+        Some(gravity) => vector(NAME, "gravity", gravity, 2)?,
+        None => vec![0.0, -9.81],
+    };
+    let (masses, coms, inertias) = (masses.as_deref(), coms.as_deref(), inertias.as_deref());
+    long(py, || Ok(core::Arm::planar(&lengths, masses, coms, inertias, [gravity[0], gravity[1]])?.into()))
 }
 
 /// A pendulum of one link: `inertia a + gravity_moment sin(q) = tau`, where `q` is measured from the downward vertical.
@@ -242,9 +217,8 @@ pub fn planar_arm(
 /// 2.0
 #[entered]
 #[pyfunction]
-pub fn pendulum(py: Python<'_>, inertia: &Bound<'_, PyAny>, gravity_moment: &Bound<'_, PyAny>) -> PyResult<Arm> {
-    const NAME: &str = "pendulum";
-    entry(py, NAME, || Ok(core::Arm::pendulum(scalar(NAME, "inertia", inertia)?, scalar(NAME, "gravity_moment", gravity_moment)?)?.into()))
+pub fn pendulum(inertia: &Bound<'_, PyAny>, gravity_moment: &Bound<'_, PyAny>) -> Result<Arm, Failure> {
+    Ok(core::Arm::pendulum(scalar(NAME, "inertia", inertia)?, scalar(NAME, "gravity_moment", gravity_moment)?)?.into())
 }
 
 /// The tuples of a joint, of a frame and of an arm. The tuple of an arm is the argument of [`_restore_tree`].
@@ -259,29 +233,27 @@ fn placed([a, b, c, t]: [[f64; 3]; 4]) -> Placement {
 /// Make an arm from the joints and frames of a model of another library, such as Pinocchio or MuJoCo.
 #[entered]
 #[pyfunction]
-pub fn _restore_tree(py: Python<'_>, state: TreeState<'_>) -> PyResult<Arm> {
-    entry(py, "_restore_tree", || {
-        let (name, joints, frames, gravity, report) = state;
-        let count = joints.len();
-        let damaged = || Failure::from(armlet_core::error::Error::Format("the stored arm is damaged".into()));
-        let joint = |i: usize, state: &Bound<'_, PyAny>| {
-            let (name, kind, parent, placement, axis, drive, parameters, leader): JointState = state.extract()?;
-            let Some(JointType::Moving(kind)) = JointType::parse(&kind) else { return Err(damaged()) };
-            if parent.is_some_and(|p| p >= i) {
-                return Err(damaged());
-            }
-            let [lower, upper, velocity, effort, armature, damping, friction] = drive;
-            let limits = Limits { lower, upper, velocity, effort };
-            Ok((Joint { name, kind, parent, placement: placed(placement), axis, limits, armature, damping, friction, parameters }, leader))
-        };
-        let (joints, follows): (Vec<Joint>, Vec<Option<Follows>>) = paused(&memory::collected(joints.iter())?, joint)?.into_iter().unzip();
-        let frame = |_: usize, state: &Bound<'_, PyAny>| {
-            let (name, body, placement, joint): FrameState = state.extract()?;
-            if body.is_some_and(|b| b >= count) { Err(damaged()) } else { Ok(Frame { name, body, placement: placed(placement), joint }) }
-        };
-        let frames = paused(&memory::collected(frames.iter())?, frame)?;
-        long(py, || Ok(core::Arm { name, joints, mimics: Vec::new(), frames, gravity, report }.following(&follows)?.into()))
-    })
+pub fn _restore_tree(state: TreeState<'_>) -> Result<Arm, Failure> {
+    let (name, joints, frames, gravity, report) = state;
+    let count = joints.len();
+    let damaged = || Failure::from(armlet_core::error::Error::Format("the stored arm is damaged".into()));
+    let joint = |i: usize, state: &Bound<'_, PyAny>| {
+        let (name, kind, parent, placement, axis, drive, parameters, leader): JointState = state.extract()?;
+        let Some(JointType::Moving(kind)) = JointType::parse(&kind) else { return Err(damaged()) };
+        if parent.is_some_and(|p| p >= i) {
+            return Err(damaged());
+        }
+        let [lower, upper, velocity, effort, armature, damping, friction] = drive;
+        let limits = Limits { lower, upper, velocity, effort };
+        Ok((Joint { name, kind, parent, placement: placed(placement), axis, limits, armature, damping, friction, parameters }, leader))
+    };
+    let (joints, follows): (Vec<Joint>, Vec<Option<Follows>>) = paused(&memory::collected(joints.iter())?, joint)?.into_iter().unzip();
+    let frame = |_: usize, state: &Bound<'_, PyAny>| {
+        let (name, body, placement, joint): FrameState = state.extract()?;
+        if body.is_some_and(|b| b >= count) { Err(damaged()) } else { Ok(Frame { name, body, placement: placed(placement), joint }) }
+    };
+    let frames = paused(&memory::collected(frames.iter())?, frame)?;
+    long(py, || Ok(core::Arm { name, joints, mimics: Vec::new(), frames, gravity, report }.following(&follows)?.into()))
 }
 
 #[entered]
@@ -314,15 +286,12 @@ impl Arm {
     /// >>> arm.mass_matrix([0.0])
     /// array([[0.3]])
     #[staticmethod]
-    #[pyo3(signature = (joints, *, gravity=None))]
-    fn from_chain(py: Python<'_>, joints: &Bound<'_, PyAny>, gravity: Option<&Bound<'_, PyAny>>) -> PyResult<Arm> {
-        const NAME: &str = "Arm.from_chain";
-        entry(py, NAME, || {
-            let list = as_list(NAME, "joints", joints)?;
-            let list = paused(&list, |i, joint| chain_joint(NAME, joint, i))?;
-            let gravity = gravity3(NAME, gravity)?;
-            long(py, || Ok(core::Arm::from_chain(&list, gravity)?.into()))
-        })
+    #[arguments(joints, *, gravity=None)]
+    fn from_chain() -> Result<Arm, Failure> {
+        let list = as_list(NAME, "joints", joints)?;
+        let list = paused(&list, |i, joint| chain_joint(NAME, joint, i))?;
+        let gravity = gravity3(NAME, gravity)?;
+        long(py, || Ok(core::Arm::from_chain(&list, gravity)?.into()))
     }
 
     /// Make an arm from Denavit-Hartenberg rows `(a, alpha, d, theta)`, lengths in m and angles in rad.
@@ -338,21 +307,13 @@ impl Arm {
     /// >>> al.Arm.from_dh([(1.0, 0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0)]).position([0.0, 0.0], "link2")
     /// array([2., 0., 0.])
     #[staticmethod]
-    #[pyo3(signature = (rows, *, convention=None, gravity=None), text_signature = "(rows, *, convention='standard', gravity=None)")]
-    fn from_dh(
-        py: Python<'_>,
-        rows: &Bound<'_, PyAny>,
-        convention: Option<&Bound<'_, PyAny>>,
-        gravity: Option<&Bound<'_, PyAny>>,
-    ) -> PyResult<Arm> {
-        const NAME: &str = "Arm.from_dh";
-        entry(py, NAME, || {
-            let convention = Convention::parse(convention.map_or(Ok("standard"), |given| name(NAME, "convention", given))?)?;
-            let list = as_list(NAME, "rows", rows)?;
-            let list = paused(&list, |i, row| dh_row(NAME, row, i))?;
-            let gravity = gravity3(NAME, gravity)?;
-            long(py, || Ok(core::Arm::from_dh(&list, convention, gravity)?.into()))
-        })
+    #[arguments(rows, *, convention="standard", gravity=None)]
+    fn from_dh() -> Result<Arm, Failure> {
+        let convention = Convention::parse(convention.map_or(Ok("standard"), |given| name(NAME, "convention", given))?)?;
+        let list = as_list(NAME, "rows", rows)?;
+        let list = paused(&list, |i, row| dh_row(NAME, row, i))?;
+        let gravity = gravity3(NAME, gravity)?;
+        long(py, || Ok(core::Arm::from_dh(&list, convention, gravity)?.into()))
     }
 
     fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Sealed<'py>> {

@@ -3,7 +3,7 @@
 use super::Arm;
 use super::evaluate::ArmCall;
 use crate::arrays::flag_or_false;
-use crate::errors::entry;
+use crate::errors::{Failure, entry};
 use armlet_core::analysis::linearisation::state_matrices;
 use armlet_core::dynamics::{Quantity, Query};
 use armlet_core::memory;
@@ -63,15 +63,8 @@ impl Arm {
     /// >>> dtau_dq, dtau_dv, M = arm.inverse_dynamics_derivatives([0.0], [1.0], [0.0])
     /// >>> float(dtau_dq[0, 0]), float(dtau_dv[0, 0]), float(M[0, 0])
     /// (3.0, 0.0, 2.0)
-    #[pyo3(signature = (q, v, a, *, friction=None, out=None), text_signature = "($self, q, v, a, *, friction=False, out=None)")]
-    fn inverse_dynamics_derivatives<'py>(
-        &self,
-        q: &Bound<'py, PyAny>,
-        v: &Bound<'py, PyAny>,
-        a: &Bound<'py, PyAny>,
-        friction: Option<&Bound<'py, PyAny>>,
-        out: Outs<'_, 'py>,
-    ) -> PyResult<Bound<'py, PyTuple>> {
+    #[arguments(q, v, a, *, friction=false, out=None)]
+    fn inverse_dynamics_derivatives<'py>(&self) -> PyResult<Bound<'py, PyTuple>> {
         self.three("inverse_dynamics_derivatives", "a", [q, v, a], (Quantity::InverseDynamicsDerivatives, friction), out)
     }
 
@@ -94,15 +87,8 @@ impl Arm {
     /// >>> da_dq, da_dv, Minv = al.pendulum(4.0, 3.0).forward_dynamics_derivatives([0.0], [1.0], [0.0])
     /// >>> float(da_dq[0, 0]), float(Minv[0, 0])
     /// (-0.75, 0.25)
-    #[pyo3(signature = (q, v, tau, *, friction=None, out=None), text_signature = "($self, q, v, tau, *, friction=False, out=None)")]
-    fn forward_dynamics_derivatives<'py>(
-        &self,
-        q: &Bound<'py, PyAny>,
-        v: &Bound<'py, PyAny>,
-        tau: &Bound<'py, PyAny>,
-        friction: Option<&Bound<'py, PyAny>>,
-        out: Outs<'_, 'py>,
-    ) -> PyResult<Bound<'py, PyTuple>> {
+    #[arguments(q, v, tau, *, friction=false, out=None)]
+    fn forward_dynamics_derivatives<'py>(&self) -> PyResult<Bound<'py, PyTuple>> {
         self.three("forward_dynamics_derivatives", "tau", [q, v, tau], (Quantity::ForwardDynamicsDerivatives, friction), out)
     }
 
@@ -126,24 +112,14 @@ impl Arm {
     /// >>> A, B = al.pendulum(4.0, 3.0).linearize([0.0], [0.0], [0.0])
     /// >>> (A + 0.0).tolist(), B.tolist()
     /// ([[0.0, 1.0], [-0.75, 0.0]], [[0.0], [0.25]])
-    #[pyo3(signature = (q, v, tau, *, friction=None, out=None), text_signature = "($self, q, v, tau, *, friction=False, out=None)")]
-    fn linearize<'py>(
-        &self,
-        q: &Bound<'py, PyAny>,
-        v: &Bound<'py, PyAny>,
-        tau: &Bound<'py, PyAny>,
-        friction: Option<&Bound<'py, PyAny>>,
-        out: Outs<'_, 'py>,
-    ) -> PyResult<Bound<'py, PyTuple>> {
+    #[arguments(q, v, tau, *, friction=false, out=None)]
+    fn linearize<'py>(&self) -> Result<Bound<'py, PyTuple>, Failure> {
         const NAME: &str = "linearize";
-        let (py, values) = (q.py(), [q, v, tau]);
-        entry(py, NAME, || {
-            let query = Query { friction: flag_or_false(NAME, "friction", friction)?, ..Quantity::ForwardDynamicsDerivatives.into() };
-            let n = self.model.n();
-            let call = ArmCall { function: NAME, names: ["q", "v", "tau"], values };
-            self.apart(&call, &query, [&[2 * n, 2 * n], &[2 * n, n]], out, |slopes, [a, b]| {
-                state_matrices(n, slopes, a, b);
-            })
+        let query = Query { friction: flag_or_false(NAME, "friction", friction)?, ..Quantity::ForwardDynamicsDerivatives.into() };
+        let n = self.model.n();
+        let call = ArmCall { function: NAME, names: ["q", "v", "tau"], values: [q, v, tau] };
+        self.apart(&call, &query, [&[2 * n, 2 * n], &[2 * n, n]], out, |slopes, [a, b]| {
+            state_matrices(n, slopes, a, b);
         })
     }
 }

@@ -3,7 +3,7 @@
 use super::Arm;
 use super::evaluate::ArmCall;
 use crate::arrays::flag_or_false;
-use crate::errors::entry;
+use crate::errors::{Failure, entry};
 use armlet_core::dynamics::{Quantity, Query};
 use armlet_macros::entered;
 use pyo3::prelude::*;
@@ -27,8 +27,8 @@ impl Arm {
     /// >>> al.planar_pr(2.0, 0.5, 0.5).mass_matrix([0.0, 0.0])
     /// array([[2. , 0.5],
     ///        [0.5, 0.5]])
-    #[pyo3(signature = (q, *, out=None))]
-    fn mass_matrix<'py>(&self, q: &Bound<'py, PyAny>, out: Option<&Bound<'py, PyAny>>) -> PyResult<Bound<'py, PyAny>> {
+    #[arguments(q, *, out=None)]
+    fn mass_matrix<'py>(&self) -> PyResult<Bound<'py, PyAny>> {
         self.evaluate("mass_matrix", ["q"], [q], Quantity::MassMatrix.into(), out)
     }
 
@@ -47,13 +47,8 @@ impl Arm {
     /// >>> al.planar_pr(2.0, 0.5, 0.5).coriolis_matrix([0.0, 1.5707963267948966], [0.0, 2.0])
     /// array([[ 0., -1.],
     ///        [ 0.,  0.]])
-    #[pyo3(signature = (q, v, *, out=None))]
-    fn coriolis_matrix<'py>(
-        &self,
-        q: &Bound<'py, PyAny>,
-        v: &Bound<'py, PyAny>,
-        out: Option<&Bound<'py, PyAny>>,
-    ) -> PyResult<Bound<'py, PyAny>> {
+    #[arguments(q, v, *, out=None)]
+    fn coriolis_matrix<'py>(&self) -> PyResult<Bound<'py, PyAny>> {
         self.evaluate("coriolis_matrix", ["q", "v"], [q, v], Quantity::CoriolisMatrix.into(), out)
     }
 
@@ -75,8 +70,8 @@ impl Arm {
     /// >>> al.planar_pr(2.0, 0.5, 0.5).christoffel([0.0, 1.5707963267948966])[0]
     /// array([[ 0. ,  0. ],
     ///        [ 0. , -0.5]])
-    #[pyo3(signature = (q, *, out=None))]
-    fn christoffel<'py>(&self, q: &Bound<'py, PyAny>, out: Option<&Bound<'py, PyAny>>) -> PyResult<Bound<'py, PyAny>> {
+    #[arguments(q, *, out=None)]
+    fn christoffel<'py>(&self) -> PyResult<Bound<'py, PyAny>> {
         self.evaluate("christoffel", ["q"], [q], Quantity::Christoffel.into(), out)
     }
 
@@ -92,8 +87,8 @@ impl Arm {
     /// >>> import armlet as al
     /// >>> al.planar_arm([1.0], masses=[2.0]).gravity([0.0])
     /// array([9.81])
-    #[pyo3(signature = (q, *, out=None))]
-    fn gravity<'py>(&self, q: &Bound<'py, PyAny>, out: Option<&Bound<'py, PyAny>>) -> PyResult<Bound<'py, PyAny>> {
+    #[arguments(q, *, out=None)]
+    fn gravity<'py>(&self) -> PyResult<Bound<'py, PyAny>> {
         self.evaluate("gravity", ["q"], [q], Quantity::Gravity.into(), out)
     }
 
@@ -110,14 +105,8 @@ impl Arm {
     /// >>> import armlet as al
     /// >>> al.planar_pr(2.0, 0.5, 0.5).bias([0.0, 1.5707963267948966], [0.0, 2.0])
     /// array([-2.,  0.])
-    #[pyo3(signature = (q, v, *, friction=None, out=None), text_signature = "($self, q, v, *, friction=False, out=None)")]
-    fn bias<'py>(
-        &self,
-        q: &Bound<'py, PyAny>,
-        v: &Bound<'py, PyAny>,
-        friction: Option<&Bound<'py, PyAny>>,
-        out: Option<&Bound<'py, PyAny>>,
-    ) -> PyResult<Bound<'py, PyAny>> {
+    #[arguments(q, v, *, friction=false, out=None)]
+    fn bias<'py>(&self) -> PyResult<Bound<'py, PyAny>> {
         const NAME: &str = "bias";
         let friction = entry(q.py(), NAME, || flag_or_false(NAME, "friction", friction))?;
         self.evaluate(NAME, ["q", "v"], [q, v], Query { friction, ..Quantity::Bias.into() }, out)
@@ -142,20 +131,8 @@ impl Arm {
     /// >>> arm = al.planar_arm([1.0], masses=[2.0])
     /// >>> arm.inverse_dynamics([0.0], [0.0], [0.0], wrench=[0.0, 9.81, 0.0, 0.0, 0.0, 0.0], wrench_frame="link1")
     /// array([0.])
-    #[pyo3(
-        signature = (q, v, a, *, wrench=None, wrench_frame=None, friction=None, out=None),
-        text_signature = "($self, q, v, a, *, wrench=None, wrench_frame=None, friction=False, out=None)"
-    )]
-    fn inverse_dynamics<'py>(
-        &self,
-        q: &Bound<'py, PyAny>,
-        v: &Bound<'py, PyAny>,
-        a: &Bound<'py, PyAny>,
-        wrench: Option<&Bound<'py, PyAny>>,
-        wrench_frame: Option<&Bound<'py, PyAny>>,
-        friction: Option<&Bound<'py, PyAny>>,
-        out: Option<&Bound<'py, PyAny>>,
-    ) -> PyResult<Bound<'py, PyAny>> {
+    #[arguments(q, v, a, *, wrench=None, wrench_frame=None, friction=false, out=None)]
+    fn inverse_dynamics<'py>(&self) -> PyResult<Bound<'py, PyAny>> {
         self.loaded(("inverse_dynamics", "a"), [q, v, a], [wrench, wrench_frame, friction], Quantity::InverseDynamics, out)
     }
 
@@ -175,20 +152,8 @@ impl Arm {
     /// >>> import armlet as al
     /// >>> al.pendulum(2.0, 3.0).forward_dynamics([0.0], [0.0], [4.0])
     /// array([2.])
-    #[pyo3(
-        signature = (q, v, tau, *, wrench=None, wrench_frame=None, friction=None, out=None),
-        text_signature = "($self, q, v, tau, *, wrench=None, wrench_frame=None, friction=False, out=None)"
-    )]
-    fn forward_dynamics<'py>(
-        &self,
-        q: &Bound<'py, PyAny>,
-        v: &Bound<'py, PyAny>,
-        tau: &Bound<'py, PyAny>,
-        wrench: Option<&Bound<'py, PyAny>>,
-        wrench_frame: Option<&Bound<'py, PyAny>>,
-        friction: Option<&Bound<'py, PyAny>>,
-        out: Option<&Bound<'py, PyAny>>,
-    ) -> PyResult<Bound<'py, PyAny>> {
+    #[arguments(q, v, tau, *, wrench=None, wrench_frame=None, friction=false, out=None)]
+    fn forward_dynamics<'py>(&self) -> PyResult<Bound<'py, PyAny>> {
         self.loaded(("forward_dynamics", "tau"), [q, v, tau], [wrench, wrench_frame, friction], Quantity::ForwardDynamics, out)
     }
 
@@ -213,20 +178,8 @@ impl Arm {
     /// >>> al.planar_pr(2.0, 0.5, 0.5).regressor([0.0, 0.0], [0.0, 0.0], [0.0, 0.0], [1.0, 3.0])
     /// array([[1., 3., 0.],
     ///        [0., 1., 3.]])
-    #[pyo3(
-        signature = (q, v, v_r, a_r, *, armature=None, friction=None, out=None),
-        text_signature = "($self, q, v, v_r, a_r, *, armature=False, friction=False, out=None)"
-    )]
-    fn regressor<'py>(
-        &self,
-        q: &Bound<'py, PyAny>,
-        v: &Bound<'py, PyAny>,
-        v_r: &Bound<'py, PyAny>,
-        a_r: &Bound<'py, PyAny>,
-        armature: Option<&Bound<'py, PyAny>>,
-        friction: Option<&Bound<'py, PyAny>>,
-        out: Option<&Bound<'py, PyAny>>,
-    ) -> PyResult<Bound<'py, PyAny>> {
+    #[arguments(q, v, v_r, a_r, *, armature=false, friction=false, out=None)]
+    fn regressor<'py>(&self) -> PyResult<Bound<'py, PyAny>> {
         const NAME: &str = "regressor";
         let flag = |name, value| entry(q.py(), NAME, || flag_or_false(NAME, name, value));
         let (armature, friction) = (flag("armature", armature)?, flag("friction", friction)?);
@@ -247,15 +200,11 @@ impl Arm {
     /// >>> kinetic, potential = al.planar_pr(2.0, 0.5, 0.5).energy([0.0, 0.0], [1.0, 0.0])
     /// >>> float(kinetic), float(potential)
     /// (1.0, 0.0)
-    #[pyo3(signature = (q, v, *, out=None))]
-    fn energy<'py>(&self, q: &Bound<'py, PyAny>, v: &Bound<'py, PyAny>, out: Option<&Bound<'py, PyAny>>) -> PyResult<Bound<'py, PyTuple>> {
-        let (py, values) = (q.py(), [q, v]);
-        entry(py, "energy", || {
-            let query = Quantity::Energy.into();
-            let call = ArmCall { function: "energy", names: ["q", "v"], values };
-            self.apart(&call, &query, [&[], &[]], out, |both, [kinetic, potential]| {
-                (kinetic[0], potential[0]) = (both[0], both[1]);
-            })
+    #[arguments(q, v, *, out=None)]
+    fn energy<'py>(&self) -> Result<Bound<'py, PyTuple>, Failure> {
+        let call = ArmCall { function: "energy", names: ["q", "v"], values: [q, v] };
+        self.apart(&call, &Quantity::Energy.into(), [&[], &[]], out, |both, [kinetic, potential]| {
+            (kinetic[0], potential[0]) = (both[0], both[1]);
         })
     }
 }

@@ -2,7 +2,7 @@
 
 use super::Arm;
 use crate::arrays::{Axis, Form, name, number, numbers, per_entry, text, three, vector};
-use crate::errors::{Failure, entry, input_error};
+use crate::errors::{Failure, input_error};
 use crate::interrupts::long;
 use armlet_macros::entered;
 use pyo3::prelude::*;
@@ -23,12 +23,9 @@ impl Arm {
     /// >>> arm = al.planar_pr(2.0, 0.5, 0.5)
     /// >>> arm.with_parameters(2.0 * arm.parameters)
     /// planar_pr(A=4, B=1, C=1)
-    fn with_parameters(&self, py: Python<'_>, pi: &Bound<'_, PyAny>) -> PyResult<Arm> {
-        const NAME: &str = "Arm.with_parameters";
-        entry(py, NAME, || {
-            let pi = vector(NAME, "pi", pi, self.model.parameters().len())?;
-            long(py, || Ok(Arm { model: self.model.with_parameters(&pi)? }))
-        })
+    fn with_parameters(&self, pi: &Bound<'_, PyAny>) -> Result<Arm, Failure> {
+        let pi = vector(NAME, "pi", pi, self.model.parameters().len())?;
+        long(py, || Ok(Arm { model: self.model.with_parameters(&pi)? }))
     }
 
     /// Return a copy of the arm with other rotor inertia and friction, which may be any finite numbers.
@@ -49,22 +46,13 @@ impl Arm {
     /// >>> arm = al.pendulum(1.0, 1.0).with_drives(armature=[0.5])
     /// >>> float(arm.mass_matrix([0.0])[0, 0]), float(arm.limits["armature"][0])
     /// (1.5, 0.5)
-    #[pyo3(signature = (*, armature=None, damping=None, friction=None))]
-    fn with_drives(
-        &self,
-        py: Python<'_>,
-        armature: Option<&Bound<'_, PyAny>>,
-        damping: Option<&Bound<'_, PyAny>>,
-        friction: Option<&Bound<'_, PyAny>>,
-    ) -> PyResult<Arm> {
-        const NAME: &str = "Arm.with_drives";
-        entry(py, NAME, || {
-            let tree = self.model.tree(NAME)?;
-            let read = |name: &str, value: Option<&Bound<'_, PyAny>>| value.map(|value| per_entry(NAME, name, value, tree.n())).transpose();
-            let (armature, damping) = (read("armature", armature)?, read("damping", damping)?);
-            let friction = read("friction", friction)?;
-            long(py, || Ok(tree.with_drives(armature.as_deref(), damping.as_deref(), friction.as_deref())?.into()))
-        })
+    #[arguments(*, armature=None, damping=None, friction=None)]
+    fn with_drives(&self) -> Result<Arm, Failure> {
+        let tree = self.model.tree(NAME)?;
+        let read = |name: &str, value: Option<&Bound<'_, PyAny>>| value.map(|value| per_entry(NAME, name, value, tree.n())).transpose();
+        let (armature, damping) = (read("armature", armature)?, read("damping", damping)?);
+        let friction = read("friction", friction)?;
+        long(py, || Ok(tree.with_drives(armature.as_deref(), damping.as_deref(), friction.as_deref())?.into()))
     }
 
     /// Return a copy of the arm with another gravity.
@@ -78,12 +66,9 @@ impl Arm {
     /// >>> import armlet as al
     /// >>> al.planar_arm([1.0]).with_gravity([0.0, 0.0, 0.0]).gravity([0.3])
     /// array([0.])
-    fn with_gravity(&self, py: Python<'_>, gravity: &Bound<'_, PyAny>) -> PyResult<Arm> {
-        const NAME: &str = "Arm.with_gravity";
-        entry(py, NAME, || {
-            let g = vector(NAME, "gravity", gravity, 3)?;
-            long(py, || Ok(self.model.tree(NAME)?.with_gravity([g[0], g[1], g[2]])?.into()))
-        })
+    fn with_gravity(&self, gravity: &Bound<'_, PyAny>) -> Result<Arm, Failure> {
+        let g = vector(NAME, "gravity", gravity, 3)?;
+        long(py, || Ok(self.model.tree(NAME)?.with_gravity([g[0], g[1], g[2]])?.into()))
     }
 
     /// Return a copy of the arm with a new frame, such as a tool frame, that is fixed to an existing frame.
@@ -102,21 +87,11 @@ impl Arm {
     /// >>> arm = al.planar_arm([1.0]).with_frame("tool", "link1", xyz=[0.2, 0.0, 0.0])
     /// >>> arm.position([0.0], "tool")
     /// array([1.2, 0. , 0. ])
-    #[pyo3(signature = (name, parent, *, xyz=None, rpy=None))]
-    fn with_frame(
-        &self,
-        py: Python<'_>,
-        name: &Bound<'_, PyAny>,
-        parent: &Bound<'_, PyAny>,
-        xyz: Option<&Bound<'_, PyAny>>,
-        rpy: Option<&Bound<'_, PyAny>>,
-    ) -> PyResult<Arm> {
-        const NAME: &str = "Arm.with_frame";
-        entry(py, NAME, || {
-            let (name, parent) = (text(NAME, "name", name)?, text(NAME, "parent", parent)?);
-            let (xyz, rpy) = (three(NAME, "xyz", xyz)?, three(NAME, "rpy", rpy)?);
-            long(py, || Ok(self.model.tree(NAME)?.with_frame(&name, &parent, rpy, xyz)?.into()))
-        })
+    #[arguments(name, parent, *, xyz=None, rpy=None)]
+    fn with_frame(&self) -> Result<Arm, Failure> {
+        let (name, parent) = (text(NAME, "name", name)?, text(NAME, "parent", parent)?);
+        let (xyz, rpy) = (three(NAME, "xyz", xyz)?, three(NAME, "rpy", rpy)?);
+        long(py, || Ok(self.model.tree(NAME)?.with_frame(&name, &parent, rpy, xyz)?.into()))
     }
 
     /// Return a copy of the arm with a load that is fixed to a frame.
@@ -135,26 +110,16 @@ impl Arm {
     /// >>> arm = al.planar_arm([1.0])
     /// >>> (arm.with_payload("link1", 2.0).gravity([0.0]) - arm.gravity([0.0])).round(6)
     /// array([19.62])
-    #[pyo3(signature = (frame, mass, com=None, inertia=None))]
-    fn with_payload(
-        &self,
-        py: Python<'_>,
-        frame: &Bound<'_, PyAny>,
-        mass: &Bound<'_, PyAny>,
-        com: Option<&Bound<'_, PyAny>>,
-        inertia: Option<&Bound<'_, PyAny>>,
-    ) -> PyResult<Arm> {
-        const NAME: &str = "Arm.with_payload";
-        entry(py, NAME, || {
-            let frame = name(NAME, "frame", frame)?;
-            let (mass, com) = (number(NAME, "mass", mass)?, three(NAME, "com", com)?);
-            let mut about = [[0.0; 3]; 3];
-            if let Some(inertia) = inertia {
-                let (_, values) = numbers(NAME, "inertia", inertia, &[Form(&[Axis::Is(3), Axis::Is(3)])])?;
-                about = std::array::from_fn(|i| std::array::from_fn(|j| values[3 * i + j]));
-            }
-            long(py, || Ok(self.model.tree(NAME)?.with_payload(frame, mass, com, about)?.into()))
-        })
+    #[arguments(frame, mass, com=None, inertia=None)]
+    fn with_payload(&self) -> Result<Arm, Failure> {
+        let frame = name(NAME, "frame", frame)?;
+        let (mass, com) = (number(NAME, "mass", mass)?, three(NAME, "com", com)?);
+        let mut about = [[0.0; 3]; 3];
+        if let Some(inertia) = inertia {
+            let (_, values) = numbers(NAME, "inertia", inertia, &[Form(&[Axis::Is(3), Axis::Is(3)])])?;
+            about = std::array::from_fn(|i| std::array::from_fn(|j| values[3 * i + j]));
+        }
+        long(py, || Ok(self.model.tree(NAME)?.with_payload(frame, mass, com, about)?.into()))
     }
 
     /// Return a copy of the arm in which some joints are locked at constant positions.
@@ -170,24 +135,21 @@ impl Arm {
     /// >>> import armlet as al
     /// >>> al.planar_arm([1.0, 1.0]).locked({"joint2": 0.0}).position([0.0], "link2")
     /// array([2., 0., 0.])
-    fn locked(&self, py: Python<'_>, joints: &Bound<'_, PyAny>) -> PyResult<Arm> {
-        const NAME: &str = "Arm.locked";
-        entry(py, NAME, || {
-            let Ok(joints) = joints.cast::<PyDict>() else {
-                let problem = format!("is not a dict: expected names of joints and their positions, got {}", joints.get_type());
-                return Err(input_error(py, NAME, "joints", problem).into());
-            };
-            let named: Vec<(String, f64)> = joints
-                .iter()
-                .map(|(joint, value)| {
-                    let joint = text(NAME, "joints", &joint)?;
-                    let value = number(NAME, &format!("joints[\"{joint}\"]"), &value)?;
-                    Ok((joint, value))
-                })
-                .collect::<Result<_, Failure>>()?;
-            let named: Vec<(&str, f64)> = named.iter().map(|(joint, value)| (joint.as_str(), *value)).collect();
-            long(py, || Ok(self.model.tree(NAME)?.locked(&named)?.into()))
-        })
+    fn locked(&self, joints: &Bound<'_, PyAny>) -> Result<Arm, Failure> {
+        let Ok(joints) = joints.cast::<PyDict>() else {
+            let problem = format!("is not a dict: expected names of joints and their positions, got {}", joints.get_type());
+            return Err(input_error(py, NAME, "joints", problem).into());
+        };
+        let named: Vec<(String, f64)> = joints
+            .iter()
+            .map(|(joint, value)| {
+                let joint = text(NAME, "joints", &joint)?;
+                let value = number(NAME, &format!("joints[\"{joint}\"]"), &value)?;
+                Ok((joint, value))
+            })
+            .collect::<Result<_, Failure>>()?;
+        let named: Vec<(&str, f64)> = named.iter().map(|(joint, value)| (joint.as_str(), *value)).collect();
+        long(py, || Ok(self.model.tree(NAME)?.locked(&named)?.into()))
     }
 
     /// Return the arm as URDF text, and a list of strings that name the properties that are lost and the links that are added.
@@ -204,11 +166,8 @@ impl Arm {
     /// >>> text, lost = arm.to_urdf()
     /// >>> lost, al.load_urdf(text) == arm
     /// ([], True)
-    fn to_urdf(&self, py: Python<'_>) -> PyResult<(String, Vec<String>)> {
-        const NAME: &str = "Arm.to_urdf";
-        entry(py, NAME, || {
-            let written = long(py, || Ok(self.model.tree(NAME)?.to_urdf()))?;
-            Ok((written.text, written.report))
-        })
+    fn to_urdf(&self) -> Result<(String, Vec<String>), Failure> {
+        let written = long(py, || Ok(self.model.tree(NAME)?.to_urdf()))?;
+        Ok((written.text, written.report))
     }
 }

@@ -4,7 +4,7 @@
 use super::Arm;
 use crate::arrays::{elements, written_array};
 use crate::broadcast::{broadcast, require_all_finite};
-use crate::errors::entry;
+use crate::errors::Failure;
 use crate::interrupts::long;
 use armlet_core::dynamics::Quantity;
 use armlet_core::interrupt;
@@ -69,8 +69,8 @@ impl Arm {
     /// >>> al.planar_arm([0.5, 0.4]).file_joint_poses([0.0, 1.0])[:, :3, 3]
     /// array([[0. , 0. , 0. ],
     ///        [0.5, 0. , 0. ]])
-    #[pyo3(signature = (q, *, out=None))]
-    fn file_joint_poses<'py>(&self, q: &Bound<'py, PyAny>, out: Option<&Bound<'py, PyAny>>) -> PyResult<Bound<'py, PyAny>> {
+    #[arguments(q, *, out=None)]
+    fn file_joint_poses<'py>(&self) -> PyResult<Bound<'py, PyAny>> {
         self.kinematic("file_joint_poses", q, Quantity::JointPoses, out)
     }
 
@@ -89,22 +89,20 @@ impl Arm {
     /// >>> gripper.file_positions([[0.0], [0.04]])
     /// array([[0.  , 0.1 ],
     ///        [0.04, 0.06]])
-    fn file_positions<'py>(&self, py: Python<'py>, q: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
+    fn file_positions<'py>(&self, q: &Bound<'py, PyAny>) -> Result<Bound<'py, PyAny>, Failure> {
         const NAME: &str = "file_positions";
-        entry(py, NAME, || {
-            require_all_finite(NAME, ["q"], [q])?;
-            let inputs = broadcast(NAME, ["q"], [q], [self.model.n()])?.owned()?;
-            let width = self.model.size().bodies;
-            let shape: Vec<usize> = inputs.shape.iter().copied().chain([width]).collect();
-            elements(&shape)?;
-            written_array(py, &shape, |out| {
-                long(py, || {
-                    for (i, out) in out.chunks_exact_mut(width.max(1)).enumerate() {
-                        interrupt::check();
-                        self.model.file_positions(inputs.row(0, i), out);
-                    }
-                    Ok(())
-                })
+        require_all_finite(NAME, ["q"], [q])?;
+        let inputs = broadcast(NAME, ["q"], [q], [self.model.n()])?.owned()?;
+        let width = self.model.size().bodies;
+        let shape: Vec<usize> = inputs.shape.iter().copied().chain([width]).collect();
+        elements(&shape)?;
+        written_array(py, &shape, |out| {
+            long(py, || {
+                for (i, out) in out.chunks_exact_mut(width.max(1)).enumerate() {
+                    interrupt::check();
+                    self.model.file_positions(inputs.row(0, i), out);
+                }
+                Ok(())
             })
         })
     }

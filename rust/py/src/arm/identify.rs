@@ -4,7 +4,7 @@ use super::Arm;
 use crate::arrays::{
     Looked, adopted, any_vector, copied, flag_or_false, index_of, number, owned, per_entry, require_finite, shown, vector,
 };
-use crate::errors::{Failure, entry, input_error};
+use crate::errors::{Failure, input_error};
 use crate::interrupts::long;
 use armlet_core::analysis::base_parameters::{self as base, BaseParameters};
 use armlet_core::analysis::{consistency, identification};
@@ -60,19 +60,13 @@ impl Arm {
     /// >>> import armlet as al
     /// >>> al.pendulum(2.0, 3.0).base_parameters().grouping
     /// ('mcx[joint1]', 'mcy[joint1]', 'Izz[joint1]')
-    #[pyo3(signature = (*, armature=None, friction=None), text_signature = "($self, *, armature=False, friction=False)")]
-    fn base_parameters<'py>(
-        slf: &Bound<'py, Self>,
-        armature: Option<&Bound<'py, PyAny>>,
-        friction: Option<&Bound<'py, PyAny>>,
-    ) -> PyResult<Bound<'py, PyAny>> {
+    #[arguments(*, armature=false, friction=false)]
+    fn base_parameters<'py>(slf: &Bound<'py, Self>) -> Result<Bound<'py, PyAny>, Failure> {
         const NAME: &str = "base_parameters";
-        entry(slf.py(), NAME, || {
-            let (armature, friction) = (flag_or_false(NAME, "armature", armature)?, flag_or_false(NAME, "friction", friction)?);
-            let arm = slf.get().model.core();
-            let found = long(slf.py(), || base::base_parameters(&arm, armature, friction))?;
-            base_object(slf, &found, armature, friction)
-        })
+        let (armature, friction) = (flag_or_false(NAME, "armature", armature)?, flag_or_false(NAME, "friction", friction)?);
+        let arm = slf.get().model.core();
+        let found = long(slf.py(), || base::base_parameters(&arm, armature, friction))?;
+        base_object(slf, &found, armature, friction)
     }
 
     /// Check whether inertial parameters are physically possible: the 4 x 4 pseudo-inertia of every body is positive definite.
@@ -97,23 +91,21 @@ impl Arm {
     /// >>> arm = al.load_urdf(al.example_urdf("six_axis"))
     /// >>> arm.check_parameters().consistent
     /// True
-    #[pyo3(signature = (pi=None))]
-    fn check_parameters<'py>(&self, py: Python<'py>, pi: Option<&Bound<'py, PyAny>>) -> PyResult<Bound<'py, PyAny>> {
+    #[arguments(pi=None)]
+    fn check_parameters<'py>(&self) -> Result<Bound<'py, PyAny>, Failure> {
         const NAME: &str = "check_parameters";
-        entry(py, NAME, || {
-            let tree = self.model.tree(NAME)?;
-            let pi = match pi {
-                Some(pi) => vector(NAME, "pi", pi, 10 * tree.joints.len())?,
-                None => tree.parameters(),
-            };
-            let bodies = long(py, || consistency::check_parameters(&pi))?;
-            let fields = PyDict::new(py);
-            fields.set_item("joints", PyTuple::new(py, self.model.file_joint_names())?)?;
-            let values: Vec<f64> = bodies.iter().flat_map(|body| body.eigenvalues).collect();
-            fields.set_item("eigenvalues", copied(py, &[bodies.len(), 4], &values)?)?;
-            fields.set_item("problems", PyTuple::new(py, bodies.iter().map(|body| body.problem.as_str()))?)?;
-            Ok(made(py, "ParameterReport", &fields)?)
-        })
+        let tree = self.model.tree(NAME)?;
+        let pi = match pi {
+            Some(pi) => vector(NAME, "pi", pi, 10 * tree.joints.len())?,
+            None => tree.parameters(),
+        };
+        let bodies = long(py, || consistency::check_parameters(&pi))?;
+        let fields = PyDict::new(py);
+        fields.set_item("joints", PyTuple::new(py, self.model.file_joint_names())?)?;
+        let values: Vec<f64> = bodies.iter().flat_map(|body| body.eigenvalues).collect();
+        fields.set_item("eigenvalues", copied(py, &[bodies.len(), 4], &values)?)?;
+        fields.set_item("problems", PyTuple::new(py, bodies.iter().map(|body| body.problem.as_str()))?)?;
+        Ok(made(py, "ParameterReport", &fields)?)
     }
 
     /// Return the nearest physically possible parameters, `(p,)`, like `al.project_parameters`, and check that `pi` has this arm's size.
@@ -122,19 +114,11 @@ impl Arm {
     /// >>> arm = al.load_urdf(al.example_urdf("six_axis"))
     /// >>> bool((arm.project_parameters(arm.parameters) == arm.parameters).all())
     /// True
-    #[pyo3(signature = (pi, *, length=None, floor=None))]
-    fn project_parameters<'py>(
-        &self,
-        py: Python<'py>,
-        pi: &Bound<'py, PyAny>,
-        length: Option<&Bound<'py, PyAny>>,
-        floor: Option<&Bound<'py, PyAny>>,
-    ) -> PyResult<Bound<'py, PyAny>> {
+    #[arguments(pi, *, length=None, floor=None)]
+    fn project_parameters<'py>(&self) -> Result<Bound<'py, PyAny>, Failure> {
         const NAME: &str = "project_parameters";
-        entry(py, NAME, || {
-            let pi = vector(NAME, "pi", pi, 10 * self.model.tree(NAME)?.joints.len())?;
-            projected(py, &pi, length, floor)
-        })
+        let pi = vector(NAME, "pi", pi, 10 * self.model.tree(NAME)?.joints.len())?;
+        projected(py, &pi, length, floor)
     }
 
     /// Identify base parameters from recorded motion and torque by least squares.
@@ -168,59 +152,43 @@ impl Arm {
     /// >>> found = arm.identify(q, v, a, arm.inverse_dynamics(q, v, a))
     /// >>> np.allclose(found.values, found.base.values)
     /// True
-    #[pyo3(
-        signature = (q, v, a, tau, *, armature=None, friction=None, noise=None, cutoff=None),
-        text_signature = "($self, q, v, a, tau, *, armature=False, friction=False, noise=None, cutoff=None)"
-    )]
-    fn identify<'py>(
-        slf: &Bound<'py, Self>,
-        q: &Bound<'py, PyAny>,
-        v: &Bound<'py, PyAny>,
-        a: &Bound<'py, PyAny>,
-        tau: &Bound<'py, PyAny>,
-        armature: Option<&Bound<'py, PyAny>>,
-        friction: Option<&Bound<'py, PyAny>>,
-        noise: Option<&Bound<'py, PyAny>>,
-        cutoff: Option<&Bound<'py, PyAny>>,
-    ) -> PyResult<Bound<'py, PyAny>> {
+    #[arguments(q, v, a, tau, *, armature=false, friction=false, noise=None, cutoff=None)]
+    fn identify<'py>(slf: &Bound<'py, Self>) -> Result<Bound<'py, PyAny>, Failure> {
         const NAME: &str = "identify";
-        let py = slf.py();
-        entry(py, NAME, || {
-            let arm = slf.get().model.core();
-            let (armature, friction) = (flag_or_false(NAME, "armature", armature)?, flag_or_false(NAME, "friction", friction)?);
-            let n = arm.n();
-            let mut shape: Option<Vec<usize>> = None;
-            let mut record = |name: &str, value: &Bound<'py, PyAny>| -> Result<Vec<f64>, Failure> {
-                let looked = Looked::at(NAME, name, value)?;
-                let given = looked.shape.clone();
-                if given.len() < 2 || given.last() != Some(&n) || shape.as_ref().is_some_and(|first| *first != given) {
-                    let wanted = shape.as_ref().map_or(format!("(samples, {n})"), |first| shown(first));
-                    let problem = format!("has the wrong shape: expected {wanted}, got {}", shown(&given));
-                    return Err(input_error(py, NAME, name, problem).into());
-                }
-                let (given, values) = looked.values()?;
-                require_finite(py, NAME, name, &given, &values)?;
-                shape = Some(given);
-                owned(values)
-            };
-            let [q, v, a, tau] = [record("q", q)?, record("v", v)?, record("a", a)?, record("tau", tau)?];
-            let noise = noise.map(|noise| per_entry(NAME, "noise", noise, n)).transpose()?;
-            let cutoff = positive(NAME, "cutoff", cutoff, CUTOFF)?;
-            let options = identification::IdentificationOptions { armature, friction, noise: noise.as_deref(), cutoff };
-            let found = long(py, || identification::identify(&arm, [&q, &v, &a, &tau], &options))?;
-            let (b, p) = (found.base.count(), found.base.names.len());
-            let fields = PyDict::new(py);
-            fields.set_item("base", base_object(slf, &found.base, armature, friction)?)?;
-            fields.set_item("values", copied(py, &[b], &found.values)?)?;
-            fields.set_item("deviations", copied(py, &[b], &found.deviations)?)?;
-            fields.set_item("covariance", copied(py, &[b, b], &found.covariance)?)?;
-            fields.set_item("rank", found.rank)?;
-            fields.set_item("condition", found.condition)?;
-            fields.set_item("singular_values", copied(py, &[b], &found.singular_values)?)?;
-            fields.set_item("residuals", copied(py, &[n], &found.residuals)?)?;
-            fields.set_item("parameters", copied(py, &[p], &found.parameters)?)?;
-            Ok(made(py, "Identification", &fields)?)
-        })
+        let arm = slf.get().model.core();
+        let (armature, friction) = (flag_or_false(NAME, "armature", armature)?, flag_or_false(NAME, "friction", friction)?);
+        let n = arm.n();
+        let mut shape: Option<Vec<usize>> = None;
+        let mut record = |name: &str, value: &Bound<'py, PyAny>| -> Result<Vec<f64>, Failure> {
+            let looked = Looked::at(NAME, name, value)?;
+            let given = looked.shape.clone();
+            if given.len() < 2 || given.last() != Some(&n) || shape.as_ref().is_some_and(|first| *first != given) {
+                let wanted = shape.as_ref().map_or(format!("(samples, {n})"), |first| shown(first));
+                let problem = format!("has the wrong shape: expected {wanted}, got {}", shown(&given));
+                return Err(input_error(py, NAME, name, problem).into());
+            }
+            let (given, values) = looked.values()?;
+            require_finite(py, NAME, name, &given, &values)?;
+            shape = Some(given);
+            owned(values)
+        };
+        let [q, v, a, tau] = [record("q", q)?, record("v", v)?, record("a", a)?, record("tau", tau)?];
+        let noise = noise.map(|noise| per_entry(NAME, "noise", noise, n)).transpose()?;
+        let cutoff = positive(NAME, "cutoff", cutoff, CUTOFF)?;
+        let options = identification::IdentificationOptions { armature, friction, noise: noise.as_deref(), cutoff };
+        let found = long(py, || identification::identify(&arm, [&q, &v, &a, &tau], &options))?;
+        let (b, p) = (found.base.count(), found.base.names.len());
+        let fields = PyDict::new(py);
+        fields.set_item("base", base_object(slf, &found.base, armature, friction)?)?;
+        fields.set_item("values", copied(py, &[b], &found.values)?)?;
+        fields.set_item("deviations", copied(py, &[b], &found.deviations)?)?;
+        fields.set_item("covariance", copied(py, &[b, b], &found.covariance)?)?;
+        fields.set_item("rank", found.rank)?;
+        fields.set_item("condition", found.condition)?;
+        fields.set_item("singular_values", copied(py, &[b], &found.singular_values)?)?;
+        fields.set_item("residuals", copied(py, &[n], &found.residuals)?)?;
+        fields.set_item("parameters", copied(py, &[p], &found.parameters)?)?;
+        Ok(made(py, "Identification", &fields)?)
     }
 }
 
@@ -281,13 +249,7 @@ fn projected<'py>(
 /// (False, True)
 #[entered]
 #[pyfunction]
-#[pyo3(signature = (pi, *, length=None, floor=None))]
-pub fn project_parameters<'py>(
-    py: Python<'py>,
-    pi: &Bound<'py, PyAny>,
-    length: Option<&Bound<'py, PyAny>>,
-    floor: Option<&Bound<'py, PyAny>>,
-) -> PyResult<Bound<'py, PyAny>> {
-    const NAME: &str = "project_parameters";
-    entry(py, NAME, || projected(py, &any_vector(NAME, "pi", pi)?, length, floor))
+#[arguments(pi, *, length=None, floor=None)]
+pub fn project_parameters<'py>() -> Result<Bound<'py, PyAny>, Failure> {
+    projected(py, &any_vector(NAME, "pi", pi)?, length, floor)
 }

@@ -24,8 +24,8 @@ impl Arm {
     ///        [0., 1., 0., 0.],
     ///        [0., 0., 1., 0.],
     ///        [0., 0., 0., 1.]])
-    #[pyo3(signature = (q, frame, *, out=None))]
-    fn pose<'py>(&self, q: &Bound<'py, PyAny>, frame: &Bound<'py, PyAny>, out: Option<&Bound<'py, PyAny>>) -> PyResult<Bound<'py, PyAny>> {
+    #[arguments(q, frame, *, out=None)]
+    fn pose<'py>(&self) -> PyResult<Bound<'py, PyAny>> {
         self.framed("pose", ["q"], [q], Quantity::Pose, frame, out)
     }
 
@@ -43,13 +43,8 @@ impl Arm {
     /// [1.0, 0.0, 0.0, 0.0, 0.0, 0.0]
     /// >>> al.planar_arm([1.0]).pose_vector([0.5], "link1").round(3)
     /// array([0.878, 0.479, 0.   , 0.   , 0.   , 0.5  ])
-    #[pyo3(signature = (q, frame, *, out=None))]
-    fn pose_vector<'py>(
-        &self,
-        q: &Bound<'py, PyAny>,
-        frame: &Bound<'py, PyAny>,
-        out: Option<&Bound<'py, PyAny>>,
-    ) -> PyResult<Bound<'py, PyAny>> {
+    #[arguments(q, frame, *, out=None)]
+    fn pose_vector<'py>(&self) -> PyResult<Bound<'py, PyAny>> {
         self.framed("pose_vector", ["q"], [q], Quantity::PoseVector, frame, out)
     }
 
@@ -60,13 +55,8 @@ impl Arm {
     /// >>> import armlet as al
     /// >>> al.planar_arm([1.0, 0.5]).position([0.0, 0.0], "link2")
     /// array([1.5, 0. , 0. ])
-    #[pyo3(signature = (q, frame, *, out=None))]
-    fn position<'py>(
-        &self,
-        q: &Bound<'py, PyAny>,
-        frame: &Bound<'py, PyAny>,
-        out: Option<&Bound<'py, PyAny>>,
-    ) -> PyResult<Bound<'py, PyAny>> {
+    #[arguments(q, frame, *, out=None)]
+    fn position<'py>(&self) -> PyResult<Bound<'py, PyAny>> {
         self.framed("position", ["q"], [q], Quantity::Position, frame, out)
     }
 
@@ -79,13 +69,8 @@ impl Arm {
     /// >>> import armlet as al
     /// >>> al.planar_arm([1.0]).jacobian([0.0], "link1")[:, 0].tolist()
     /// [0.0, 1.0, 0.0, 0.0, 0.0, 1.0]
-    #[pyo3(signature = (q, frame, *, out=None))]
-    fn jacobian<'py>(
-        &self,
-        q: &Bound<'py, PyAny>,
-        frame: &Bound<'py, PyAny>,
-        out: Option<&Bound<'py, PyAny>>,
-    ) -> PyResult<Bound<'py, PyAny>> {
+    #[arguments(q, frame, *, out=None)]
+    fn jacobian<'py>(&self) -> PyResult<Bound<'py, PyAny>> {
         self.framed("jacobian", ["q"], [q], Quantity::Jacobian, frame, out)
     }
 
@@ -101,14 +86,8 @@ impl Arm {
     /// >>> import armlet as al
     /// >>> al.planar_arm([1.0]).jacobian_dot([0.0], [2.0], "link1")[:2, 0].tolist()
     /// [-2.0, 0.0]
-    #[pyo3(signature = (q, v, frame, *, out=None))]
-    fn jacobian_dot<'py>(
-        &self,
-        q: &Bound<'py, PyAny>,
-        v: &Bound<'py, PyAny>,
-        frame: &Bound<'py, PyAny>,
-        out: Option<&Bound<'py, PyAny>>,
-    ) -> PyResult<Bound<'py, PyAny>> {
+    #[arguments(q, v, frame, *, out=None)]
+    fn jacobian_dot<'py>(&self) -> PyResult<Bound<'py, PyAny>> {
         self.framed("jacobian_dot", ["q", "v"], [q, v], Quantity::JacobianDot, frame, out)
     }
 
@@ -124,8 +103,8 @@ impl Arm {
     /// >>> import armlet as al
     /// >>> al.planar_arm([1.0]).center_of_mass([0.0])
     /// array([0.5, 0. , 0. ])
-    #[pyo3(signature = (q, *, out=None))]
-    fn center_of_mass<'py>(&self, q: &Bound<'py, PyAny>, out: Option<&Bound<'py, PyAny>>) -> PyResult<Bound<'py, PyAny>> {
+    #[arguments(q, *, out=None)]
+    fn center_of_mass<'py>(&self) -> PyResult<Bound<'py, PyAny>> {
         self.kinematic("center_of_mass", q, Quantity::Com, out)
     }
 
@@ -136,8 +115,8 @@ impl Arm {
     /// >>> import armlet as al
     /// >>> al.planar_arm([1.0]).center_of_mass_jacobian([0.0])[:, 0].tolist()
     /// [0.0, 0.5, 0.0]
-    #[pyo3(signature = (q, *, out=None))]
-    fn center_of_mass_jacobian<'py>(&self, q: &Bound<'py, PyAny>, out: Option<&Bound<'py, PyAny>>) -> PyResult<Bound<'py, PyAny>> {
+    #[arguments(q, *, out=None)]
+    fn center_of_mass_jacobian<'py>(&self) -> PyResult<Bound<'py, PyAny>> {
         self.kinematic("center_of_mass_jacobian", q, Quantity::ComJacobian, out)
     }
 }

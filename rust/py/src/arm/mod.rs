@@ -18,8 +18,8 @@ pub use identify::*;
 pub use model::ArmModel;
 pub use stored::_restore_arm;
 
-use crate::arrays::new_array;
-use crate::errors::entry;
+use crate::arrays::copied;
+use crate::errors::Failure;
 use armlet_core::arm::Arm as CoreArm;
 use armlet_macros::entered;
 use pyo3::prelude::*;
@@ -107,15 +107,9 @@ impl Arm {
 
     /// Gravity in world axes, `(3,)`, m/s^2; None for `planar_pr`, which moves on a horizontal plane.
     #[getter]
-    fn gravity_vector<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyAny>>> {
+    fn gravity_vector<'py>(&self) -> Result<Option<Bound<'py, PyAny>>, Failure> {
         let ArmModel::Tree(tree) = &self.model else { return Ok(None) };
-        entry(py, "Arm.gravity_vector", || {
-            new_array(py, &[3], |out| {
-                out.copy_from_slice(&tree.arm().gravity);
-                Ok(())
-            })
-        })
-        .map(Some)
+        copied(py, &[3], &tree.arm().gravity).map(Some)
     }
 
     /// Remarks of `load_urdf` and other readers about unusual or unused parts of the model's file, one string each.
@@ -129,14 +123,9 @@ impl Arm {
     /// The bodies have the order of `file_joint_names`. The inertia is about the origin of the body frame, in its axes. For `planar_pr` the
     /// parameters are `(A, B, C)`.
     #[getter]
-    fn parameters<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+    fn parameters<'py>(&self) -> Result<Bound<'py, PyAny>, Failure> {
         let parameters = self.model.parameters();
-        entry(py, "Arm.parameters", || {
-            new_array(py, &[parameters.len()], |out| {
-                out.copy_from_slice(&parameters);
-                Ok(())
-            })
-        })
+        copied(py, &[parameters.len()], &parameters)
     }
 
     /// Limits, friction and rotor inertia of the joints by name, each `(n,)`; a limit that the model does not have is infinite.
@@ -144,18 +133,12 @@ impl Arm {
     /// `q_min`, `q_max`: rad or m. `v_max`: rad/s or m/s. `effort`, `friction`: N m or N. `damping`: N m s/rad or N s/m. `armature`: kg m^2
     /// or kg. The dict of `planar_pr` is empty.
     #[getter]
-    fn limits<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        entry(py, "Arm.limits", || {
-            let all = PyDict::new(py);
-            for (name, values) in self.model.limits() {
-                let array = new_array(py, &[values.len()], |out| {
-                    out.copy_from_slice(&values);
-                    Ok(())
-                })?;
-                all.set_item(name, array)?;
-            }
-            Ok(all)
-        })
+    fn limits<'py>(&self) -> Result<Bound<'py, PyDict>, Failure> {
+        let all = PyDict::new(py);
+        for (name, values) in self.model.limits() {
+            all.set_item(name, copied(py, &[values.len()], &values)?)?;
+        }
+        Ok(all)
     }
 
     fn __repr__(&self) -> String {

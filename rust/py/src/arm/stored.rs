@@ -11,7 +11,7 @@
 //! ```
 
 use super::Arm;
-use crate::errors::{Failure, entry};
+use crate::errors::Failure;
 use crate::interrupts::long;
 use crate::seal::bytes;
 use armlet_core::arm::{self as core, Frame, Joint, JointType, Limits, Mimic};
@@ -213,14 +213,7 @@ fn arm_of(integers: &[u8], numbers: &[u8], text: &[u8]) -> CoreResult<core::Arm>
 /// Restore an arm from the three strings of its pickle.
 #[entered]
 #[pyfunction]
-pub fn _restore_arm(
-    py: Python<'_>,
-    integers: &Bound<'_, PyBytes>,
-    numbers: &Bound<'_, PyBytes>,
-    text: &Bound<'_, PyBytes>,
-) -> PyResult<Arm> {
-    entry(py, "_restore_arm", || {
-        let (integers, numbers, text) = (integers.as_bytes(), numbers.as_bytes(), text.as_bytes());
-        long(py, || Ok(arm_of(integers, numbers, text)?.into()))
-    })
+pub fn _restore_arm(integers: &Bound<'_, PyBytes>, numbers: &Bound<'_, PyBytes>, text: &Bound<'_, PyBytes>) -> Result<Arm, Failure> {
+    let (integers, numbers, text) = (integers.as_bytes(), numbers.as_bytes(), text.as_bytes());
+    long(py, || Ok(arm_of(integers, numbers, text)?.into()))
 }

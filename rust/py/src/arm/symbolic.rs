@@ -2,7 +2,7 @@
 
 use super::{Arm, ArmModel};
 use crate::arrays::flag_or_false;
-use crate::errors::{entry, input_error};
+use crate::errors::{Failure, input_error};
 use armlet_core::arm::JointKind;
 use armlet_core::spatial::Vector;
 use armlet_macros::entered;
@@ -37,35 +37,32 @@ impl Arm {
     /// Matrix([
     /// [        A, B*cos(q2)],
     /// [B*cos(q2),         C]])
-    #[pyo3(signature = (*, lengths=None), text_signature = "($self, *, lengths=False)")]
-    fn symbolic<'py>(slf: &Bound<'py, Self>, lengths: Option<&Bound<'py, PyAny>>) -> PyResult<Bound<'py, PyAny>> {
+    #[arguments(*, lengths=false)]
+    fn symbolic<'py>(slf: &Bound<'py, Self>) -> Result<Bound<'py, PyAny>, Failure> {
         const NAME: &str = "symbolic";
-        let py = slf.py();
-        entry(py, NAME, || {
-            let lengths = flag_or_false(NAME, "lengths", lengths)?;
-            let n = slf.get().model.size().bodies;
-            if n > MOST_JOINTS {
-                let problem = format!("has too many joints for readable formulas: expected at most {MOST_JOINTS}, got {n}");
-                return Err(input_error(py, NAME, "arm", problem).into());
-            }
-            let module = py.import("armlet.symbolic")?;
-            let ArmModel::Tree(tree) = &slf.get().model else {
-                return Ok(module.getattr("of_planar_pr")?.call1((slf.get().model.parameters(),))?);
-            };
-            let arm = tree.arm();
-            let joints: Vec<_> = arm
-                .joints
-                .iter()
-                .map(|joint| {
-                    let turn = joint.placement.rotation;
-                    let rotation: [[f64; 3]; 3] = std::array::from_fn(|row| std::array::from_fn(|column| turn[(row, column)]));
-                    let parent = joint.parent.map_or(-1, |parent| parent as i64);
-                    let slides = joint.kind == JointKind::Prismatic;
-                    (parent, rotation, joint.placement.translation.array(), joint.axis, slides, joint.parameters, joint.armature)
-                })
-                .collect();
-            let rows = arm.joining().map(|joining| joining.rows);
-            Ok(module.getattr("of_tree")?.call1((joints, arm.gravity, lengths, rows))?)
-        })
+        let lengths = flag_or_false(NAME, "lengths", lengths)?;
+        let n = slf.get().model.size().bodies;
+        if n > MOST_JOINTS {
+            let problem = format!("has too many joints for readable formulas: expected at most {MOST_JOINTS}, got {n}");
+            return Err(input_error(py, NAME, "arm", problem).into());
+        }
+        let module = py.import("armlet.symbolic")?;
+        let ArmModel::Tree(tree) = &slf.get().model else {
+            return Ok(module.getattr("of_planar_pr")?.call1((slf.get().model.parameters(),))?);
+        };
+        let arm = tree.arm();
+        let joints: Vec<_> = arm
+            .joints
+            .iter()
+            .map(|joint| {
+                let turn = joint.placement.rotation;
+                let rotation: [[f64; 3]; 3] = std::array::from_fn(|row| std::array::from_fn(|column| turn[(row, column)]));
+                let parent = joint.parent.map_or(-1, |parent| parent as i64);
+                let slides = joint.kind == JointKind::Prismatic;
+                (parent, rotation, joint.placement.translation.array(), joint.axis, slides, joint.parameters, joint.armature)
+            })
+            .collect();
+        let rows = arm.joining().map(|joining| joining.rows);
+        Ok(module.getattr("of_tree")?.call1((joints, arm.gravity, lengths, rows))?)
     }
 }

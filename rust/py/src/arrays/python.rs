@@ -5,7 +5,7 @@ use super::sequence::items;
 use super::shape::{Axis, Form, WHATEVER};
 use super::single::{name as text, whole};
 use super::write::copied;
-use crate::errors::{Failure, entry, to_python};
+use crate::errors::{Failure, to_python};
 use armlet_macros::entered;
 use pyo3::prelude::*;
 use pyo3::types::{PyString, PyTuple};
@@ -35,29 +35,25 @@ pub fn numbers<'py>(
     name: &Bound<'py, PyAny>,
     value: &Bound<'py, PyAny>,
     shapes: &Bound<'py, PyTuple>,
-) -> PyResult<Bound<'py, PyAny>> {
-    const NAME: &str = "numbers";
-    let py = value.py();
-    entry(py, NAME, || {
-        let (function, name) = (text(NAME, "function", function)?, text(NAME, "name", name)?);
-        let shapes: Vec<Vec<Bound<'py, PyAny>>> =
-            shapes.iter().map(|shape| items(NAME, "shapes", "a shape: expected a tuple", &shape, MOST_AXES)).collect::<Result<_, _>>()?;
-        let axes: Vec<Vec<Axis<'_>>> =
-            shapes.iter().map(|shape| shape.iter().map(axis).collect::<Result<_, _>>()).collect::<Result<_, Failure>>()?;
-        let forms: Vec<Form<'_>> = if axes.is_empty() { vec![WHATEVER] } else { axes.iter().map(|axes| Form(axes)).collect() };
-        let read = || -> Result<Bound<'py, PyAny>, Failure> {
-            let looked = Looked::at(function, name, value)?.of(&forms)?;
-            if looked.is_in_place() {
-                return Ok(value.clone());
-            }
-            let (shape, values) = looked.values()?;
-            copied(py, &shape, &values)
-        };
-        // The message of a memory error starts with the name of the calling function.
-        read().map_err(|failure| match failure {
-            Failure::Core(error) => to_python(py, function, error).into(),
-            failure => failure,
-        })
+) -> Result<Bound<'py, PyAny>, Failure> {
+    let (function, name) = (text(NAME, "function", function)?, text(NAME, "name", name)?);
+    let shapes: Vec<Vec<Bound<'py, PyAny>>> =
+        shapes.iter().map(|shape| items(NAME, "shapes", "a shape: expected a tuple", &shape, MOST_AXES)).collect::<Result<_, _>>()?;
+    let axes: Vec<Vec<Axis<'_>>> =
+        shapes.iter().map(|shape| shape.iter().map(axis).collect::<Result<_, _>>()).collect::<Result<_, Failure>>()?;
+    let forms: Vec<Form<'_>> = if axes.is_empty() { vec![WHATEVER] } else { axes.iter().map(|axes| Form(axes)).collect() };
+    let read = || -> Result<Bound<'py, PyAny>, Failure> {
+        let looked = Looked::at(function, name, value)?.of(&forms)?;
+        if looked.is_in_place() {
+            return Ok(value.clone());
+        }
+        let (shape, values) = looked.values()?;
+        copied(py, &shape, &values)
+    };
+    // The message of a memory error starts with the name of the calling function.
+    read().map_err(|failure| match failure {
+        Failure::Core(error) => to_python(py, function, error).into(),
+        failure => failure,
     })
 }
 

@@ -8,8 +8,8 @@ mod stepper;
 
 pub use stepper::Stepper;
 
-use crate::arrays::{any_vector, flag, items, new_array, number, require_finite, whole};
-use crate::errors::{Failure, entry, input_error};
+use crate::arrays::{any_vector, copied, flag, items, number, require_finite, whole};
+use crate::errors::{Failure, input_error};
 use armlet_core::error::Result as CoreResult;
 use armlet_core::integrate::Work;
 use armlet_core::integrate::events::Event;
@@ -97,20 +97,20 @@ impl<'a, 'py> SolutionRecorder<'a, 'py> {
         let SolutionRecorder { py, t, y, crossings, nodes, ends, full, .. } = self;
         full?;
         let fields = PyDict::new(py);
-        fields.set_item("t", filled(py, &[t.len()], &t)?)?;
-        fields.set_item("y", filled(py, &[t.len(), n], &y)?)?;
+        fields.set_item("t", copied(py, &[t.len()], &t)?)?;
+        fields.set_item("y", copied(py, &[t.len(), n], &y)?)?;
         let lists = [PyList::empty(py), PyList::empty(py)];
         for (times, states) in &crossings {
-            lists[0].append(filled(py, &[times.len()], times)?)?;
-            lists[1].append(filled(py, &[times.len(), n], states)?)?;
+            lists[0].append(copied(py, &[times.len()], times)?)?;
+            lists[1].append(copied(py, &[times.len(), n], states)?)?;
         }
         fields.set_item("t_events", &lists[0])?;
         fields.set_item("y_events", &lists[1])?;
         if let Some(degree) = degree {
             let positions: Vec<f64> = (0..=degree).map(|k| node(k, degree)).collect();
-            fields.set_item("node_positions", filled(py, &[degree + 1], &positions)?)?;
-            fields.set_item("ends", filled(py, &[ends.len()], &ends)?)?;
-            fields.set_item("nodes", filled(py, &[ends.len(), degree + 1, n], &nodes)?)?;
+            fields.set_item("node_positions", copied(py, &[degree + 1], &positions)?)?;
+            fields.set_item("ends", copied(py, &[ends.len()], &ends)?)?;
+            fields.set_item("nodes", copied(py, &[ends.len(), degree + 1, n], &nodes)?)?;
         }
         Ok(fields)
     }
@@ -149,95 +149,91 @@ fn states_of(py: Python<'_>, lists: &Bound<'_, PyAny>, vectorized: &Bound<'_, Py
     }
 }
 
-fn filled<'py>(py: Python<'py>, shape: &[usize], values: &[f64]) -> Result<Bound<'py, PyAny>, Failure> {
-    new_array(py, shape, |out| {
-        out.copy_from_slice(values);
-        Ok(())
-    })
-}
-
 /// Integrate `dy/dt = f(t, y)`, and return a dict with the fields of the result.
 #[entered]
 #[pyfunction]
-#[pyo3(signature = (
-    f, t0, t1, y0, method, rtol, atol, dt, t_eval, dense, events, jac, jac_sparsity, args, max_step, first_step, positions, lists, vectorized
-))]
+#[arguments(
+    f,
+    t0,
+    t1,
+    y0,
+    method,
+    rtol,
+    atol,
+    dt,
+    t_eval,
+    dense,
+    events,
+    jac,
+    jac_sparsity,
+    args,
+    max_step,
+    first_step,
+    positions,
+    lists,
+    vectorized
+)]
 pub fn integrate<'py>(
-    py: Python<'py>,
-    f: &Bound<'py, PyAny>,
-    t0: &Bound<'py, PyAny>,
-    t1: &Bound<'py, PyAny>,
-    y0: &Bound<'py, PyAny>,
-    method: &Bound<'py, PyAny>,
-    rtol: &Bound<'py, PyAny>,
-    atol: &Bound<'py, PyAny>,
     dt: Option<&Bound<'py, PyAny>>,
     t_eval: Option<&Bound<'py, PyAny>>,
-    dense: &Bound<'py, PyAny>,
-    events: &Bound<'py, PyAny>,
     jac: Option<&Bound<'py, PyAny>>,
     jac_sparsity: Option<&Bound<'py, PyAny>>,
     args: &Bound<'py, PyTuple>,
     max_step: Option<&Bound<'py, PyAny>>,
     first_step: Option<&Bound<'py, PyAny>>,
-    positions: &Bound<'py, PyAny>,
-    lists: &Bound<'py, PyAny>,
-    vectorized: &Bound<'py, PyAny>,
-) -> PyResult<Bound<'py, PyDict>> {
-    entry(py, NAME, || {
-        let events = watched_events(events)?;
-        if !f.is_callable() {
-            let kind = f.get_type().name()?;
-            return Err(input_error(py, NAME, "f", format!("is not callable: expected f(t, y), got {kind}")).into());
-        }
-        let positions = whole(NAME, "positions", positions)?;
-        let span = span_of(t0, t1, events.iter().any(|(_, _, stop_after)| *stop_after > 0))?;
-        let dense = flag(NAME, "dense_output", dense)?;
-        let states = states_of(py, lists, vectorized)?;
-        let y0 = any_vector(NAME, "y0", y0)?;
-        let n = y0.len();
-        let direction = if span[1] < span[0] { -1.0 } else { 1.0 };
-        let (s0, s1) = (direction * span[0], direction * span[1]);
-        let settings = Settings::new(NAME, n, method, [rtol, atol], [dt, max_step, first_step], s1 - s0)?;
-        if !settings.method.is_adaptive() {
-            require_finite(py, NAME, "t_span", &[2], &span)?;
-        }
-        settings.require_memory(py, NAME, s1 - s0, n, states)?;
-        let wanted = t_eval.map(|t_eval| times(NAME, t_eval, (s0, s1), direction)).transpose()?;
-        let jacobian = Jacobian::new(NAME, jac, jac_sparsity, n, states, settings.method)?;
-        let args = (!args.is_empty()).then(|| args.clone().unbind());
-        let slope = Slope::new(NAME, f.clone().unbind(), args.as_ref().map(|args| args.clone_ref(py)), states, direction);
-        let field = Field::new(slope, jacobian, (s0, s1), positions, n);
-        let (mut field, mut method) = settings.stepping(NAME, py, field, y0, positions)?;
+) -> Result<Bound<'py, PyDict>, Failure> {
+    let events = watched_events(events)?;
+    if !f.is_callable() {
+        let kind = f.get_type().name()?;
+        return Err(input_error(py, NAME, "f", format!("is not callable: expected f(t, y), got {kind}")).into());
+    }
+    let positions = whole(NAME, "positions", positions)?;
+    let span = span_of(t0, t1, events.iter().any(|(_, _, stop_after)| *stop_after > 0))?;
+    let dense = flag(NAME, "dense_output", dense)?;
+    let states = states_of(py, lists, vectorized)?;
+    let y0 = any_vector(NAME, "y0", y0)?;
+    let n = y0.len();
+    let direction = if span[1] < span[0] { -1.0 } else { 1.0 };
+    let (s0, s1) = (direction * span[0], direction * span[1]);
+    let settings = Settings::new(NAME, n, method, [rtol, atol], [dt, max_step, first_step], s1 - s0)?;
+    if !settings.method.is_adaptive() {
+        require_finite(py, NAME, "t_span", &[2], &span)?;
+    }
+    settings.require_memory(py, NAME, s1 - s0, n, states)?;
+    let wanted = t_eval.map(|t_eval| times(NAME, t_eval, (s0, s1), direction)).transpose()?;
+    let jacobian = Jacobian::new(NAME, jac, jac_sparsity, n, states, settings.method)?;
+    let args = (!args.is_empty()).then(|| args.clone().unbind());
+    let slope = Slope::new(NAME, f.clone().unbind(), args.as_ref().map(|args| args.clone_ref(py)), states, direction);
+    let field = Field::new(slope, jacobian, (s0, s1), positions, n);
+    let (mut field, mut method) = settings.stepping(NAME, py, field, y0, positions)?;
 
-        let watched: Vec<Event> =
-            events.iter().map(|(_, direction, stop_after)| Event { direction: *direction, stop_after: *stop_after }).collect();
-        let (mut raised, mut stop) = (None, None);
-        let mut value = |i: usize, s: f64, y: &[f64]| -> f64 {
-            if raised.is_some() {
-                return f64::NAN;
-            }
-            let got = slope::with(py, &events[i].0, args.as_ref(), states, direction * s, y)
-                .and_then(|value| number(NAME, "event(t, y)", &value).map_err(|failure| slope::python(py, NAME, failure)));
-            got.unwrap_or_else(|error| {
-                raised = Some(error);
-                f64::NAN
-            })
-        };
-        let request = Request { times: wanted.as_deref(), dense, events: &watched };
-        let mut rows = SolutionRecorder::new(py, direction, events.len(), &mut stop);
-        let ended = solve(&mut field, &mut *method, (s0, s1), &request, &mut value, &mut rows);
-        let degree = dense.then(|| method.dense_degree());
-        let fields = rows.answer(n, degree);
-        if let Some(error) = field.slope.error.take().or(raised).or(stop) {
-            return Err(Failure::Python(error));
+    let watched: Vec<Event> =
+        events.iter().map(|(_, direction, stop_after)| Event { direction: *direction, stop_after: *stop_after }).collect();
+    let (mut raised, mut stop) = (None, None);
+    let mut value = |i: usize, s: f64, y: &[f64]| -> f64 {
+        if raised.is_some() {
+            return f64::NAN;
         }
-        let fields = fields?;
-        fields.set_item("status", ended.status.code())?;
-        fields.set_item("ended", direction * ended.t)?;
-        fields.set_item("stats", stats(py, ended.work, &field)?)?;
-        Ok(fields)
-    })
+        let got = slope::with(py, &events[i].0, args.as_ref(), states, direction * s, y)
+            .and_then(|value| number(NAME, "event(t, y)", &value).map_err(|failure| slope::python(py, NAME, failure)));
+        got.unwrap_or_else(|error| {
+            raised = Some(error);
+            f64::NAN
+        })
+    };
+    let request = Request { times: wanted.as_deref(), dense, events: &watched };
+    let mut rows = SolutionRecorder::new(py, direction, events.len(), &mut stop);
+    let ended = solve(&mut field, &mut *method, (s0, s1), &request, &mut value, &mut rows);
+    let degree = dense.then(|| method.dense_degree());
+    let fields = rows.answer(n, degree);
+    if let Some(error) = field.slope.error.take().or(raised).or(stop) {
+        return Err(Failure::Python(error));
+    }
+    let fields = fields?;
+    fields.set_item("status", ended.status.code())?;
+    fields.set_item("ended", direction * ended.t)?;
+    fields.set_item("stats", stats(py, ended.work, &field)?)?;
+    Ok(fields)
 }
 
 fn stats<'py>(py: Python<'py>, work: Work, field: &Field) -> PyResult<Bound<'py, PyDict>> {

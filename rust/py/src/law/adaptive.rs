@@ -3,7 +3,7 @@
 use super::{Arguments, Law};
 use crate::arguments::require_partner;
 use crate::arrays::{Axis, Form, Looked, WHATEVER, flag, name, numbers, owned, shown, text};
-use crate::errors::{Failure, entry, input_error};
+use crate::errors::{Failure, input_error};
 use armlet_core::error::positive;
 use armlet_core::law::{Adaptation, AdaptiveSpec, Base, JointColumn, JointColumns, LawSpec, LeakageForm, Projection, StoredRows};
 use armlet_core::linalg::Gain;
@@ -118,11 +118,6 @@ fn least_bodies<'py>(given: &mut Arguments<'py>, projection: &Bound<'py, PyAny>,
     Ok(Projection::new(p, &given.vector("projection", projection, p)?)?)
 }
 
-/// The argument; `None` if it is missing or is the Python None.
-fn present<'a, 'py>(value: Option<&'a Bound<'py, PyAny>>) -> Option<&'a Bound<'py, PyAny>> {
-    value.filter(|value| !value.is_none())
-}
-
 /// The default of `v_s`, rad/s or m/s. In the estimated Coulomb friction, `tanh(v_r / v_s)` replaces the sign of `v_r`.
 pub(super) const FRICTION_SPEED: f64 = 0.1;
 
@@ -171,7 +166,7 @@ fn columns_of<'py>(
     armature: Option<&Bound<'py, PyAny>>,
     speed: Option<&Bound<'py, PyAny>>,
 ) -> Result<JointColumns, Failure> {
-    let mut kinds = present(friction).map(kinds_of).transpose()?.unwrap_or_default();
+    let mut kinds = friction.map(kinds_of).transpose()?.unwrap_or_default();
     if let (Some(friction), false) = (friction, kinds.is_empty()) {
         let kept = if friction.is_instance_of::<PyBool>() || friction.is_instance_of::<PyString>() {
             friction.clone()
@@ -272,68 +267,42 @@ fn remembering<'py>(
 #[pymethods]
 impl Adaptive {
     #[new]
-    #[pyo3(
-        signature = (arm, motion, kp, kd, gamma, *, estimate=None, base=None, natural=None, projection=None, friction=None, armature=None,
-            friction_speed=None, leakage=None, leakage_form=None, leakage_centre=None, dead_zone=None, composite=None, composite_rate=None,
-            concurrent=None, concurrent_weight=None),
-        text_signature = "(arm, motion, kp, kd, gamma, *, estimate=None, base=None, natural=False, projection=None, friction=False, \
-            armature=False, friction_speed=None, leakage=0.0, leakage_form='sigma', leakage_centre=None, dead_zone=0.0, \
-            composite=None, composite_rate=10.0, concurrent=None, concurrent_weight=1.0)"
+    #[arguments(
+        arm, motion, kp, kd, gamma, *, estimate=None, base=None, natural=false, projection=None, friction=false, armature=false,
+        friction_speed=None, leakage=0.0, leakage_form="sigma", leakage_centre=None, dead_zone=0.0, composite=None, composite_rate=10.0,
+        concurrent=None, concurrent_weight=1.0
     )]
-    fn new<'py>(
-        arm: &Bound<'py, PyAny>,
-        motion: &Bound<'py, PyAny>,
-        kp: &Bound<'py, PyAny>,
-        kd: &Bound<'py, PyAny>,
-        gamma: &Bound<'py, PyAny>,
-        estimate: Option<&Bound<'py, PyAny>>,
-        base: Option<&Bound<'py, PyAny>>,
-        natural: Option<&Bound<'py, PyAny>>,
-        projection: Option<&Bound<'py, PyAny>>,
-        friction: Option<&Bound<'py, PyAny>>,
-        armature: Option<&Bound<'py, PyAny>>,
-        friction_speed: Option<&Bound<'py, PyAny>>,
-        leakage: Option<&Bound<'py, PyAny>>,
-        leakage_form: Option<&Bound<'py, PyAny>>,
-        leakage_centre: Option<&Bound<'py, PyAny>>,
-        dead_zone: Option<&Bound<'py, PyAny>>,
-        composite: Option<&Bound<'py, PyAny>>,
-        composite_rate: Option<&Bound<'py, PyAny>>,
-        concurrent: Option<&Bound<'py, PyAny>>,
-        concurrent_weight: Option<&Bound<'py, PyAny>>,
-    ) -> PyResult<PyClassInitializer<Self>> {
-        entry(arm.py(), "Adaptive", || {
-            let mut given = Arguments::new("Adaptive", arm)?;
-            let model = given.model();
-            let (n, p) = (model.n(), model.parameter_count());
-            let motion = given.motion("motion", motion)?;
-            let (kp, kd) = (given.gain("kp", kp, n)?, given.gain("kd", kd, n)?);
-            let base = base.filter(|base| !base.is_none()).map(|base| base_of(&mut given, base, p)).transpose()?;
-            let columns = columns_of(&mut given, n, friction, armature, friction_speed)?;
-            let beside = columns.count();
-            let estimated = base.as_ref().map_or(p, |base| base.columns.len()) + beside;
-            let adaptation = if given.flag("natural", natural)? {
-                let bodies = p / 10;
-                let gamma = given.gain("gamma", gamma, bodies + beside)?;
-                if !gamma.is_diagonal() {
-                    let wanted = bodies + beside;
-                    let problem = format!("is a matrix: expected a scalar or ({wanted},), one number per body, for natural adaptation");
-                    return Err(input_error(arm.py(), "Adaptive", "gamma", problem).into());
-                }
-                Adaptation::Natural((0..bodies + beside).map(|i| gamma.at(i, i)).collect())
-            } else {
-                Adaptation::Euclidean(given.gain("gamma", gamma, estimated)?)
-            };
-            let start = estimate.map(|estimate| given.vector("estimate", estimate, estimated)).transpose()?;
-            let mut spec = AdaptiveSpec::with_columns(model, motion, [kp, kd], adaptation, base, columns, start)?;
-            if let Some(projection) = projection.filter(|projection| !projection.is_none()) {
-                spec = spec.projected(least_bodies(&mut given, projection, p)?)?;
+    fn new() -> Result<PyClassInitializer<Self>, Failure> {
+        let mut given = Arguments::new(NAME, arm)?;
+        let model = given.model();
+        let (n, p) = (model.n(), model.parameter_count());
+        let motion = given.motion("motion", motion)?;
+        let (kp, kd) = (given.gain("kp", kp, n)?, given.gain("kd", kd, n)?);
+        let base = base.map(|base| base_of(&mut given, base, p)).transpose()?;
+        let columns = columns_of(&mut given, n, friction, armature, friction_speed)?;
+        let beside = columns.count();
+        let estimated = base.as_ref().map_or(p, |base| base.columns.len()) + beside;
+        let adaptation = if given.flag("natural", natural)? {
+            let bodies = p / 10;
+            let gamma = given.gain("gamma", gamma, bodies + beside)?;
+            if !gamma.is_diagonal() {
+                let wanted = bodies + beside;
+                let problem = format!("is a matrix: expected a scalar or ({wanted},), one number per body, for natural adaptation");
+                return Err(input_error(arm.py(), NAME, "gamma", problem).into());
             }
-            spec = restrained(&mut given, spec, present(leakage), [present(leakage_form), present(leakage_centre)], present(dead_zone))?;
-            spec = filtered(&mut given, spec, present(composite), present(composite_rate))?;
-            spec = remembering(&mut given, spec, present(concurrent), present(concurrent_weight))?;
-            Ok(given.law(spec).add_subclass(Adaptive))
-        })
+            Adaptation::Natural((0..bodies + beside).map(|i| gamma.at(i, i)).collect())
+        } else {
+            Adaptation::Euclidean(given.gain("gamma", gamma, estimated)?)
+        };
+        let start = estimate.map(|estimate| given.vector("estimate", estimate, estimated)).transpose()?;
+        let mut spec = AdaptiveSpec::with_columns(model, motion, [kp, kd], adaptation, base, columns, start)?;
+        if let Some(projection) = projection {
+            spec = spec.projected(least_bodies(&mut given, projection, p)?)?;
+        }
+        spec = restrained(&mut given, spec, leakage, [leakage_form, leakage_centre], dead_zone)?;
+        spec = filtered(&mut given, spec, composite, composite_rate)?;
+        spec = remembering(&mut given, spec, concurrent, concurrent_weight)?;
+        Ok(given.law(spec).add_subclass(Adaptive))
     }
 
     /// Names of the `p` estimated parameters, in the order of the estimate.

@@ -2,7 +2,7 @@
 
 use super::impedance::{self, OptionArguments};
 use super::{Arguments, Law};
-use crate::errors::{Failure, entry, input_error};
+use crate::errors::{Failure, input_error};
 use armlet_core::law::{
     CartesianImpedanceSpec, ElasticImpedanceSpec, JointImpedanceSpec, MotorPdSpec, PdGravitySpec, ReductionSpec, StateFeedbackSpec,
 };
@@ -113,44 +113,18 @@ pub struct ElasticImpedance;
 #[pymethods]
 impl ElasticImpedance {
     #[new]
-    #[pyo3(
-        signature = (arm, target, stiffness, damping, joint_stiffness, motor_inertia, reduced_inertia, *, frame, axes=None,
-                     motor_damping=None, damping_ratio=None, relative_damping=None, nullspace=None, feedforward=None,
-                     compensate_coupling=None, eps=None, integral_gain=None, wrench_max=None, tau_max=None),
-        text_signature = "(arm, target, stiffness, damping, joint_stiffness, motor_inertia, reduced_inertia, *, frame, axes=None, \
-                          motor_damping=None, damping_ratio=None, relative_damping=False, nullspace=None, feedforward=None, \
-                          compensate_coupling=False, eps=None, integral_gain=None, wrench_max=None, tau_max=None)"
+    #[arguments(
+        arm, target, stiffness, damping, joint_stiffness, motor_inertia, reduced_inertia, *, frame, axes=None, motor_damping=None,
+        damping_ratio=None, relative_damping=false, nullspace=None, feedforward=None, compensate_coupling=false, eps=None,
+        integral_gain=None, wrench_max=None, tau_max=None
     )]
-    fn new<'py>(
-        arm: &Bound<'py, PyAny>,
-        target: &Bound<'py, PyAny>,
-        stiffness: &Bound<'py, PyAny>,
-        damping: &Bound<'py, PyAny>,
-        joint_stiffness: &Bound<'py, PyAny>,
-        motor_inertia: &Bound<'py, PyAny>,
-        reduced_inertia: &Bound<'py, PyAny>,
-        frame: &Bound<'py, PyAny>,
-        axes: Option<&Bound<'py, PyAny>>,
-        motor_damping: Option<&Bound<'py, PyAny>>,
-        damping_ratio: Option<&Bound<'py, PyAny>>,
-        relative_damping: Option<&Bound<'py, PyAny>>,
-        nullspace: Option<&Bound<'py, PyAny>>,
-        feedforward: Option<&Bound<'py, PyAny>>,
-        compensate_coupling: Option<&Bound<'py, PyAny>>,
-        eps: Option<&Bound<'py, PyAny>>,
-        integral_gain: Option<&Bound<'py, PyAny>>,
-        wrench_max: Option<&Bound<'py, PyAny>>,
-        tau_max: Option<&Bound<'py, PyAny>>,
-    ) -> PyResult<PyClassInitializer<Self>> {
-        const NAME: &str = "ElasticImpedance";
-        entry(arm.py(), NAME, || {
-            let mut given = Arguments::new(NAME, arm)?;
-            let inner = Inner { joint_stiffness, motor_inertia, reduced_inertia, motor_damping, damping_ratio, relative_damping };
-            let options = OptionArguments { nullspace, feedforward, compensate_coupling, eps, integral_gain, wrench_max, tau_max };
-            let outer = Outer { stiffness, damping, frame, axes, options };
-            let law = cartesian(&mut given, outer, inner, |given, axes| impedance::target(given, target, axes))?;
-            Ok(given.law(law).add_subclass(ElasticImpedance))
-        })
+    fn new() -> Result<PyClassInitializer<Self>, Failure> {
+        let mut given = Arguments::new(NAME, arm)?;
+        let inner = Inner { joint_stiffness, motor_inertia, reduced_inertia, motor_damping, damping_ratio, relative_damping };
+        let options = OptionArguments { nullspace, feedforward, compensate_coupling, eps, integral_gain, wrench_max, tau_max };
+        let outer = Outer { stiffness, damping, frame, axes, options };
+        let law = cartesian(&mut given, outer, inner, |given, axes| impedance::target(given, target, axes))?;
+        Ok(given.law(law).add_subclass(ElasticImpedance))
     }
 }
 
@@ -182,34 +156,16 @@ pub struct ElasticTracking;
 #[pymethods]
 impl ElasticTracking {
     #[new]
-    #[pyo3(
-        signature = (arm, target, stiffness, damping, joint_stiffness, motor_inertia, reduced_inertia, *, frame, axes=None,
-                     motor_damping=None, damping_ratio=None, relative_damping=None),
-        text_signature = "(arm, target, stiffness, damping, joint_stiffness, motor_inertia, reduced_inertia, *, frame, axes=None, \
-                          motor_damping=None, damping_ratio=None, relative_damping=False)"
+    #[arguments(
+        arm, target, stiffness, damping, joint_stiffness, motor_inertia, reduced_inertia, *, frame, axes=None, motor_damping=None,
+        damping_ratio=None, relative_damping=false
     )]
-    fn new<'py>(
-        arm: &Bound<'py, PyAny>,
-        target: &Bound<'py, PyAny>,
-        stiffness: &Bound<'py, PyAny>,
-        damping: &Bound<'py, PyAny>,
-        joint_stiffness: &Bound<'py, PyAny>,
-        motor_inertia: &Bound<'py, PyAny>,
-        reduced_inertia: &Bound<'py, PyAny>,
-        frame: &Bound<'py, PyAny>,
-        axes: Option<&Bound<'py, PyAny>>,
-        motor_damping: Option<&Bound<'py, PyAny>>,
-        damping_ratio: Option<&Bound<'py, PyAny>>,
-        relative_damping: Option<&Bound<'py, PyAny>>,
-    ) -> PyResult<PyClassInitializer<Self>> {
-        const NAME: &str = "ElasticTracking";
-        entry(arm.py(), NAME, || {
-            let mut given = Arguments::new(NAME, arm)?;
-            let inner = Inner { joint_stiffness, motor_inertia, reduced_inertia, motor_damping, damping_ratio, relative_damping };
-            let outer = Outer { stiffness, damping, frame, axes, options: OptionArguments::default() };
-            let law = cartesian(&mut given, outer, inner, |given, _| given.motion("target", target))?;
-            Ok(given.law(law).add_subclass(ElasticTracking))
-        })
+    fn new() -> Result<PyClassInitializer<Self>, Failure> {
+        let mut given = Arguments::new(NAME, arm)?;
+        let inner = Inner { joint_stiffness, motor_inertia, reduced_inertia, motor_damping, damping_ratio, relative_damping };
+        let outer = Outer { stiffness, damping, frame, axes, options: OptionArguments::default() };
+        let law = cartesian(&mut given, outer, inner, |given, _| given.motion("target", target))?;
+        Ok(given.law(law).add_subclass(ElasticTracking))
     }
 }
 
@@ -242,35 +198,19 @@ pub struct JointImpedance;
 #[pymethods]
 impl JointImpedance {
     #[new]
-    #[pyo3(
-        signature = (arm, target, stiffness, damping, joint_stiffness, motor_inertia, reduced_inertia, *, motor_damping=None,
-                     damping_ratio=None, relative_damping=None),
-        text_signature = "(arm, target, stiffness, damping, joint_stiffness, motor_inertia, reduced_inertia, *, motor_damping=None, \
-                          damping_ratio=None, relative_damping=False)"
+    #[arguments(
+        arm, target, stiffness, damping, joint_stiffness, motor_inertia, reduced_inertia, *, motor_damping=None, damping_ratio=None,
+        relative_damping=false
     )]
-    fn new<'py>(
-        arm: &Bound<'py, PyAny>,
-        target: &Bound<'py, PyAny>,
-        stiffness: &Bound<'py, PyAny>,
-        damping: &Bound<'py, PyAny>,
-        joint_stiffness: &Bound<'py, PyAny>,
-        motor_inertia: &Bound<'py, PyAny>,
-        reduced_inertia: &Bound<'py, PyAny>,
-        motor_damping: Option<&Bound<'py, PyAny>>,
-        damping_ratio: Option<&Bound<'py, PyAny>>,
-        relative_damping: Option<&Bound<'py, PyAny>>,
-    ) -> PyResult<PyClassInitializer<Self>> {
-        const NAME: &str = "JointImpedance";
-        entry(arm.py(), NAME, || {
-            let mut given = Arguments::new(NAME, arm)?;
-            let n = given.model().n();
-            let target = given.vector("target", target, n)?;
-            let (stiffness, damping) = (given.gain("stiffness", stiffness, n)?, given.gain("damping", damping, n)?);
-            let outer = PdGravitySpec::new(given.model(), target, stiffness, damping)?;
-            let inner = Inner { joint_stiffness, motor_inertia, reduced_inertia, motor_damping, damping_ratio, relative_damping };
-            let inner = inner.read(&mut given)?;
-            Ok(given.law(JointImpedanceSpec { outer, inner }).add_subclass(JointImpedance))
-        })
+    fn new() -> Result<PyClassInitializer<Self>, Failure> {
+        let mut given = Arguments::new(NAME, arm)?;
+        let n = given.model().n();
+        let target = given.vector("target", target, n)?;
+        let (stiffness, damping) = (given.gain("stiffness", stiffness, n)?, given.gain("damping", damping, n)?);
+        let outer = PdGravitySpec::new(given.model(), target, stiffness, damping)?;
+        let inner = Inner { joint_stiffness, motor_inertia, reduced_inertia, motor_damping, damping_ratio, relative_damping };
+        let inner = inner.read(&mut given)?;
+        Ok(given.law(JointImpedanceSpec { outer, inner }).add_subclass(JointImpedance))
     }
 }
 
@@ -306,29 +246,16 @@ pub struct MotorPD;
 #[pymethods]
 impl MotorPD {
     #[new]
-    #[pyo3(
-        signature = (arm, target, kp, kd, joint_stiffness, *, online=None),
-        text_signature = "(arm, target, kp, kd, joint_stiffness, *, online=False)"
-    )]
-    fn new<'py>(
-        arm: &Bound<'py, PyAny>,
-        target: &Bound<'py, PyAny>,
-        kp: &Bound<'py, PyAny>,
-        kd: &Bound<'py, PyAny>,
-        joint_stiffness: &Bound<'py, PyAny>,
-        online: Option<&Bound<'py, PyAny>>,
-    ) -> PyResult<PyClassInitializer<Self>> {
-        const NAME: &str = "MotorPD";
-        entry(arm.py(), NAME, || {
-            let mut given = Arguments::new(NAME, arm)?;
-            let n = given.model().n();
-            let target = given.vector("target", target, n)?;
-            let (kp, kd) = (given.gain("kp", kp, n)?, given.gain("kd", kd, n)?);
-            let joint_stiffness = given.gain("joint_stiffness", joint_stiffness, n)?;
-            let online = given.flag("online", online)?;
-            let spec = MotorPdSpec::new(given.model(), &target, kp, kd, joint_stiffness, online)?;
-            Ok(given.law(spec).add_subclass(MotorPD))
-        })
+    #[arguments(arm, target, kp, kd, joint_stiffness, *, online=false)]
+    fn new() -> Result<PyClassInitializer<Self>, Failure> {
+        let mut given = Arguments::new(NAME, arm)?;
+        let n = given.model().n();
+        let target = given.vector("target", target, n)?;
+        let (kp, kd) = (given.gain("kp", kp, n)?, given.gain("kd", kd, n)?);
+        let joint_stiffness = given.gain("joint_stiffness", joint_stiffness, n)?;
+        let online = given.flag("online", online)?;
+        let spec = MotorPdSpec::new(given.model(), &target, kp, kd, joint_stiffness, online)?;
+        Ok(given.law(spec).add_subclass(MotorPD))
     }
 }
 
@@ -364,24 +291,14 @@ pub struct StateFeedback;
 #[pymethods]
 impl StateFeedback {
     #[new]
-    fn new<'py>(
-        arm: &Bound<'py, PyAny>,
-        target: &Bound<'py, PyAny>,
-        kp: &Bound<'py, PyAny>,
-        kd: &Bound<'py, PyAny>,
-        kt: &Bound<'py, PyAny>,
-        ks: &Bound<'py, PyAny>,
-        joint_stiffness: &Bound<'py, PyAny>,
-    ) -> PyResult<PyClassInitializer<Self>> {
-        const NAME: &str = "StateFeedback";
-        entry(arm.py(), NAME, || {
-            let mut given = Arguments::new(NAME, arm)?;
-            let n = given.model().n();
-            let target = given.vector("target", target, n)?;
-            let gains = [given.gain("kp", kp, n)?, given.gain("kd", kd, n)?, given.gain("kt", kt, n)?, given.gain("ks", ks, n)?];
-            let joint_stiffness = given.gain("joint_stiffness", joint_stiffness, n)?;
-            let spec = StateFeedbackSpec::new(given.model(), &target, gains, joint_stiffness)?;
-            Ok(given.law(spec).add_subclass(StateFeedback))
-        })
+    #[arguments(arm, target, kp, kd, kt, ks, joint_stiffness)]
+    fn new() -> Result<PyClassInitializer<Self>, Failure> {
+        let mut given = Arguments::new(NAME, arm)?;
+        let n = given.model().n();
+        let target = given.vector("target", target, n)?;
+        let gains = [given.gain("kp", kp, n)?, given.gain("kd", kd, n)?, given.gain("kt", kt, n)?, given.gain("ks", ks, n)?];
+        let joint_stiffness = given.gain("joint_stiffness", joint_stiffness, n)?;
+        let spec = StateFeedbackSpec::new(given.model(), &target, gains, joint_stiffness)?;
+        Ok(given.law(spec).add_subclass(StateFeedback))
     }
 }

@@ -2,7 +2,7 @@
 
 use super::Law;
 use crate::arguments::gain;
-use crate::arrays::{Axis, Form, adopted, new_array, number, numbers, object, require_finite, text};
+use crate::arrays::{Axis, Form, adopted, copied, number, numbers, object, require_finite, text};
 use crate::errors::{Failure, entry, input_error};
 use crate::observer::MomentumObserver;
 use armlet_core::law::{GuardedSpec, LawEvaluator, LawSpec, Reaction, touched};
@@ -137,60 +137,43 @@ impl Guarded {
 #[pymethods]
 impl Guarded {
     #[new]
-    #[pyo3(signature = (law, observer, reaction=None, *, stiffness=None, damping=None, speed=None, duration=None, joint_stiffness=None))]
-    fn new<'py>(
-        law: &Bound<'py, PyAny>,
-        observer: &Bound<'py, PyAny>,
-        reaction: Option<&Bound<'py, PyAny>>,
-        stiffness: Option<&Bound<'py, PyAny>>,
-        damping: Option<&Bound<'py, PyAny>>,
-        speed: Option<&Bound<'py, PyAny>>,
-        duration: Option<&Bound<'py, PyAny>>,
-        joint_stiffness: Option<&Bound<'py, PyAny>>,
-    ) -> PyResult<PyClassInitializer<Self>> {
-        let py = law.py();
-        entry(py, NAME, || {
-            let inner = object::<Law>(NAME, "law", "a law such as PDGravity(..)", law)?;
-            let watching = object::<MomentumObserver>(NAME, "observer", "a MomentumObserver(..)", observer)?;
-            let spec = inner.get().spec.clone();
-            let n = spec.model().n();
-            let Some((links, thresholds)) = watching.get().of_links(py) else {
-                return Err(input_error(py, NAME, "observer", "is one of motors: expected one of links").into());
-            };
-            let given = ReactionArguments { n, stiffness, damping, speed, duration };
-            let kind = reaction.map(|reaction| text(NAME, "reaction", reaction)).transpose()?;
-            let reaction = match &kind {
-                None => {
-                    given.unused(py, &["stiffness", "damping", "speed", "duration"], "None")?;
-                    None
-                }
-                Some(kind) => Some(given.reaction(py, kind)?),
-            };
-            let springs = joint_stiffness.map(|stiffness| gain(NAME, "joint_stiffness", stiffness, n)).transpose()?;
-            let spec = LawSpec::from(GuardedSpec::new(spec, links, thresholds, reaction, springs)?);
-
-            let mut others = vec![("observer", py.import("copy")?.call_method1("copy", (observer,))?.unbind())];
-            others.extend(kind.map(|kind| ("reaction", kind.into_pyobject(py).map(|text| text.into_any().unbind()))).map(
-                |(name, text)| {
-                    let Ok(text) = text;
-                    (name, text)
-                },
-            ));
-            let all = [("stiffness", stiffness), ("damping", damping), ("speed", speed), ("duration", duration)];
-            for (name, value) in all.into_iter().chain([("joint_stiffness", joint_stiffness)]) {
-                if let Some(value) = value {
-                    let (shape, values) = numbers(NAME, name, value, &[crate::arrays::WHATEVER])?;
-                    let copy = new_array(py, &shape, |out| {
-                        out.copy_from_slice(&values);
-                        Ok(())
-                    })?;
-                    others.push((name, copy.unbind()));
-                }
+    #[arguments(law, observer, reaction=None, *, stiffness=None, damping=None, speed=None, duration=None, joint_stiffness=None)]
+    fn new() -> Result<PyClassInitializer<Self>, Failure> {
+        let inner = object::<Law>(NAME, "law", "a law such as PDGravity(..)", law)?;
+        let watching = object::<MomentumObserver>(NAME, "observer", "a MomentumObserver(..)", observer)?;
+        let spec = inner.get().spec.clone();
+        let n = spec.model().n();
+        let Some((links, thresholds)) = watching.get().of_links(py) else {
+            return Err(input_error(py, NAME, "observer", "is one of motors: expected one of links").into());
+        };
+        let given = ReactionArguments { n, stiffness, damping, speed, duration };
+        let kind = reaction.map(|reaction| text(NAME, "reaction", reaction)).transpose()?;
+        let reaction = match &kind {
+            None => {
+                given.unused(py, &["stiffness", "damping", "speed", "duration"], "None")?;
+                None
             }
-            let evaluator = Mutex::new(LawEvaluator::new(&spec));
-            let base = Law { spec, evaluator, arm: inner.get().arm.clone_ref(py), arguments: Vec::new() };
-            Ok(PyClassInitializer::from(base).add_subclass(Guarded { law: law.clone().unbind(), others }))
-        })
+            Some(kind) => Some(given.reaction(py, kind)?),
+        };
+        let springs = joint_stiffness.map(|stiffness| gain(NAME, "joint_stiffness", stiffness, n)).transpose()?;
+        let spec = LawSpec::from(GuardedSpec::new(spec, links, thresholds, reaction, springs)?);
+
+        let mut others = vec![("observer", py.import("copy")?.call_method1("copy", (observer,))?.unbind())];
+        others.extend(kind.map(|kind| ("reaction", kind.into_pyobject(py).map(|text| text.into_any().unbind()))).map(|(name, text)| {
+            let Ok(text) = text;
+            (name, text)
+        }));
+        let all = [("stiffness", stiffness), ("damping", damping), ("speed", speed), ("duration", duration)];
+        for (name, value) in all.into_iter().chain([("joint_stiffness", joint_stiffness)]) {
+            if let Some(value) = value {
+                let (shape, values) = numbers(NAME, name, value, &[crate::arrays::WHATEVER])?;
+                let copy = copied(py, &shape, &values)?;
+                others.push((name, copy.unbind()));
+            }
+        }
+        let evaluator = Mutex::new(LawEvaluator::new(&spec));
+        let base = Law { spec, evaluator, arm: inner.get().arm.clone_ref(py), arguments: Vec::new() };
+        Ok(PyClassInitializer::from(base).add_subclass(Guarded { law: law.clone().unbind(), others }))
     }
 
     /// A copy of the observer, with its thresholds.
@@ -233,25 +216,21 @@ impl Guarded {
     ///
     /// Raises:
     ///     InputError: a shape is wrong, a number is not finite, or the observer has no thresholds.
-    fn touched<'py>(slf: &Bound<'py, Self>, residual: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
-        const FUNCTION: &str = "Guarded.touched";
-        let py = residual.py();
-        entry(py, FUNCTION, || {
-            let Some(law) = Guarded::spec(slf) else { return Ok(PyInt::new(py, -1).into_any()) };
-            let n = law.observed().n();
-            let forms = [Form(&[Axis::Is(n)]), Form(&[Axis::Any("K"), Axis::Is(n)]), Form(&[Axis::Any("B"), Axis::Any("K"), Axis::Is(n)])];
-            let (shape, values) = numbers(FUNCTION, "residual", residual, &forms)?;
-            require_finite(py, FUNCTION, "residual", &shape, &values)?;
-            if law.thresholds().is_empty() {
-                return Err(input_error(py, FUNCTION, "threshold", "is missing: expected an observer with thresholds").into());
-            }
-            let joint = |r: &[f64]| touched(law.observed(), law.thresholds(), r).map_or(-1, |joint| joint as i64);
-            let found: Vec<i64> = values.chunks_exact(n).map(joint).collect();
-            match shape.len() {
-                1 => Ok(PyInt::new(py, found[0]).into_any()),
-                axes => Ok(adopted(py, &shape[..axes - 1], found)?),
-            }
-        })
+    fn touched<'py>(slf: &Bound<'py, Self>, residual: &Bound<'py, PyAny>) -> Result<Bound<'py, PyAny>, Failure> {
+        let Some(law) = Guarded::spec(slf) else { return Ok(PyInt::new(py, -1).into_any()) };
+        let n = law.observed().n();
+        let forms = [Form(&[Axis::Is(n)]), Form(&[Axis::Any("K"), Axis::Is(n)]), Form(&[Axis::Any("B"), Axis::Any("K"), Axis::Is(n)])];
+        let (shape, values) = numbers(NAME, "residual", residual, &forms)?;
+        require_finite(py, NAME, "residual", &shape, &values)?;
+        if law.thresholds().is_empty() {
+            return Err(input_error(py, NAME, "threshold", "is missing: expected an observer with thresholds").into());
+        }
+        let joint = |r: &[f64]| touched(law.observed(), law.thresholds(), r).map_or(-1, |joint| joint as i64);
+        let found: Vec<i64> = values.chunks_exact(n).map(joint).collect();
+        match shape.len() {
+            1 => Ok(PyInt::new(py, found[0]).into_any()),
+            axes => Ok(adopted(py, &shape[..axes - 1], found)?),
+        }
     }
 
     fn __repr__(slf: &Bound<'_, Self>) -> PyResult<String> {

@@ -2,8 +2,8 @@
 
 use super::{Arguments, Law};
 use crate::arguments::require_partner;
-use crate::arrays::{Axis, Form, SCALAR, new_vector, numbers, owned, require_finite, spread, text};
-use crate::errors::{Failure, entry, input_error};
+use crate::arrays::{Axis, Form, SCALAR, copied, numbers, owned, require_finite, spread, text};
+use crate::errors::{Failure, input_error};
 use crate::motion::Motion as PyMotion;
 use armlet_core::kinematics::coordinates::{parse_axes, rows_of_pose};
 use armlet_core::law::{CartesianImpedanceSpec, ImpedanceOptions, NullProjection, NullSpaceSpec};
@@ -39,31 +39,28 @@ impl<'py> OptionArguments<'_, 'py> {
     /// Read the options of a law of `m` coordinates.
     pub fn read(&self, given: &mut Arguments<'py>, m: usize) -> Result<ImpedanceOptions, Failure> {
         let n = given.model().n();
-        fn there<'a, 'py>(value: Option<&'a Bound<'py, PyAny>>) -> Option<&'a Bound<'py, PyAny>> {
-            value.filter(|value| !value.is_none())
-        }
         let mut options = ImpedanceOptions::default();
-        if let Some(value) = there(self.nullspace) {
+        if let Some(value) = self.nullspace {
             options.null_space = Some(null_space(given.function(), value, n)?);
             given.plain("nullspace", value);
         }
-        if let Some(value) = there(self.feedforward) {
+        if let Some(value) = self.feedforward {
             options.feedforward = Some(given.vector("feedforward", value, m)?);
         }
-        options.compensate_coupling = given.flag("compensate_coupling", there(self.compensate_coupling))?;
-        if let Some(value) = there(self.eps) {
+        options.compensate_coupling = given.flag("compensate_coupling", self.compensate_coupling)?;
+        if let Some(value) = self.eps {
             options.eps = given.number("eps", value)?;
             // The core refuses an invalid threshold.
             let (inverts, valid) =
                 (options.null_space.is_some() || options.compensate_coupling, (ImpedanceOptions::LEAST_EPS..1.0).contains(&options.eps));
             require_partner(given.function(), "eps", Some(value), "nullspace or compensate_coupling", inverts || !valid)?;
         }
-        if let Some(value) = there(self.integral_gain) {
+        if let Some(value) = self.integral_gain {
             options.integral_gain = Some(gain_or_zero(given.function(), "integral_gain", value, m)?);
             given.keep("integral_gain", value)?;
         }
         for (name, value, count) in [("wrench_max", self.wrench_max, m), ("tau_max", self.tau_max, n)] {
-            let Some(value) = there(value) else { continue };
+            let Some(value) = value else { continue };
             let (shape, values) = numbers(given.function(), name, value, &[SCALAR, Form(&[Axis::Is(count)])])?;
             let limits = Some(spread(&shape, values, count)?);
             if name == "tau_max" {
@@ -106,10 +103,7 @@ pub(super) fn target<'py>(given: &mut Arguments<'py>, value: &Bound<'py, PyAny>,
     };
     require_finite(value.py(), given.function(), "target", &shape, &pose)?;
     let values = rows_of_pose(&pose, &rows)?;
-    let kept = new_vector(value.py(), values.len(), |out| {
-        out.copy_from_slice(&values);
-        Ok(())
-    })?;
+    let kept = copied(value.py(), &[values.len()], &values)?;
     given.plain("target", &kept);
     Ok(Motion::Hold(values))
 }
@@ -169,37 +163,18 @@ pub struct CartesianImpedance;
 #[pymethods]
 impl CartesianImpedance {
     #[new]
-    #[pyo3(
-        signature = (arm, target, stiffness, damping, *, frame, axes=None, nullspace=None, feedforward=None, compensate_coupling=None,
-                     eps=None, integral_gain=None, wrench_max=None, tau_max=None),
-        text_signature = "(arm, target, stiffness, damping, *, frame, axes=None, nullspace=None, feedforward=None, \
-                          compensate_coupling=False, eps=None, integral_gain=None, wrench_max=None, tau_max=None)"
+    #[arguments(
+        arm, target, stiffness, damping, *, frame, axes=None, nullspace=None, feedforward=None, compensate_coupling=false, eps=None,
+        integral_gain=None, wrench_max=None, tau_max=None
     )]
-    fn new<'py>(
-        arm: &Bound<'py, PyAny>,
-        target: &Bound<'py, PyAny>,
-        stiffness: &Bound<'py, PyAny>,
-        damping: &Bound<'py, PyAny>,
-        frame: &Bound<'py, PyAny>,
-        axes: Option<&Bound<'py, PyAny>>,
-        nullspace: Option<&Bound<'py, PyAny>>,
-        feedforward: Option<&Bound<'py, PyAny>>,
-        compensate_coupling: Option<&Bound<'py, PyAny>>,
-        eps: Option<&Bound<'py, PyAny>>,
-        integral_gain: Option<&Bound<'py, PyAny>>,
-        wrench_max: Option<&Bound<'py, PyAny>>,
-        tau_max: Option<&Bound<'py, PyAny>>,
-    ) -> PyResult<PyClassInitializer<Self>> {
-        const NAME: &str = "CartesianImpedance";
-        entry(arm.py(), NAME, || {
-            let mut given = Arguments::new(NAME, arm)?;
-            let (frame, axes, m) = given.frame_and_axes(frame, axes)?;
-            let target = self::target(&mut given, target, &axes)?;
-            let (stiffness, damping) = (given.gain("stiffness", stiffness, m)?, given.gain("damping", damping, m)?);
-            let spec = CartesianImpedanceSpec::new(given.model(), target, stiffness, damping, &frame, &axes)?;
-            let options = OptionArguments { nullspace, feedforward, compensate_coupling, eps, integral_gain, wrench_max, tau_max };
-            let spec = spec.with(options.read(&mut given, m)?)?;
-            Ok(given.law(spec).add_subclass(CartesianImpedance))
-        })
+    fn new() -> Result<PyClassInitializer<Self>, Failure> {
+        let mut given = Arguments::new(NAME, arm)?;
+        let (frame, axes, m) = given.frame_and_axes(frame, axes)?;
+        let target = self::target(&mut given, target, &axes)?;
+        let (stiffness, damping) = (given.gain("stiffness", stiffness, m)?, given.gain("damping", damping, m)?);
+        let spec = CartesianImpedanceSpec::new(given.model(), target, stiffness, damping, &frame, &axes)?;
+        let options = OptionArguments { nullspace, feedforward, compensate_coupling, eps, integral_gain, wrench_max, tau_max };
+        let spec = spec.with(options.read(&mut given, m)?)?;
+        Ok(given.law(spec).add_subclass(CartesianImpedance))
     }
 }

@@ -16,7 +16,7 @@ pub use rigid::*;
 
 use crate::arguments::Arguments;
 use crate::arm::Arm;
-use crate::arrays::{adopted, new_array, new_vector, number, of_shape, require_finite, vector};
+use crate::arrays::{adopted, copied, new_vector, number, of_shape, require_finite, vector};
 use crate::errors::{Failure, entry, input_error};
 use crate::interrupts::long;
 use crate::kept::{Kept, stands_on_arm};
@@ -103,10 +103,7 @@ fn by_level<'py>(py: Python<'py>, rows: &[usize], shape: &[usize], values: &[f64
     let (mut at, mut parts) = (0, Vec::with_capacity(rows.len()));
     for &m in rows {
         let shape: Vec<usize> = std::iter::once(m).chain(shape[1..].iter().copied()).collect();
-        parts.push(new_array(py, &shape, |out| {
-            out.copy_from_slice(&values[at * width..(at + m) * width]);
-            Ok(())
-        })?);
+        parts.push(copied(py, &shape, &values[at * width..(at + m) * width])?);
         at += m;
     }
     Ok(PyList::new(py, parts)?)
@@ -132,17 +129,8 @@ impl Law {
     ///
     /// Raises:
     ///     InputError: an argument is wrong, or the input is not finite because a product overflows.
-    #[pyo3(signature = (t, q, v, *, theta=None, theta_dot=None, state=None))]
-    fn __call__<'py>(
-        &self,
-        py: Python<'py>,
-        t: &Bound<'py, PyAny>,
-        q: &Bound<'py, PyAny>,
-        v: &Bound<'py, PyAny>,
-        theta: Option<&Bound<'py, PyAny>>,
-        theta_dot: Option<&Bound<'py, PyAny>>,
-        state: Option<&Bound<'py, PyAny>>,
-    ) -> PyResult<Bound<'py, PyAny>> {
+    #[arguments(t, q, v, *, theta=None, theta_dot=None, state=None)]
+    fn __call__<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let name = self.spec.name();
         entry(py, name, || {
             let n = self.spec.model().n();
@@ -174,64 +162,34 @@ impl Law {
 
     /// Return a dict of the quantities that the law computes at one instant, such as its error. It has the same arguments as a call of the
     /// law. For a law with a state, `state` is this state, `(p,)`, and `state_rate` its rate, 1/s times its units.
-    #[pyo3(signature = (t, q, v, *, theta=None, theta_dot=None, state=None))]
-    fn terms<'py>(
-        &self,
-        py: Python<'py>,
-        t: &Bound<'py, PyAny>,
-        q: &Bound<'py, PyAny>,
-        v: &Bound<'py, PyAny>,
-        theta: Option<&Bound<'py, PyAny>>,
-        theta_dot: Option<&Bound<'py, PyAny>>,
-        state: Option<&Bound<'py, PyAny>>,
-    ) -> PyResult<Bound<'py, PyDict>> {
-        entry(py, "Law.terms", || {
-            let (t, x, z) = call_arguments("Law.terms", &self.spec, t, (q, v), [theta, theta_dot], state)?;
-            let parts = PyDict::new(py);
-            let rows = self.spec.level_rows();
-            for (name, shape, values) in self.evaluate(|evaluator| evaluator.terms(t, &[&x], Some(&z))) {
-                if !rows.is_empty() && matches!(name, "rows" | "ranks") {
-                    parts.set_item(name, values.iter().map(|&count| count as usize).collect::<Vec<_>>())?;
-                    continue;
-                }
-                if !rows.is_empty() && PER_LEVEL.contains(&name) {
-                    parts.set_item(name, by_level(py, &rows, &shape, &values)?)?;
-                    continue;
-                }
-                let array = new_array(py, &shape, |out| {
-                    out.copy_from_slice(&values);
-                    Ok(())
-                })?;
-                parts.set_item(name, array)?;
+    #[arguments(t, q, v, *, theta=None, theta_dot=None, state=None)]
+    fn terms<'py>(&self) -> Result<Bound<'py, PyDict>, Failure> {
+        let (t, x, z) = call_arguments(NAME, &self.spec, t, (q, v), [theta, theta_dot], state)?;
+        let parts = PyDict::new(py);
+        let rows = self.spec.level_rows();
+        for (name, shape, values) in self.evaluate(|evaluator| evaluator.terms(t, &[&x], Some(&z))) {
+            if !rows.is_empty() && matches!(name, "rows" | "ranks") {
+                parts.set_item(name, values.iter().map(|&count| count as usize).collect::<Vec<_>>())?;
+                continue;
             }
-            Ok(parts)
-        })
+            if !rows.is_empty() && PER_LEVEL.contains(&name) {
+                parts.set_item(name, by_level(py, &rows, &shape, &values)?)?;
+                continue;
+            }
+            parts.set_item(name, copied(py, &shape, &values)?)?;
+        }
+        Ok(parts)
     }
 
     /// The derivative of `[tau, z_dot]` with respect to `[x, z]`, `(n + p, states + p)`. `tau` is the input of the plant, `x` the plant's
     /// state, and `z` the law's state. None for a law that branches on its data. The arguments are those of a call of the law.
-    #[pyo3(signature = (t, q, v, *, theta=None, theta_dot=None, state=None))]
-    fn _slope<'py>(
-        &self,
-        py: Python<'py>,
-        t: &Bound<'py, PyAny>,
-        q: &Bound<'py, PyAny>,
-        v: &Bound<'py, PyAny>,
-        theta: Option<&Bound<'py, PyAny>>,
-        theta_dot: Option<&Bound<'py, PyAny>>,
-        state: Option<&Bound<'py, PyAny>>,
-    ) -> PyResult<Option<Bound<'py, PyAny>>> {
-        entry(py, "Law._slope", || {
-            let (t, x, z) = call_arguments("Law._slope", &self.spec, t, (q, v), [theta, theta_dot], state)?;
-            let slope = long(py, || Ok(self.evaluate(|evaluator| evaluator.slope(t, &x, &z))))?;
-            let Some(slope) = slope else { return Ok(None) };
-            let columns = x.len() + z.len();
-            let array = new_array(py, &[slope.len() / columns, columns], |out| {
-                out.copy_from_slice(&slope);
-                Ok(())
-            })?;
-            Ok(Some(array))
-        })
+    #[arguments(t, q, v, *, theta=None, theta_dot=None, state=None)]
+    fn _slope<'py>(&self) -> Result<Option<Bound<'py, PyAny>>, Failure> {
+        let (t, x, z) = call_arguments(NAME, &self.spec, t, (q, v), [theta, theta_dot], state)?;
+        let slope = long(py, || Ok(self.evaluate(|evaluator| evaluator.slope(t, &x, &z))))?;
+        let Some(slope) = slope else { return Ok(None) };
+        let columns = x.len() + z.len();
+        Ok(Some(copied(py, &[slope.len() / columns, columns], &slope)?))
     }
 
     /// The motion that the law tracks, of the joints or of its frame; None for a law with a constant target or with several tasks.

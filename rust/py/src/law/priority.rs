@@ -2,7 +2,7 @@
 
 use super::{Arguments, Law};
 use crate::arrays::optional_number;
-use crate::errors::{Failure, entry};
+use crate::errors::Failure;
 use crate::priority::{Keywords, method_name, per_joint};
 use crate::task::each;
 use armlet_core::law::{Level, LimitOverrides, PriorityAccelerationSpec, PriorityVelocitySpec};
@@ -96,30 +96,13 @@ pub struct PriorityVelocity;
 #[pymethods]
 impl PriorityVelocity {
     #[new]
-    #[pyo3(
-        signature = (arm, tasks, method=None, eps=None, *, v_min=None, v_max=None, q_min=None, q_max=None, a_max=None, horizon=None),
-        text_signature = "(arm, tasks, method='clamp', eps=None, *, v_min=None, v_max=None, q_min=None, q_max=None, a_max=None, horizon=None)"
-    )]
-    fn new<'py>(
-        arm: &Bound<'py, PyAny>,
-        tasks: &Bound<'py, PyAny>,
-        method: Option<&Bound<'py, PyAny>>,
-        eps: Option<&Bound<'py, PyAny>>,
-        v_min: Option<&Bound<'py, PyAny>>,
-        v_max: Option<&Bound<'py, PyAny>>,
-        q_min: Option<&Bound<'py, PyAny>>,
-        q_max: Option<&Bound<'py, PyAny>>,
-        a_max: Option<&Bound<'py, PyAny>>,
-        horizon: Option<&Bound<'py, PyAny>>,
-    ) -> PyResult<PyClassInitializer<Self>> {
-        const NAME: &str = "PriorityVelocity";
-        entry(arm.py(), NAME, || {
-            let mut given = Arguments::new(NAME, arm)?;
-            let limits = [("v_min", v_min), ("v_max", v_max), ("q_min", q_min), ("q_max", q_max), ("a_max", a_max), ("horizon", horizon)];
-            let (levels, options, limits) = given.levels(NAME, tasks, method, eps, &limits)?;
-            let spec = PriorityVelocitySpec::new(given.model(), levels, options, &limits)?;
-            Ok(given.law(spec).add_subclass(PriorityVelocity))
-        })
+    #[arguments(arm, tasks, method="clamp", eps=None, *, v_min=None, v_max=None, q_min=None, q_max=None, a_max=None, horizon=None)]
+    fn new() -> Result<PyClassInitializer<Self>, Failure> {
+        let mut given = Arguments::new(NAME, arm)?;
+        let limits = [("v_min", v_min), ("v_max", v_max), ("q_min", q_min), ("q_max", q_max), ("a_max", a_max), ("horizon", horizon)];
+        let (levels, options, limits) = given.levels(NAME, tasks, method, eps, &limits)?;
+        let spec = PriorityVelocitySpec::new(given.model(), levels, options, &limits)?;
+        Ok(given.law(spec).add_subclass(PriorityVelocity))
     }
 }
 
@@ -159,38 +142,20 @@ pub struct PriorityAcceleration;
 #[pymethods]
 impl PriorityAcceleration {
     #[new]
-    #[pyo3(
-        signature = (
-            arm, tasks, method=None, eps=None, *, joint_damping=None, a_max=None, v_min=None, v_max=None, q_min=None, q_max=None, horizon=None
-        ),
-        text_signature = "(arm, tasks, method='clamp', eps=None, *, joint_damping=None, a_max=None, v_min=None, v_max=None, q_min=None, \
-                          q_max=None, horizon=None)"
+    #[arguments(
+        arm, tasks, method="clamp", eps=None, *, joint_damping=None, a_max=None, v_min=None, v_max=None, q_min=None, q_max=None,
+        horizon=None
     )]
-    fn new<'py>(
-        arm: &Bound<'py, PyAny>,
-        tasks: &Bound<'py, PyAny>,
-        method: Option<&Bound<'py, PyAny>>,
-        eps: Option<&Bound<'py, PyAny>>,
-        joint_damping: Option<&Bound<'py, PyAny>>,
-        a_max: Option<&Bound<'py, PyAny>>,
-        v_min: Option<&Bound<'py, PyAny>>,
-        v_max: Option<&Bound<'py, PyAny>>,
-        q_min: Option<&Bound<'py, PyAny>>,
-        q_max: Option<&Bound<'py, PyAny>>,
-        horizon: Option<&Bound<'py, PyAny>>,
-    ) -> PyResult<PyClassInitializer<Self>> {
-        const NAME: &str = "PriorityAcceleration";
-        entry(arm.py(), NAME, || {
-            let mut given = Arguments::new(NAME, arm)?;
-            let limits = [("a_max", a_max), ("v_min", v_min), ("v_max", v_max), ("q_min", q_min), ("q_max", q_max), ("horizon", horizon)];
-            let (levels, options, limits) = given.levels(NAME, tasks, method, eps, &limits)?;
-            let damping = optional_number(NAME, "joint_damping", joint_damping)?.unwrap_or(JOINT_DAMPING);
-            if let Some(value) = joint_damping {
-                given.plain("joint_damping", value);
-            }
-            let spec = PriorityAccelerationSpec::new(given.model(), levels, options, damping, &limits)?;
-            Ok(given.law(spec).add_subclass(PriorityAcceleration))
-        })
+    fn new() -> Result<PyClassInitializer<Self>, Failure> {
+        let mut given = Arguments::new(NAME, arm)?;
+        let limits = [("a_max", a_max), ("v_min", v_min), ("v_max", v_max), ("q_min", q_min), ("q_max", q_max), ("horizon", horizon)];
+        let (levels, options, limits) = given.levels(NAME, tasks, method, eps, &limits)?;
+        let damping = optional_number(NAME, "joint_damping", joint_damping)?.unwrap_or(JOINT_DAMPING);
+        if let Some(value) = joint_damping {
+            given.plain("joint_damping", value);
+        }
+        let spec = PriorityAccelerationSpec::new(given.model(), levels, options, damping, &limits)?;
+        Ok(given.law(spec).add_subclass(PriorityAcceleration))
     }
 }
 

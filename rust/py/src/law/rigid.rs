@@ -2,7 +2,7 @@
 
 use super::adaptive::FRICTION_SPEED;
 use super::{Arguments, Law};
-use crate::errors::{entry, input_error};
+use crate::errors::{Failure, input_error};
 use armlet_core::law::{ComputedTorqueSpec, PdGravitySpec, PidOptions, PidSpec};
 use armlet_macros::entered;
 use pyo3::prelude::*;
@@ -33,21 +33,15 @@ pub struct ComputedTorque;
 #[pymethods]
 impl ComputedTorque {
     #[new]
-    fn new<'py>(
-        arm: &Bound<'py, PyAny>,
-        motion: &Bound<'py, PyAny>,
-        kp: &Bound<'py, PyAny>,
-        kd: &Bound<'py, PyAny>,
-    ) -> PyResult<PyClassInitializer<Self>> {
-        entry(arm.py(), "ComputedTorque", || {
-            let mut given = Arguments::new("ComputedTorque", arm)?;
-            let model = given.model();
-            let n = model.n();
-            let motion = given.motion("motion", motion)?;
-            let (kp, kd) = (given.gain("kp", kp, n)?, given.gain("kd", kd, n)?);
-            let spec = ComputedTorqueSpec::new(model, motion, kp, kd)?;
-            Ok(given.law(spec).add_subclass(ComputedTorque))
-        })
+    #[arguments(arm, motion, kp, kd)]
+    fn new() -> Result<PyClassInitializer<Self>, Failure> {
+        let mut given = Arguments::new(NAME, arm)?;
+        let model = given.model();
+        let n = model.n();
+        let motion = given.motion("motion", motion)?;
+        let (kp, kd) = (given.gain("kp", kp, n)?, given.gain("kd", kd, n)?);
+        let spec = ComputedTorqueSpec::new(model, motion, kp, kd)?;
+        Ok(given.law(spec).add_subclass(ComputedTorque))
     }
 }
 
@@ -77,21 +71,15 @@ pub struct PDGravity;
 #[pymethods]
 impl PDGravity {
     #[new]
-    fn new<'py>(
-        arm: &Bound<'py, PyAny>,
-        target: &Bound<'py, PyAny>,
-        kp: &Bound<'py, PyAny>,
-        kd: &Bound<'py, PyAny>,
-    ) -> PyResult<PyClassInitializer<Self>> {
-        entry(arm.py(), "PDGravity", || {
-            let mut given = Arguments::new("PDGravity", arm)?;
-            let model = given.model();
-            let n = model.n();
-            let target = given.vector("target", target, n)?;
-            let (kp, kd) = (given.gain("kp", kp, n)?, given.gain("kd", kd, n)?);
-            let spec = PdGravitySpec::new(model, target, kp, kd)?;
-            Ok(given.law(spec).add_subclass(PDGravity))
-        })
+    #[arguments(arm, target, kp, kd)]
+    fn new() -> Result<PyClassInitializer<Self>, Failure> {
+        let mut given = Arguments::new(NAME, arm)?;
+        let model = given.model();
+        let n = model.n();
+        let target = given.vector("target", target, n)?;
+        let (kp, kd) = (given.gain("kp", kp, n)?, given.gain("kd", kd, n)?);
+        let spec = PdGravitySpec::new(model, target, kp, kd)?;
+        Ok(given.law(spec).add_subclass(PDGravity))
     }
 }
 
@@ -141,50 +129,34 @@ pub struct PID;
 #[pymethods]
 impl PID {
     #[new]
-    #[pyo3(
-        signature = (arm, target, kp, ki, kd, tau_max=None, *, derivative_filter=None, friction=None, friction_speed=None,
-            observer_bandwidth=None, nominal_inertia=None),
-        text_signature = "(arm, target, kp, ki, kd, tau_max=None, *, derivative_filter=None, friction=False, friction_speed=None, \
-            observer_bandwidth=None, nominal_inertia=None)"
+    #[arguments(
+        arm, target, kp, ki, kd, tau_max=None, *, derivative_filter=None, friction=false, friction_speed=None, observer_bandwidth=None,
+        nominal_inertia=None
     )]
-    fn new<'py>(
-        arm: &Bound<'py, PyAny>,
-        target: &Bound<'py, PyAny>,
-        kp: &Bound<'py, PyAny>,
-        ki: &Bound<'py, PyAny>,
-        kd: &Bound<'py, PyAny>,
-        tau_max: Option<&Bound<'py, PyAny>>,
-        derivative_filter: Option<&Bound<'py, PyAny>>,
-        friction: Option<&Bound<'py, PyAny>>,
-        friction_speed: Option<&Bound<'py, PyAny>>,
-        observer_bandwidth: Option<&Bound<'py, PyAny>>,
-        nominal_inertia: Option<&Bound<'py, PyAny>>,
-    ) -> PyResult<PyClassInitializer<Self>> {
-        entry(arm.py(), "PID", || {
-            let mut given = Arguments::new("PID", arm)?;
-            let model = given.model();
-            let n = model.n();
-            let motion = given.motion_or_hold("target", target, n)?;
-            let kp = given.gain("kp", kp, n)?;
-            let integral = if ki.is_none() { None } else { Some(given.gain("ki", ki, n)?) };
-            if integral.is_none() {
-                given.plain("ki", ki);
-            }
-            let kd = given.gain("kd", kd, n)?;
-            let friction = given.flag("friction", friction)?;
-            let speed = given.rows("friction_speed", friction_speed, n)?;
-            if speed.is_some() && !friction {
-                return Err(input_error(arm.py(), "PID", "friction_speed", "is not used: expected None without friction").into());
-            }
-            let options = PidOptions {
-                tau_max: given.rows("tau_max", tau_max, n)?,
-                derivative_filter: given.rows("derivative_filter", derivative_filter, n)?,
-                friction_speed: friction.then(|| speed.unwrap_or_else(|| vec![FRICTION_SPEED; n])),
-                observer_bandwidth: given.rows("observer_bandwidth", observer_bandwidth, n)?,
-                nominal_inertia: given.rows("nominal_inertia", nominal_inertia, n)?,
-            };
-            let spec = PidSpec::new(model, motion, kp, integral, kd)?.with(options)?;
-            Ok(given.law(spec).add_subclass(PID))
-        })
+    fn new() -> Result<PyClassInitializer<Self>, Failure> {
+        let mut given = Arguments::new(NAME, arm)?;
+        let model = given.model();
+        let n = model.n();
+        let motion = given.motion_or_hold("target", target, n)?;
+        let kp = given.gain("kp", kp, n)?;
+        let integral = if ki.is_none() { None } else { Some(given.gain("ki", ki, n)?) };
+        if integral.is_none() {
+            given.plain("ki", ki);
+        }
+        let kd = given.gain("kd", kd, n)?;
+        let friction = given.flag("friction", friction)?;
+        let speed = given.rows("friction_speed", friction_speed, n)?;
+        if speed.is_some() && !friction {
+            return Err(input_error(arm.py(), NAME, "friction_speed", "is not used: expected None without friction").into());
+        }
+        let options = PidOptions {
+            tau_max: given.rows("tau_max", tau_max, n)?,
+            derivative_filter: given.rows("derivative_filter", derivative_filter, n)?,
+            friction_speed: friction.then(|| speed.unwrap_or_else(|| vec![FRICTION_SPEED; n])),
+            observer_bandwidth: given.rows("observer_bandwidth", observer_bandwidth, n)?,
+            nominal_inertia: given.rows("nominal_inertia", nominal_inertia, n)?,
+        };
+        let spec = PidSpec::new(model, motion, kp, integral, kd)?.with(options)?;
+        Ok(given.law(spec).add_subclass(PID))
     }
 }

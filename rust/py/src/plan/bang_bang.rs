@@ -5,7 +5,7 @@ use super::bang_bang_report::BangBangReport;
 use super::link::{NAMES, problem, symmetric};
 use crate::arrays::require_finite;
 use crate::broadcast::columns;
-use crate::errors::entry;
+use crate::errors::Failure;
 use crate::interrupts::long;
 use armlet_core::interrupt;
 use armlet_macros::entered;
@@ -41,46 +41,35 @@ use pyo3::prelude::*;
 /// 'tau_max at theta = 0.000000 rad (phase1:switch) needs a slow'
 #[entered]
 #[pyfunction]
-#[pyo3(signature = (theta0, thetaf, inertia, gravity_moment, tau_max, *, tau_min=None))]
-pub fn bang_bang_time<'py>(
-    py: Python<'py>,
-    theta0: &Bound<'py, PyAny>,
-    thetaf: &Bound<'py, PyAny>,
-    inertia: &Bound<'py, PyAny>,
-    gravity_moment: &Bound<'py, PyAny>,
-    tau_max: &Bound<'py, PyAny>,
-    tau_min: Option<&Bound<'py, PyAny>>,
-) -> PyResult<Bound<'py, PyAny>> {
-    const NAME: &str = "bang_bang_time";
-    entry(py, NAME, || {
-        let values = [theta0, thetaf, inertia, gravity_moment, tau_max];
-        match problem(py, NAME, values, tau_min)? {
-            Some(p) => Ok(Bound::new(py, BangBangReport::solve(p)?)?.into_any()),
-            None => {
-                // Without `tau_min`, this column is a copy of `tau_max`, whose sign is changed below.
-                let mut c = columns(
-                    NAME,
-                    NAMES,
-                    [theta0, thetaf, inertia, gravity_moment, tau_max, tau_min.unwrap_or(tau_max)],
-                    require_finite,
-                    ANSWER,
-                )?;
-                if tau_min.is_none() {
-                    let (most, least) = c.last_two();
-                    let bad = long(py, || {
-                        for (most, least) in most.chunks(CHUNK).zip(least.chunks_mut(CHUNK)) {
-                            interrupt::check();
-                            if let Some(&bad) = most.iter().find(|&&x| x <= 0.0) {
-                                return Ok(Some(bad));
-                            }
-                            least.iter_mut().for_each(|x| *x = -*x);
+#[arguments(theta0, thetaf, inertia, gravity_moment, tau_max, *, tau_min=None)]
+pub fn bang_bang_time<'py>() -> Result<Bound<'py, PyAny>, Failure> {
+    let values = [theta0, thetaf, inertia, gravity_moment, tau_max];
+    match problem(py, NAME, values, tau_min)? {
+        Some(p) => Ok(Bound::new(py, BangBangReport::solve(p)?)?.into_any()),
+        None => {
+            // Without `tau_min`, this column is a copy of `tau_max`, whose sign is changed below.
+            let mut c = columns(
+                NAME,
+                NAMES,
+                [theta0, thetaf, inertia, gravity_moment, tau_max, tau_min.unwrap_or(tau_max)],
+                require_finite,
+                ANSWER,
+            )?;
+            if tau_min.is_none() {
+                let (most, least) = c.last_two();
+                let bad = long(py, || {
+                    for (most, least) in most.chunks(CHUNK).zip(least.chunks_mut(CHUNK)) {
+                        interrupt::check();
+                        if let Some(&bad) = most.iter().find(|&&x| x <= 0.0) {
+                            return Ok(Some(bad));
                         }
-                        Ok(None)
-                    })?;
-                    bad.map_or(Ok(0.0), |bad| symmetric(py, NAME, bad))?;
-                }
-                Ok(Bound::new(py, BangBangBatch::solve(py, c)?)?.into_any())
+                        least.iter_mut().for_each(|x| *x = -*x);
+                    }
+                    Ok(None)
+                })?;
+                bad.map_or(Ok(0.0), |bad| symmetric(py, NAME, bad))?;
             }
+            Ok(Bound::new(py, BangBangBatch::solve(py, c)?)?.into_any())
         }
-    })
+    }
 }

@@ -133,40 +133,36 @@ impl BangBangBatch {
 
     /// An array of strings with the `BangBangReport.reason` of each problem, which is empty where a duration is feasible.
     #[getter]
-    fn reason<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        entry(py, "BangBangBatch.reason", || {
-            let numpy = py.import("numpy")?;
-            let mut breaks = Breaks::new();
-            let parts = (0..self.problems.count.max(1)).step_by(CHUNK).map(|first| {
-                breaks.pause(py)?;
-                let last = (first + CHUNK).min(self.problems.count);
-                let words = (first..last).map(|i| Ok(self.report(i)?.why())).collect::<Result<Vec<_>, Error>>()?;
-                Ok(numpy.call_method1("array", (words, PyString::new(py, "str")))?)
-            });
-            let words = numpy.call_method1("concatenate", (parts.collect::<Result<Vec<_>, Failure>>()?,))?;
-            Ok(words.call_method1("reshape", (PyTuple::new(py, &self.problems.shape)?,))?)
-        })
+    fn reason<'py>(&self) -> Result<Bound<'py, PyAny>, Failure> {
+        let numpy = py.import("numpy")?;
+        let mut breaks = Breaks::new();
+        let parts = (0..self.problems.count.max(1)).step_by(CHUNK).map(|first| {
+            breaks.pause(py)?;
+            let last = (first + CHUNK).min(self.problems.count);
+            let words = (first..last).map(|i| Ok(self.report(i)?.why())).collect::<Result<Vec<_>, Error>>()?;
+            Ok(numpy.call_method1("array", (words, PyString::new(py, "str")))?)
+        });
+        let words = numpy.call_method1("concatenate", (parts.collect::<Result<Vec<_>, Failure>>()?,))?;
+        Ok(words.call_method1("reshape", (PyTuple::new(py, &self.problems.shape)?,))?)
     }
 
     /// The report of one problem. The index is an integer in C order, or one integer for each axis.
-    fn __getitem__(&self, py: Python<'_>, index: &Bound<'_, PyAny>) -> PyResult<BangBangReport> {
-        entry(py, "BangBangBatch", || {
-            let what = "an index: expected an integer, or one for each axis";
-            let parts = match index.cast::<PyTuple>() {
-                Ok(parts) => items("BangBangBatch", "index", what, parts, MOST_AXES)?,
-                Err(_) => vec![index.clone()],
-            };
-            let shape: &[usize] = if parts.len() == 1 { &[self.problems.count] } else { &self.problems.shape };
-            let mut flat = Some(0).filter(|_| parts.len() == shape.len());
-            for (part, &n) in parts.iter().zip(shape) {
-                let i = signed(part)
-                    .ok_or_else(|| input_error(py, "BangBangBatch", "index", format!("is not {what}, got {}", part.get_type())))?;
-                let inside = if i < 0 { i.saturating_add_unsigned(n) } else { i };
-                flat = flat.filter(|_| inside >= 0 && inside < n as isize).map(|k| k * n + inside as usize);
-            }
-            let outside = || PyIndexError::new_err(format!("BangBangBatch: index is out of range: expected one in shape {}", shown(shape)));
-            Ok(self.report(flat.ok_or_else(outside)?)?)
-        })
+    fn __getitem__(&self, index: &Bound<'_, PyAny>) -> Result<BangBangReport, Failure> {
+        const NAME: &str = "BangBangBatch";
+        let what = "an index: expected an integer, or one for each axis";
+        let parts = match index.cast::<PyTuple>() {
+            Ok(parts) => items(NAME, "index", what, parts, MOST_AXES)?,
+            Err(_) => vec![index.clone()],
+        };
+        let shape: &[usize] = if parts.len() == 1 { &[self.problems.count] } else { &self.problems.shape };
+        let mut flat = Some(0).filter(|_| parts.len() == shape.len());
+        for (part, &n) in parts.iter().zip(shape) {
+            let i = signed(part).ok_or_else(|| input_error(py, NAME, "index", format!("is not {what}, got {}", part.get_type())))?;
+            let inside = if i < 0 { i.saturating_add_unsigned(n) } else { i };
+            flat = flat.filter(|_| inside >= 0 && inside < n as isize).map(|k| k * n + inside as usize);
+        }
+        let outside = || PyIndexError::new_err(format!("BangBangBatch: index is out of range: expected one in shape {}", shown(shape)));
+        Ok(self.report(flat.ok_or_else(outside)?)?)
     }
 
     fn __repr__(&self) -> String {

@@ -1,7 +1,7 @@
 //! The results of `armlet.bang_bang_time` for one problem: `BangBangReport` and `Bind`.
 
 use super::link::{LinkProblem, again, float, link_report, part, scalar, truth};
-use crate::errors::{entry, input_error};
+use crate::errors::{Failure, input_error};
 use crate::seal::Sealed;
 use armlet_core::error::Error;
 use armlet_core::plan::{self, Bind as Core};
@@ -70,20 +70,12 @@ impl BangBangReport {
     }
 
     /// Four torques, N m, of the motion of duration `t` in s: at its start, just before and after the switch, and at its end.
-    fn torques(&self, py: Python<'_>, t: &Bound<'_, PyAny>) -> PyResult<(f64, f64, f64, f64)> {
-        entry(py, "BangBangReport.torques", || {
-            let t = scalar("BangBangReport.torques", "t", t)?;
-            if !(t > 0.0 && t.is_finite()) {
-                return Err(input_error(
-                    py,
-                    "BangBangReport.torques",
-                    "t",
-                    format!("is not positive: expected a finite number > 0, got {}", float(t)),
-                )
-                .into());
-            }
-            Ok(self.core.torques(t).into())
-        })
+    fn torques(&self, t: &Bound<'_, PyAny>) -> Result<(f64, f64, f64, f64), Failure> {
+        let t = scalar(NAME, "t", t)?;
+        if !(t > 0.0 && t.is_finite()) {
+            return Err(input_error(py, NAME, "t", format!("is not positive: expected a finite number > 0, got {}", float(t))).into());
+        }
+        Ok(self.core.torques(t).into())
     }
 
     fn __repr__(&self) -> String {

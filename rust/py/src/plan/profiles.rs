@@ -1,7 +1,7 @@
 //! `armlet.trapezoid_time` and `armlet.minimum_jerk_time`: the feasible durations of two rest-to-rest profiles.
 
 use super::link::{LinkProblem, again, float, link_report, scalar, single, truth};
-use crate::errors::entry;
+use crate::errors::Failure;
 use crate::seal::Sealed;
 use armlet_core::error::Error;
 use armlet_core::plan;
@@ -31,23 +31,11 @@ use pyo3::prelude::*;
 /// (True, 2.4116)
 #[entered]
 #[pyfunction]
-#[pyo3(signature = (theta0, thetaf, inertia, gravity_moment, tau_max, *, tau_min=None, ramp=None))]
-pub fn trapezoid_time<'py>(
-    py: Python<'py>,
-    theta0: &Bound<'py, PyAny>,
-    thetaf: &Bound<'py, PyAny>,
-    inertia: &Bound<'py, PyAny>,
-    gravity_moment: &Bound<'py, PyAny>,
-    tau_max: &Bound<'py, PyAny>,
-    tau_min: Option<&Bound<'py, PyAny>>,
-    ramp: Option<&Bound<'py, PyAny>>,
-) -> PyResult<ProfileReport> {
-    const NAME: &str = "trapezoid_time";
-    entry(py, NAME, || {
-        let problem = single(py, NAME, [theta0, thetaf, inertia, gravity_moment, tau_max], tau_min)?;
-        let ramp = ramp.map_or(Ok(1.0 / 3.0), |ramp| scalar(NAME, "ramp", ramp))?;
-        Ok(ProfileReport::solve(problem, Some(ramp))?)
-    })
+#[arguments(theta0, thetaf, inertia, gravity_moment, tau_max, *, tau_min=None, ramp=None)]
+pub fn trapezoid_time() -> Result<ProfileReport, Failure> {
+    let problem = single(py, NAME, [theta0, thetaf, inertia, gravity_moment, tau_max], tau_min)?;
+    let ramp = ramp.map_or(Ok(1.0 / 3.0), |ramp| scalar(NAME, "ramp", ramp))?;
+    Ok(ProfileReport::solve(problem, Some(ramp))?)
 }
 
 /// The shortest and the longest duration of the minimum-jerk motion, rest to rest, under torque limits.
@@ -71,21 +59,10 @@ pub fn trapezoid_time<'py>(
 /// (True, 5.773503)
 #[entered]
 #[pyfunction]
-#[pyo3(signature = (theta0, thetaf, inertia, gravity_moment, tau_max, *, tau_min=None))]
-pub fn minimum_jerk_time<'py>(
-    py: Python<'py>,
-    theta0: &Bound<'py, PyAny>,
-    thetaf: &Bound<'py, PyAny>,
-    inertia: &Bound<'py, PyAny>,
-    gravity_moment: &Bound<'py, PyAny>,
-    tau_max: &Bound<'py, PyAny>,
-    tau_min: Option<&Bound<'py, PyAny>>,
-) -> PyResult<ProfileReport> {
-    const NAME: &str = "minimum_jerk_time";
-    entry(py, NAME, || {
-        let problem = single(py, NAME, [theta0, thetaf, inertia, gravity_moment, tau_max], tau_min)?;
-        Ok(ProfileReport::solve(problem, None)?)
-    })
+#[arguments(theta0, thetaf, inertia, gravity_moment, tau_max, *, tau_min=None)]
+pub fn minimum_jerk_time() -> Result<ProfileReport, Failure> {
+    let problem = single(py, NAME, [theta0, thetaf, inertia, gravity_moment, tau_max], tau_min)?;
+    Ok(ProfileReport::solve(problem, None)?)
 }
 
 /// The feasible durations of a trapezoidal or minimum-jerk motion, from `trapezoid_time` or `minimum_jerk_time`.

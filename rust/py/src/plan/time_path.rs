@@ -35,16 +35,12 @@ fn ends(value: Option<&Bound<'_, PyAny>>, default: Ends) -> Result<Ends, Failure
 /// Return the derivatives `dq/ds`, `(K, m)`, at `s`, `(K,)`, of the C2 cubic spline through `q`, `(K, m)`. `spline` is as for `time_path`.
 #[entered]
 #[pyfunction]
-pub fn _spline_slopes<'py>(s: &Bound<'py, PyAny>, q: &Bound<'py, PyAny>, spline: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
-    const NAME: &str = "_spline_slopes";
-    let py = s.py();
-    entry(py, NAME, || {
-        let (shape, values) = numbers(NAME, "q", q, &[Form(&[Axis::Any("K"), Axis::Any("m")])])?;
-        let s = vector(NAME, "s", s, shape[0])?;
-        let (values, ends) = (owned(values)?, ends(Some(spline), Ends::Natural)?);
-        let slopes = long(py, || Path::slopes(&s, &values, shape[1], ends))?;
-        copied(py, &shape, &slopes)
-    })
+pub fn _spline_slopes<'py>(s: &Bound<'py, PyAny>, q: &Bound<'py, PyAny>, spline: &Bound<'py, PyAny>) -> Result<Bound<'py, PyAny>, Failure> {
+    let (shape, values) = numbers(NAME, "q", q, &[Form(&[Axis::Any("K"), Axis::Any("m")])])?;
+    let s = vector(NAME, "s", s, shape[0])?;
+    let (values, ends) = (owned(values)?, ends(Some(spline), Ends::Natural)?);
+    let slopes = long(py, || Path::slopes(&s, &values, shape[1], ends))?;
+    copied(py, &shape, &slopes)
 }
 
 /// The path through samples of a callable. If the callable returns derivatives, the path uses them.
@@ -222,31 +218,12 @@ fn require_partners(
 /// [0.125, 1.0, 4.0]
 #[entered]
 #[pyfunction]
-#[pyo3(signature = (arm, path, *, tau_max=None, v_max=None, a_max=None, knots=None, spline=None, stops=None, start_speed=None, end_speed=None, friction=None, grid=None, refine=true, samples=None, torque_rate=None, q_min=None, q_max=None, tip_speed=None, tip_acceleration=None, frame=None, check_limits=None))]
-pub fn time_path<'py>(
-    py: Python<'py>,
-    arm: &Bound<'py, PyAny>,
-    path: &Bound<'py, PyAny>,
-    tau_max: Option<&Bound<'py, PyAny>>,
-    v_max: Option<&Bound<'py, PyAny>>,
-    a_max: Option<&Bound<'py, PyAny>>,
-    knots: Option<&Bound<'py, PyAny>>,
-    spline: Option<&Bound<'py, PyAny>>,
-    stops: Option<&Bound<'py, PyAny>>,
-    start_speed: Option<&Bound<'py, PyAny>>,
-    end_speed: Option<&Bound<'py, PyAny>>,
-    friction: Option<&Bound<'py, PyAny>>,
-    grid: Option<&Bound<'py, PyAny>>,
-    refine: bool,
-    samples: Option<&Bound<'py, PyAny>>,
-    torque_rate: Option<&Bound<'py, PyAny>>,
-    q_min: Option<&Bound<'py, PyAny>>,
-    q_max: Option<&Bound<'py, PyAny>>,
-    tip_speed: Option<&Bound<'py, PyAny>>,
-    tip_acceleration: Option<&Bound<'py, PyAny>>,
-    frame: Option<&Bound<'py, PyAny>>,
-    check_limits: Option<&Bound<'py, PyAny>>,
-) -> PyResult<Bound<'py, TimedPath>> {
+#[arguments(
+    arm, path, *, tau_max=None, v_max=None, a_max=None, knots=None, spline=None, stops=None, start_speed=None, end_speed=None,
+    friction=None, grid=None, refine=true, samples=None, torque_rate=None, q_min=None, q_max=None, tip_speed=None, tip_acceleration=None,
+    frame=None, check_limits=None
+)]
+pub fn time_path<'py>(py: Python<'py>, refine: bool) -> PyResult<Bound<'py, TimedPath>> {
     entry(py, NAME, || {
         let arm = object::<Arm>(NAME, "arm", "an Arm such as planar_arm(..)", arm)?;
         let model = &arm.get().model;

@@ -78,13 +78,12 @@ impl TimedPath {
     /// Raises:
     ///     InputError: a time is not finite.
     ///     SolveError: the path has no timing.
-    fn __call__<'py>(&self, t: &Bound<'py, PyAny>) -> PyResult<Triple<'py>> {
-        entry(t.py(), "TimedPath", || {
-            self.require()?;
-            rows(self.core.dof(), "TimedPath", "t", t, |_, t, row| {
-                self.core.sample(t, row);
-                Ok(())
-            })
+    fn __call__<'py>(&self, t: &Bound<'py, PyAny>) -> Result<Triple<'py>, Failure> {
+        const NAME: &str = "TimedPath";
+        self.require()?;
+        rows(self.core.dof(), NAME, "t", t, |_, t, row| {
+            self.core.sample(t, row);
+            Ok(())
         })
     }
 
@@ -93,19 +92,16 @@ impl TimedPath {
     ///
     /// Raises:
     ///     InputError: a position is not finite, or not on the path.
-    fn path<'py>(&self, s: &Bound<'py, PyAny>) -> PyResult<Triple<'py>> {
-        const NAME: &str = "TimedPath.path";
-        entry(s.py(), NAME, || {
-            let path = self.core.path();
-            let (n, knots) = (path.dof(), path.knots());
-            let (first, last) = (knots[0], knots[knots.len() - 1]);
-            rows(n, NAME, "s", s, |k, s, row| {
-                if !(first..=last).contains(&s) {
-                    return Err(Error::input("s", format!("is not on the path: expected {first} to {last} (first bad index {k})")));
-                }
-                path.evaluate(path.piece(s), s, |j, q, d, e| (row[j], row[n + j], row[2 * n + j]) = (q, d, e));
-                Ok(())
-            })
+    fn path<'py>(&self, s: &Bound<'py, PyAny>) -> Result<Triple<'py>, Failure> {
+        let path = self.core.path();
+        let (n, knots) = (path.dof(), path.knots());
+        let (first, last) = (knots[0], knots[knots.len() - 1]);
+        rows(n, NAME, "s", s, |k, s, row| {
+            if !(first..=last).contains(&s) {
+                return Err(Error::input("s", format!("is not on the path: expected {first} to {last} (first bad index {k})")));
+            }
+            path.evaluate(path.piece(s), s, |j, q, d, e| (row[j], row[n + j], row[2 * n + j]) = (q, d, e));
+            Ok(())
         })
     }
 
@@ -195,36 +191,32 @@ type PickledReason = (String, Option<usize>, String, f64, String, f64, f64);
 #[entered]
 #[pyfunction]
 pub fn _restore_time_path<'py>(
-    py: Python<'py>,
     parts: &Bound<'py, PyAny>,
     margin: f64,
     why: Option<PickledReason>,
-) -> PyResult<Bound<'py, TimedPath>> {
-    const NAME: &str = "_restore_time_path";
-    entry(py, NAME, || {
-        let mut arrays = Vec::new();
-        for part in &items(NAME, "parts", "a list: expected eight arrays", parts, 8)? {
-            arrays.push(owned(numbers(NAME, "parts", part, &[WHATEVER])?.1)?);
-        }
-        let [knots, coefficients, end, s, x, u_slope, t, u] =
-            <[Vec<f64>; 8]>::try_from(arrays).map_err(|_| input_error(py, NAME, "parts", "has the wrong length: expected eight arrays"))?;
-        let path = Arc::new(Path::from_parts(knots, coefficients, end)?);
-        let core = if x.iter().all(|x| x.is_infinite()) {
-            CorePath::still(path)
-        } else if u.is_empty() {
-            CorePath::new(path, s, x, u_slope)?
-        } else {
-            CorePath::cubic(path, t, s, x, u)?
-        };
-        let why = why.map(|(text, joint, joint_name, s, limit, missing, missing_units)| Why {
-            text,
-            joint,
-            joint_name,
-            s,
-            limit,
-            missing,
-            missing_units,
-        });
-        Ok(Bound::new(py, TimedPath::of(core, margin, why))?)
-    })
+) -> Result<Bound<'py, TimedPath>, Failure> {
+    let mut arrays = Vec::new();
+    for part in &items(NAME, "parts", "a list: expected eight arrays", parts, 8)? {
+        arrays.push(owned(numbers(NAME, "parts", part, &[WHATEVER])?.1)?);
+    }
+    let [knots, coefficients, end, s, x, u_slope, t, u] =
+        <[Vec<f64>; 8]>::try_from(arrays).map_err(|_| input_error(py, NAME, "parts", "has the wrong length: expected eight arrays"))?;
+    let path = Arc::new(Path::from_parts(knots, coefficients, end)?);
+    let core = if x.iter().all(|x| x.is_infinite()) {
+        CorePath::still(path)
+    } else if u.is_empty() {
+        CorePath::new(path, s, x, u_slope)?
+    } else {
+        CorePath::cubic(path, t, s, x, u)?
+    };
+    let why = why.map(|(text, joint, joint_name, s, limit, missing, missing_units)| Why {
+        text,
+        joint,
+        joint_name,
+        s,
+        limit,
+        missing,
+        missing_units,
+    });
+    Ok(Bound::new(py, TimedPath::of(core, margin, why))?)
 }

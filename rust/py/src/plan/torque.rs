@@ -3,7 +3,7 @@
 use super::link::{LinkProblem, again, float, part, scalar, single, truth};
 use crate::arrays::{WHATEVER, numbers, owned, require_finite, written_arrays};
 use crate::broadcast::number_or_array;
-use crate::errors::{Failure, entry, input_error};
+use crate::errors::{Failure, input_error};
 use crate::interrupts::long;
 use crate::seal::Sealed;
 use armlet_core::error::Error;
@@ -48,25 +48,12 @@ use std::sync::OnceLock;
 /// -1.02
 #[entered]
 #[pyfunction]
-#[pyo3(signature = (theta0, thetaf, inertia, gravity_moment, tau_max, *, tau_min=None, viscous=None, coulomb=None))]
-pub fn torque_optimal_time<'py>(
-    py: Python<'py>,
-    theta0: &Bound<'py, PyAny>,
-    thetaf: &Bound<'py, PyAny>,
-    inertia: &Bound<'py, PyAny>,
-    gravity_moment: &Bound<'py, PyAny>,
-    tau_max: &Bound<'py, PyAny>,
-    tau_min: Option<&Bound<'py, PyAny>>,
-    viscous: Option<&Bound<'py, PyAny>>,
-    coulomb: Option<&Bound<'py, PyAny>>,
-) -> PyResult<TorqueOptimum> {
-    const NAME: &str = "torque_optimal_time";
-    entry(py, NAME, || {
-        let problem = single(py, NAME, [theta0, thetaf, inertia, gravity_moment, tau_max], tau_min)?;
-        let friction = |name, value: Option<&Bound<'py, PyAny>>| value.map_or(Ok(0.0), |value| scalar(NAME, name, value));
-        let friction = [friction("viscous", viscous)?, friction("coulomb", coulomb)?];
-        long(py, || TorqueOptimum::solve(problem, friction))
-    })
+#[arguments(theta0, thetaf, inertia, gravity_moment, tau_max, *, tau_min=None, viscous=None, coulomb=None)]
+pub fn torque_optimal_time<'py>() -> Result<TorqueOptimum, Failure> {
+    let problem = single(py, NAME, [theta0, thetaf, inertia, gravity_moment, tau_max], tau_min)?;
+    let friction = |name, value: Option<&Bound<'py, PyAny>>| value.map_or(Ok(0.0), |value| scalar(NAME, name, value));
+    let friction = [friction("viscous", viscous)?, friction("coulomb", coulomb)?];
+    long(py, || TorqueOptimum::solve(problem, friction))
 }
 
 /// The fastest monotone motion, and the fastest of all monotone motions, back-swings and overshoots, from `torque_optimal_time`.
@@ -194,15 +181,15 @@ impl TorqueOptimum {
     /// Compute `q, v, a, tau` (rad, rad/s, rad/s^2, N m) of the best motion at the time `t` in s, a number or an array.
     ///
     /// The motion is at rest before the time 0 and after its end. Without a motion the call raises `InputError`.
-    fn profile<'py>(&self, py: Python<'py>, t: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyTuple>> {
-        entry(py, "TorqueOptimum.profile", || Ok(PyTuple::new(py, self.sample(py, "TorqueOptimum.profile", 0, t)?)?))
+    fn profile<'py>(&self, t: &Bound<'py, PyAny>) -> Result<Bound<'py, PyTuple>, Failure> {
+        Ok(PyTuple::new(py, self.sample(py, NAME, 0, t)?)?)
     }
 
     /// Compute `q, v, a, tau` (rad, rad/s, rad/s^2, N m) of the fastest monotone motion at the time `t` in s, a number or an array.
     ///
     /// Without a monotone motion the call raises `InputError`.
-    fn monotone_profile<'py>(&self, py: Python<'py>, t: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyTuple>> {
-        entry(py, "TorqueOptimum.monotone_profile", || Ok(PyTuple::new(py, self.sample(py, "TorqueOptimum.monotone_profile", 1, t)?)?))
+    fn monotone_profile<'py>(&self, t: &Bound<'py, PyAny>) -> Result<Bound<'py, PyTuple>, Failure> {
+        Ok(PyTuple::new(py, self.sample(py, NAME, 1, t)?)?)
     }
 
     fn __repr__(slf: &Bound<'_, Self>) -> PyResult<String> {

@@ -9,7 +9,7 @@ use crate::arrays::{
     vector,
 };
 use crate::broadcast::{broadcast, require_all_finite};
-use crate::errors::{Failure, entry, input_error};
+use crate::errors::{Failure, input_error};
 use crate::interrupts::{long, signalled};
 use crate::seal::{Sealed, seal_call};
 use crate::task::each;
@@ -230,79 +230,60 @@ impl ArmPrioritySolver {
     ///
     /// `out`: an array for the result. Leading axes make a batch, in which every row is equal, bit for bit, to a single solve. A row whose
     /// result overflows is NaN. A batch does not change `residuals`, `ranks` and `status`, which belong to the last single solve.
-    #[pyo3(signature = (q, velocities, *, out=None))]
-    fn solve<'py>(
-        &self,
-        py: Python<'py>,
-        q: &Bound<'py, PyAny>,
-        velocities: &Bound<'py, PyAny>,
-        out: Option<&Bound<'py, PyAny>>,
-    ) -> PyResult<Bound<'py, PyAny>> {
-        entry(py, SOLVE, || match self.quick(py, q, velocities, out) {
+    #[arguments(q, velocities, *, out=None)]
+    fn solve<'py>(&self) -> Result<Bound<'py, PyAny>, Failure> {
+        match self.quick(py, q, velocities, out) {
             Some(answer) => Ok(answer),
             None => self.full(py, q, &items(SOLVE, "velocities", velocities)?, out),
-        })
+        }
     }
 
     /// Return a dict with the fields of the result of `diagnose`.
-    #[pyo3(signature = (q, velocities=None))]
-    fn _diagnose<'py>(
-        &self,
-        py: Python<'py>,
-        q: &Bound<'py, PyAny>,
-        velocities: Option<&Bound<'py, PyAny>>,
-    ) -> PyResult<Bound<'py, PyDict>> {
+    #[arguments(q, velocities=None)]
+    fn _diagnose<'py>(&self) -> Result<Bound<'py, PyDict>, Failure> {
         const NAME: &str = "ArmPrioritySolver.diagnose";
-        entry(py, NAME, || {
-            let angles = vector(NAME, "q", q, self.n)?;
-            let command = match velocities {
-                None => None,
-                Some(velocities) => {
-                    let parts = items(NAME, "velocities", velocities)?;
-                    if parts.len() != self.rows.len() {
-                        let problem = format!("has the wrong number of levels: expected {}, got {}", self.rows.len(), parts.len());
-                        return Err(input_error(py, NAME, "velocities", problem).into());
-                    }
-                    let read = |(i, (part, &m)): (usize, (&Bound<'_, PyAny>, &usize))| vector(NAME, &format!("velocities[{i}]"), part, m);
-                    Some(parts.iter().zip(&self.rows).enumerate().map(read).collect::<Result<Vec<_>, _>>()?.concat())
+        let angles = vector(NAME, "q", q, self.n)?;
+        let command = match velocities {
+            None => None,
+            Some(velocities) => {
+                let parts = items(NAME, "velocities", velocities)?;
+                if parts.len() != self.rows.len() {
+                    let problem = format!("has the wrong number of levels: expected {}, got {}", self.rows.len(), parts.len());
+                    return Err(input_error(py, NAME, "velocities", problem).into());
                 }
-            };
-            let d = self.state().diagnose(&angles, command.as_deref())?;
-            fields(py, &d)
-        })
+                let read = |(i, (part, &m)): (usize, (&Bound<'_, PyAny>, &usize))| vector(NAME, &format!("velocities[{i}]"), part, m);
+                Some(parts.iter().zip(&self.rows).enumerate().map(read).collect::<Result<Vec<_>, _>>()?.concat())
+            }
+        };
+        let d = self.state().diagnose(&angles, command.as_deref())?;
+        fields(py, &d)
     }
 
     /// Return a `PriorityDiagnosis`: the feasible directions of each task at `q` `(n,)`, and the infeasible part of `velocities`.
-    #[pyo3(signature = (q, velocities=None))]
-    fn diagnose<'py>(slf: &Bound<'py, Self>, q: &Bound<'py, PyAny>, velocities: Option<&Bound<'py, PyAny>>) -> PyResult<Bound<'py, PyAny>> {
+    #[arguments(q, velocities=None)]
+    fn diagnose<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
         let fields = slf.get()._diagnose(slf.py(), q, velocities)?;
         slf.py().import("armlet.priority")?.getattr("PriorityDiagnosis")?.call((), Some(&fields))
     }
 
     /// Return a list with the Jacobian `(rows_i, n)` of each task at `q` `(n,)`.
-    fn jacobians<'py>(&self, py: Python<'py>, q: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyList>> {
-        const NAME: &str = "ArmPrioritySolver.jacobians";
-        entry(py, NAME, || {
-            let angles = vector(NAME, "q", q, self.n)?;
-            let mut stacked = vec![0.0; self.rows.iter().sum::<usize>() * self.n];
-            self.state().jacobians(&angles, &mut stacked);
-            let (mut at, mut parts) = (0, Vec::with_capacity(self.rows.len()));
-            for &m in &self.rows {
-                parts.push(copied(py, &[m, self.n], &stacked[at * self.n..(at + m) * self.n])?);
-                at += m;
-            }
-            Ok(PyList::new(py, parts)?)
-        })
+    fn jacobians<'py>(&self, q: &Bound<'py, PyAny>) -> Result<Bound<'py, PyList>, Failure> {
+        let angles = vector(NAME, "q", q, self.n)?;
+        let mut stacked = vec![0.0; self.rows.iter().sum::<usize>() * self.n];
+        self.state().jacobians(&angles, &mut stacked);
+        let (mut at, mut parts) = (0, Vec::with_capacity(self.rows.len()));
+        for &m in &self.rows {
+            parts.push(copied(py, &[m, self.n], &stacked[at * self.n..(at + m) * self.n])?);
+            at += m;
+        }
+        Ok(PyList::new(py, parts)?)
     }
 
     /// Set the velocity bounds of the next solves with "sns", a number or `(n,)` each, rad/s or m/s. A solver that was made
     /// without bounds raises `InputError`.
-    fn set_bounds(&self, py: Python<'_>, v_min: &Bound<'_, PyAny>, v_max: &Bound<'_, PyAny>) -> PyResult<()> {
-        const NAME: &str = "ArmPrioritySolver.set_bounds";
-        entry(py, NAME, || {
-            let (low, high) = (per_joint(NAME, "v_min", v_min, self.n)?, per_joint(NAME, "v_max", v_max, self.n)?);
-            Ok(self.state().solver_mut().set_bounds(&low, &high)?)
-        })
+    fn set_bounds(&self, v_min: &Bound<'_, PyAny>, v_max: &Bound<'_, PyAny>) -> Result<(), Failure> {
+        let (low, high) = (per_joint(NAME, "v_min", v_min, self.n)?, per_joint(NAME, "v_max", v_max, self.n)?);
+        Ok(self.state().solver_mut().set_bounds(&low, &high)?)
     }
 
     /// Number of joints.
@@ -325,11 +306,9 @@ impl ArmPrioritySolver {
 
     /// Residuals `v_i - J_i v` of the last single solve, a list of `(rows_i,)` per level.
     #[getter]
-    fn residuals<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyList>> {
-        entry(py, "ArmPrioritySolver.residuals", || {
-            let stacked = self.state().solver().residuals().to_vec();
-            residual_list(py, &self.rows, &stacked)
-        })
+    fn residuals<'py>(&self) -> Result<Bound<'py, PyList>, Failure> {
+        let stacked = self.state().solver().residuals().to_vec();
+        residual_list(py, &self.rows, &stacked)
     }
 
     /// Number of directions of each level that the last single solve realised.

@@ -2,7 +2,7 @@
 
 use super::stack::{Stack, items, per_joint};
 use crate::arrays::{any_vector, copied, new_vector, number, optional_number, shown};
-use crate::errors::{Failure, entry, input_error};
+use crate::errors::{Failure, input_error};
 use armlet_core::memory;
 use armlet_core::priority::{Diagnosis, diagnose, velocity_bounds as core_bounds};
 use armlet_macros::entered;
@@ -12,30 +12,25 @@ use pyo3::types::{PyDict, PyList};
 /// Diagnose a stack of Jacobians, and return a dict with the fields of `armlet.PriorityDiagnosis`.
 #[entered]
 #[pyfunction]
-#[pyo3(signature = (jacobians, rhs, rounding))]
+#[arguments(jacobians, rhs, rounding)]
 pub fn diagnose_priority<'py>(
-    py: Python<'py>,
-    jacobians: &Bound<'py, PyAny>,
     rhs: Option<&Bound<'py, PyAny>>,
     rounding: Option<&Bound<'py, PyAny>>,
-) -> PyResult<Bound<'py, PyDict>> {
-    const NAME: &str = "diagnose_priority";
-    entry(py, NAME, || {
-        let rounding = optional_number(NAME, "rounding", rounding)?;
-        let jacobians = items(NAME, "jacobians", jacobians)?;
-        let rhs = rhs.map(|rhs| items(NAME, "rhs", rhs)).transpose()?;
-        let stack = Stack::read(py, NAME, ["jacobians", "rhs"], &jacobians, rhs.as_deref())?;
-        if !stack.lead.is_empty() {
-            let problem = format!("has leading axes: expected (rows, n), got leading axes {}", shown(&stack.lead));
-            return Err(input_error(py, NAME, "jacobians", problem).into());
-        }
-        stack.require_finite(py, NAME)?;
-        let levels = 0..stack.rows.len();
-        let blocks: Vec<&[f64]> = levels.clone().map(|i| stack.jacobian(i, 0)).collect();
-        let commands: Option<Vec<&[f64]>> = rhs.as_ref().map(|_| levels.map(|i| stack.velocity(i, 0)).collect());
-        let d = diagnose(stack.n, &stack.rows, &blocks, commands.as_deref(), rounding)?;
-        fields(py, &d)
-    })
+) -> Result<Bound<'py, PyDict>, Failure> {
+    let rounding = optional_number(NAME, "rounding", rounding)?;
+    let jacobians = items(NAME, "jacobians", jacobians)?;
+    let rhs = rhs.map(|rhs| items(NAME, "rhs", rhs)).transpose()?;
+    let stack = Stack::read(py, NAME, ["jacobians", "rhs"], &jacobians, rhs.as_deref())?;
+    if !stack.lead.is_empty() {
+        let problem = format!("has leading axes: expected (rows, n), got leading axes {}", shown(&stack.lead));
+        return Err(input_error(py, NAME, "jacobians", problem).into());
+    }
+    stack.require_finite(py, NAME)?;
+    let levels = 0..stack.rows.len();
+    let blocks: Vec<&[f64]> = levels.clone().map(|i| stack.jacobian(i, 0)).collect();
+    let commands: Option<Vec<&[f64]>> = rhs.as_ref().map(|_| levels.map(|i| stack.velocity(i, 0)).collect());
+    let d = diagnose(stack.n, &stack.rows, &blocks, commands.as_deref(), rounding)?;
+    fields(py, &d)
 }
 
 /// Convert a diagnosis to a dict with the fields of `armlet.PriorityDiagnosis`.
@@ -90,25 +85,14 @@ pub fn fields<'py>(py: Python<'py>, d: &Diagnosis) -> Result<Bound<'py, PyDict>,
 /// (array([-2., -2.]), array([2., 0.]))
 #[entered]
 #[pyfunction]
-#[pyo3(signature = (q, q_min, q_max, v_max, *, dt, a_max=None))]
-pub fn velocity_bounds<'py>(
-    py: Python<'py>,
-    q: &Bound<'py, PyAny>,
-    q_min: &Bound<'py, PyAny>,
-    q_max: &Bound<'py, PyAny>,
-    v_max: &Bound<'py, PyAny>,
-    dt: &Bound<'py, PyAny>,
-    a_max: Option<&Bound<'py, PyAny>>,
-) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>)> {
-    const NAME: &str = "velocity_bounds";
-    entry(py, NAME, || {
-        let q = any_vector(NAME, "q", q)?;
-        let (n, dt) = (q.len(), number(NAME, "dt", dt)?);
-        let (q_min, q_max, v_max) =
-            (per_joint(NAME, "q_min", q_min, n)?, per_joint(NAME, "q_max", q_max, n)?, per_joint(NAME, "v_max", v_max, n)?);
-        let a_max = a_max.map_or_else(|| Ok(memory::filled(n, f64::INFINITY)?), |a| per_joint(NAME, "a_max", a, n))?;
-        let mut upper = memory::zeros(n)?;
-        let lower = new_vector(py, n, |lower| Ok(core_bounds(&q, (&q_min, &q_max), &v_max, &a_max, dt, (lower, &mut upper))?))?;
-        Ok((lower, copied(py, &[n], &upper)?))
-    })
+#[arguments(q, q_min, q_max, v_max, *, dt, a_max=None)]
+pub fn velocity_bounds<'py>() -> Result<(Bound<'py, PyAny>, Bound<'py, PyAny>), Failure> {
+    let q = any_vector(NAME, "q", q)?;
+    let (n, dt) = (q.len(), number(NAME, "dt", dt)?);
+    let (q_min, q_max, v_max) =
+        (per_joint(NAME, "q_min", q_min, n)?, per_joint(NAME, "q_max", q_max, n)?, per_joint(NAME, "v_max", v_max, n)?);
+    let a_max = a_max.map_or_else(|| Ok(memory::filled(n, f64::INFINITY)?), |a| per_joint(NAME, "a_max", a, n))?;
+    let mut upper = memory::zeros(n)?;
+    let lower = new_vector(py, n, |lower| Ok(core_bounds(&q, (&q_min, &q_max), &v_max, &a_max, dt, (lower, &mut upper))?))?;
+    Ok((lower, copied(py, &[n], &upper)?))
 }

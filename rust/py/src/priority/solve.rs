@@ -4,7 +4,7 @@ use super::solution::PrioritySolution;
 use super::stack::{Keywords, Stack, items, method_name};
 use super::stacks;
 use crate::arrays::{of_shape, optional_number};
-use crate::errors::{Failure, entry};
+use crate::errors::Failure;
 use armlet_core::error::Error;
 use armlet_core::priority::{DEFAULT_ROUNDING, PrioritySolver as Core};
 use armlet_core::status::Status;
@@ -90,38 +90,22 @@ fn solve_row(solver: &mut Core, stack: &Stack) -> Result<Status, Error> {
 /// <Status.SUCCESS: 0>
 #[entered]
 #[pyfunction]
-#[pyo3(
-    signature = (jacobians, velocities, *, method=None, eps=None, rounding=None, weight=None, v_min=None, v_max=None),
-    text_signature = "(jacobians, velocities, *, method='clamp', eps=None, rounding=None, weight=None, v_min=None, v_max=None)"
-)]
-pub fn solve_priority<'py>(
-    py: Python<'py>,
-    jacobians: &Bound<'py, PyAny>,
-    velocities: &Bound<'py, PyAny>,
-    method: Option<&Bound<'py, PyAny>>,
-    eps: Option<&Bound<'py, PyAny>>,
-    rounding: Option<&Bound<'py, PyAny>>,
-    weight: Option<&Bound<'py, PyAny>>,
-    v_min: Option<&Bound<'py, PyAny>>,
-    v_max: Option<&Bound<'py, PyAny>>,
-) -> PyResult<PrioritySolution> {
-    const NAME: &str = "solve_priority";
-    entry(py, NAME, || {
-        let (method, rounding) = (method_name(NAME, method)?, optional_number(NAME, "rounding", rounding)?);
-        let keywords = Keywords { method, eps, rounding, weight, v_min, v_max };
-        if let Some(solution) = again(jacobians, velocities, &keywords) {
-            return Ok(solution);
-        }
-        let (jacobians, velocities) = (items(NAME, "jacobians", jacobians)?, items(NAME, "velocities", velocities)?);
-        let stack = Stack::read_or_lend(py, NAME, ["jacobians", "velocities"], &jacobians, Some(&velocities), true)?;
-        let solver = solver(NAME, stack.n, &stack.rows, &keywords)?;
-        if stack.lead.is_empty() {
-            return single(py, solver, &stack, keywords.plain());
-        }
-        // If the work is long, the stack is read again into copies.
-        let copied = || Stack::read(py, NAME, ["jacobians", "velocities"], &jacobians, Some(&velocities));
-        stacks::solve(py, NAME, &solver, stack, copied)
-    })
+#[arguments(jacobians, velocities, *, method="clamp", eps=None, rounding=None, weight=None, v_min=None, v_max=None)]
+pub fn solve_priority() -> Result<PrioritySolution, Failure> {
+    let (method, rounding) = (method_name(NAME, method)?, optional_number(NAME, "rounding", rounding)?);
+    let keywords = Keywords { method, eps, rounding, weight, v_min, v_max };
+    if let Some(solution) = again(jacobians, velocities, &keywords) {
+        return Ok(solution);
+    }
+    let (jacobians, velocities) = (items(NAME, "jacobians", jacobians)?, items(NAME, "velocities", velocities)?);
+    let stack = Stack::read_or_lend(py, NAME, ["jacobians", "velocities"], &jacobians, Some(&velocities), true)?;
+    let solver = solver(NAME, stack.n, &stack.rows, &keywords)?;
+    if stack.lead.is_empty() {
+        return single(py, solver, &stack, keywords.plain());
+    }
+    // If the work is long, the stack is read again into copies.
+    let copied = || Stack::read(py, NAME, ["jacobians", "velocities"], &jacobians, Some(&velocities));
+    stacks::solve(py, NAME, &solver, stack, copied)
 }
 
 /// Entry `i` of a list or a tuple.

@@ -4,7 +4,7 @@ use super::arm_solver::{ArmPrioritySolver, for_arm};
 use super::solution::{residual_list, status_member};
 use super::stack::{Keywords, Stack, items, method_name, per_joint, require_size};
 use crate::arrays::{self, copied, count, new_vector, number, of_shape, optional_number, out_slice, shown, whole};
-use crate::errors::{Failure, entry, input_error};
+use crate::errors::{Failure, input_error};
 use crate::seal::{Sealed, seal_new};
 use crate::task::MOST_LEVELS;
 use armlet_core::priority::{DEFAULT_ROUNDING, PriorityOptions, PrioritySolver as Core};
@@ -89,30 +89,14 @@ impl PrioritySolver {
 #[pymethods]
 impl PrioritySolver {
     #[new]
-    #[pyo3(
-        signature = (n, rows, *, method=None, eps=None, rounding=None, weight=None, v_min=None, v_max=None),
-        text_signature = "(n, rows, *, method='clamp', eps=None, rounding=None, weight=None, v_min=None, v_max=None)"
-    )]
-    fn new(
-        py: Python<'_>,
-        n: &Bound<'_, PyAny>,
-        rows: &Bound<'_, PyAny>,
-        method: Option<&Bound<'_, PyAny>>,
-        eps: Option<&Bound<'_, PyAny>>,
-        rounding: Option<&Bound<'_, PyAny>>,
-        weight: Option<&Bound<'_, PyAny>>,
-        v_min: Option<&Bound<'_, PyAny>>,
-        v_max: Option<&Bound<'_, PyAny>>,
-    ) -> PyResult<Self> {
-        const NAME: &str = "PrioritySolver";
-        entry(py, NAME, || {
-            let (n, rows) = (count(NAME, "n", n)?, row_counts(NAME, rows)?);
-            require_size(py, NAME, n, &rows)?;
-            let (method, rounding) = (method_name(NAME, method)?, optional_number(NAME, "rounding", rounding)?);
-            let options = Keywords { method, eps, rounding, weight, v_min, v_max }.options(NAME, n, rows.len())?;
-            let core = Core::new(n, &rows, &options)?;
-            Ok(PrioritySolver { n, counts: rows, state: Mutex::new(State { core, options }) })
-        })
+    #[arguments(n, rows, *, method="clamp", eps=None, rounding=None, weight=None, v_min=None, v_max=None)]
+    fn new() -> Result<Self, Failure> {
+        let (n, rows) = (count(NAME, "n", n)?, row_counts(NAME, rows)?);
+        require_size(py, NAME, n, &rows)?;
+        let (method, rounding) = (method_name(NAME, method)?, optional_number(NAME, "rounding", rounding)?);
+        let options = Keywords { method, eps, rounding, weight, v_min, v_max }.options(NAME, n, rows.len())?;
+        let core = Core::new(n, &rows, &options)?;
+        Ok(PrioritySolver { n, counts: rows, state: Mutex::new(State { core, options }) })
     }
 
     /// Make a solver for tasks of an arm. Its `solve(q, velocities)` takes joint positions instead of Jacobians.
@@ -128,103 +112,75 @@ impl PrioritySolver {
     /// >>> solver.solve([0.0, 1.5707963267948966, 1.5707963267948966, 0.0], [[1.0, 1.0], [1.0, 1.0]]).round(12)
     /// array([ 1. , -2. ,  0.8,  0.4])
     #[staticmethod]
-    #[pyo3(
-        signature = (arm, tasks, *, method=None, eps=None, weight=None, v_min=None, v_max=None),
-        text_signature = "(arm, tasks, *, method='clamp', eps=None, weight=None, v_min=None, v_max=None)"
-    )]
-    fn for_arm<'py>(
-        arm: &Bound<'py, PyAny>,
-        tasks: &Bound<'py, PyAny>,
-        method: Option<&Bound<'py, PyAny>>,
-        eps: Option<&Bound<'py, PyAny>>,
-        weight: Option<&Bound<'py, PyAny>>,
-        v_min: Option<&Bound<'py, PyAny>>,
-        v_max: Option<&Bound<'py, PyAny>>,
-    ) -> PyResult<ArmPrioritySolver> {
-        const NAME: &str = "PrioritySolver.for_arm";
-        entry(arm.py(), NAME, || {
-            let method = method_name(NAME, method)?;
-            for_arm(arm, tasks, Keywords { method, eps, rounding: None, weight, v_min, v_max })
-        })
+    #[arguments(arm, tasks, *, method="clamp", eps=None, weight=None, v_min=None, v_max=None)]
+    fn for_arm() -> Result<ArmPrioritySolver, Failure> {
+        let method = method_name(NAME, method)?;
+        for_arm(arm, tasks, Keywords { method, eps, rounding: None, weight, v_min, v_max })
     }
 
     /// Compute joint velocities `(n,)`, rad/s or m/s, from lists with one Jacobian `(rows_i, n)` and one task velocity `(rows_i,)` per
     /// level.
     ///
     /// `out`: an array for the result.
-    #[pyo3(signature = (jacobians, velocities, *, out=None))]
-    fn solve<'py>(
-        &self,
-        py: Python<'py>,
-        jacobians: &Bound<'py, PyAny>,
-        velocities: &Bound<'py, PyAny>,
-        out: Option<&Bound<'py, PyAny>>,
-    ) -> PyResult<Bound<'py, PyAny>> {
-        entry(py, SOLVE, || {
-            let (jacobians, velocities) = (items(SOLVE, "jacobians", jacobians)?, items(SOLVE, "velocities", velocities)?);
-            let count = self.counts.len();
-            for (name, got) in [("jacobians", jacobians.len()), ("velocities", velocities.len())] {
-                if got != count {
-                    let problem = format!("has the wrong number of levels: expected {count}, got {got}");
-                    return Err(input_error(py, SOLVE, name, problem).into());
-                }
+    #[arguments(jacobians, velocities, *, out=None)]
+    fn solve<'py>(&self) -> Result<Bound<'py, PyAny>, Failure> {
+        let (jacobians, velocities) = (items(SOLVE, "jacobians", jacobians)?, items(SOLVE, "velocities", velocities)?);
+        let count = self.counts.len();
+        for (name, got) in [("jacobians", jacobians.len()), ("velocities", velocities.len())] {
+            if got != count {
+                let problem = format!("has the wrong number of levels: expected {count}, got {got}");
+                return Err(input_error(py, SOLVE, name, problem).into());
             }
-            let mut levels = Vec::with_capacity(count);
-            let stack;
-            if !self.borrowed(&jacobians, &velocities, &mut levels) {
-                stack = Stack::read(py, SOLVE, ["jacobians", "velocities"], &jacobians, Some(&velocities))?;
-                if stack.n != self.n || stack.rows != self.counts || !stack.lead.is_empty() {
-                    let i = (0..count).find(|&i| stack.rows[i] != self.counts[i]).unwrap_or(0);
-                    let got: Vec<usize> = stack.lead.iter().copied().chain([stack.rows[i], stack.n]).collect();
-                    let problem = format!("has the wrong shape: expected {}, got {}", shown(&[self.counts[i], self.n]), shown(&got));
-                    return Err(input_error(py, SOLVE, &format!("jacobians[{i}]"), problem).into());
-                }
-                levels.clear();
-                levels.extend((0..count).map(|i| [stack.jacobian(i, 0), stack.velocity(i, 0)]));
+        }
+        let mut levels = Vec::with_capacity(count);
+        let stack;
+        if !self.borrowed(&jacobians, &velocities, &mut levels) {
+            stack = Stack::read(py, SOLVE, ["jacobians", "velocities"], &jacobians, Some(&velocities))?;
+            if stack.n != self.n || stack.rows != self.counts || !stack.lead.is_empty() {
+                let i = (0..count).find(|&i| stack.rows[i] != self.counts[i]).unwrap_or(0);
+                let got: Vec<usize> = stack.lead.iter().copied().chain([stack.rows[i], stack.n]).collect();
+                let problem = format!("has the wrong shape: expected {}, got {}", shown(&[self.counts[i], self.n]), shown(&got));
+                return Err(input_error(py, SOLVE, &format!("jacobians[{i}]"), problem).into());
             }
-            let answer = match out {
-                None => new_vector(py, self.n, |v| self.run(&levels, v)),
-                Some(out) => {
-                    let inputs: Vec<&Bound<'_, PyAny>> = jacobians.iter().chain(&velocities).collect();
-                    let v = out_slice(SOLVE, out, &[self.n], &inputs)?;
-                    self.run(&levels, v).map(|()| out.clone())
-                }
-            };
-            answer.map_err(|failure| {
-                // If an entry is not finite, the error names its index in the caller's array.
-                Stack::read(py, SOLVE, ["jacobians", "velocities"], &jacobians, Some(&velocities))
-                    .and_then(|stack| stack.require_finite(py, SOLVE))
-                    .err()
-                    .unwrap_or(failure)
-            })
+            levels.clear();
+            levels.extend((0..count).map(|i| [stack.jacobian(i, 0), stack.velocity(i, 0)]));
+        }
+        let answer = match out {
+            None => new_vector(py, self.n, |v| self.run(&levels, v)),
+            Some(out) => {
+                let inputs: Vec<&Bound<'_, PyAny>> = jacobians.iter().chain(&velocities).collect();
+                let v = out_slice(SOLVE, out, &[self.n], &inputs)?;
+                self.run(&levels, v).map(|()| out.clone())
+            }
+        };
+        answer.map_err(|failure| {
+            // If an entry is not finite, the error names its index in the caller's array.
+            Stack::read(py, SOLVE, ["jacobians", "velocities"], &jacobians, Some(&velocities))
+                .and_then(|stack| stack.require_finite(py, SOLVE))
+                .err()
+                .unwrap_or(failure)
         })
     }
 
     /// Set the relative error of the entries of the next Jacobians. For Jacobians computed from joint angles, use `8 eps (1 + sum|q|)`.
     ///
     /// Here `eps` is the machine epsilon.
-    fn set_rounding(&self, py: Python<'_>, rounding: &Bound<'_, PyAny>) -> PyResult<()> {
-        const NAME: &str = "PrioritySolver.set_rounding";
-        entry(py, NAME, || {
-            let rounding = number(NAME, "rounding", rounding)?;
-            let state = &mut *self.state();
-            state.core.set_rounding(rounding)?;
-            state.options.rounding = Some(rounding);
-            Ok(())
-        })
+    fn set_rounding(&self, rounding: &Bound<'_, PyAny>) -> Result<(), Failure> {
+        let rounding = number(NAME, "rounding", rounding)?;
+        let state = &mut *self.state();
+        state.core.set_rounding(rounding)?;
+        state.options.rounding = Some(rounding);
+        Ok(())
     }
 
     /// Set the velocity bounds of the next solves with "sns", a number or `(n,)` each, rad/s or m/s. A solver that was made
     /// without bounds raises `InputError`.
-    fn set_bounds(&self, py: Python<'_>, v_min: &Bound<'_, PyAny>, v_max: &Bound<'_, PyAny>) -> PyResult<()> {
-        const NAME: &str = "PrioritySolver.set_bounds";
-        entry(py, NAME, || {
-            let (low, high) = (per_joint(NAME, "v_min", v_min, self.n)?, per_joint(NAME, "v_max", v_max, self.n)?);
-            let state = &mut *self.state();
-            state.core.set_bounds(&low, &high)?;
-            (state.options.v_min, state.options.v_max) = (Some(low), Some(high));
-            Ok(())
-        })
+    fn set_bounds(&self, v_min: &Bound<'_, PyAny>, v_max: &Bound<'_, PyAny>) -> Result<(), Failure> {
+        let (low, high) = (per_joint(NAME, "v_min", v_min, self.n)?, per_joint(NAME, "v_max", v_max, self.n)?);
+        let state = &mut *self.state();
+        state.core.set_bounds(&low, &high)?;
+        (state.options.v_min, state.options.v_max) = (Some(low), Some(high));
+        Ok(())
     }
 
     /// Number of joints.
@@ -247,11 +203,9 @@ impl PrioritySolver {
 
     /// Residuals `v_i - J_i v` of the last solve, a list of `(rows_i,)` per level.
     #[getter]
-    fn residuals<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyList>> {
-        entry(py, "PrioritySolver.residuals", || {
-            let stacked = self.state().core.residuals().to_vec();
-            residual_list(py, &self.counts, &stacked)
-        })
+    fn residuals<'py>(&self) -> Result<Bound<'py, PyList>, Failure> {
+        let stacked = self.state().core.residuals().to_vec();
+        residual_list(py, &self.counts, &stacked)
     }
 
     /// Number of directions of each level that the last solve realised.
@@ -262,11 +216,9 @@ impl PrioritySolver {
 
     /// Scale of each level's command in the last solve, `(levels,)`; 1 except for "sns".
     #[getter]
-    fn scales<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        entry(py, "PrioritySolver.scales", || {
-            let scales = self.state().core.scales().to_vec();
-            copied(py, &[scales.len()], &scales)
-        })
+    fn scales<'py>(&self) -> Result<Bound<'py, PyAny>, Failure> {
+        let scales = self.state().core.scales().to_vec();
+        copied(py, &[scales.len()], &scales)
     }
 
     /// Status of the last solve.

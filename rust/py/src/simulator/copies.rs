@@ -32,7 +32,7 @@ impl Simulator {
 /// Restore a `Simulator` from the constructor's arguments `made_of` and from `at`: the number of steps, the state and the input.
 #[entered]
 #[pyfunction]
-#[pyo3(signature = (made_of, at, diverged=false))]
+#[arguments(made_of, at, diverged = false)]
 pub fn _restore_simulator(
     py: Python<'_>,
     made_of: (Bound<'_, PyAny>, Bound<'_, PyAny>, Bound<'_, PyAny>, Bound<'_, PyDict>),

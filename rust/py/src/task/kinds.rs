@@ -3,7 +3,7 @@
 use super::{Blueprint, Common, Task, names};
 use crate::arguments::axes_of;
 use crate::arrays::{number, text, vector};
-use crate::errors::entry;
+use crate::errors::Failure;
 use armlet_core::error::Error;
 use armlet_core::kinematics::TaskFunction;
 use armlet_macros::entered;
@@ -34,27 +34,17 @@ pub struct PostureTask;
 #[pymethods]
 impl PostureTask {
     #[new]
-    #[pyo3(signature = (target=None, gain=None, *, joints=None, motion=None, damping=None))]
-    fn new<'py>(
-        py: Python<'py>,
-        target: Option<&Bound<'py, PyAny>>,
-        gain: Option<&Bound<'py, PyAny>>,
-        joints: Option<&Bound<'py, PyAny>>,
-        motion: Option<&Bound<'py, PyAny>>,
-        damping: Option<&Bound<'py, PyAny>>,
-    ) -> PyResult<PyClassInitializer<Self>> {
-        const NAME: &str = "PostureTask";
-        entry(py, NAME, || {
-            let joints = names(NAME, joints)?;
-            let own = match &joints {
-                Some(joints) => vec![("joints", joints.clone().into_py_any(py)?)],
-                None => Vec::new(),
-            };
-            let size = joints.as_ref().map(Vec::len);
-            let blueprint = Blueprint::new(size, move |arm| TaskFunction::posture(arm, joints.as_deref()));
-            let task = Common { name: NAME, target, motion, gain, damping }.task(blueprint, own)?;
-            Ok(PyClassInitializer::from(task).add_subclass(PostureTask))
-        })
+    #[arguments(target=None, gain=None, *, joints=None, motion=None, damping=None)]
+    fn new() -> Result<PyClassInitializer<Self>, Failure> {
+        let joints = names(NAME, joints)?;
+        let own = match &joints {
+            Some(joints) => vec![("joints", joints.clone().into_py_any(py)?)],
+            None => Vec::new(),
+        };
+        let size = joints.as_ref().map(Vec::len);
+        let blueprint = Blueprint::new(size, move |arm| TaskFunction::posture(arm, joints.as_deref()));
+        let task = Common { name: NAME, target, motion, gain, damping }.task(blueprint, own)?;
+        Ok(PyClassInitializer::from(task).add_subclass(PostureTask))
     }
 }
 
@@ -82,22 +72,13 @@ pub struct CentreOfMassTask;
 #[pymethods]
 impl CentreOfMassTask {
     #[new]
-    #[pyo3(signature = (axes, target=None, gain=None, *, motion=None, damping=None))]
-    fn new<'py>(
-        axes: &Bound<'py, PyAny>,
-        target: Option<&Bound<'py, PyAny>>,
-        gain: Option<&Bound<'py, PyAny>>,
-        motion: Option<&Bound<'py, PyAny>>,
-        damping: Option<&Bound<'py, PyAny>>,
-    ) -> PyResult<PyClassInitializer<Self>> {
-        const NAME: &str = "CentreOfMassTask";
-        entry(axes.py(), NAME, || {
-            let (letters, rows) = axes_of(NAME, axes)?;
-            let blueprint = Blueprint::new(Some(rows), move |arm| TaskFunction::centre_of_mass(arm, &letters));
-            let own = vec![("axes", axes.clone().unbind())];
-            let task = Common { name: NAME, target, motion, gain, damping }.task(blueprint, own)?;
-            Ok(PyClassInitializer::from(task).add_subclass(CentreOfMassTask))
-        })
+    #[arguments(axes, target=None, gain=None, *, motion=None, damping=None)]
+    fn new() -> Result<PyClassInitializer<Self>, Failure> {
+        let (letters, rows) = axes_of(NAME, axes)?;
+        let blueprint = Blueprint::new(Some(rows), move |arm| TaskFunction::centre_of_mass(arm, &letters));
+        let own = vec![("axes", axes.clone().unbind())];
+        let task = Common { name: NAME, target, motion, gain, damping }.task(blueprint, own)?;
+        Ok(PyClassInitializer::from(task).add_subclass(CentreOfMassTask))
     }
 }
 
@@ -130,27 +111,17 @@ pub struct AxisTask;
 #[pymethods]
 impl AxisTask {
     #[new]
-    #[pyo3(signature = (frame, axis, target=None, gain=None, *, motion=None, damping=None))]
-    fn new<'py>(
-        frame: &Bound<'py, PyAny>,
-        axis: &Bound<'py, PyAny>,
-        target: Option<&Bound<'py, PyAny>>,
-        gain: Option<&Bound<'py, PyAny>>,
-        motion: Option<&Bound<'py, PyAny>>,
-        damping: Option<&Bound<'py, PyAny>>,
-    ) -> PyResult<PyClassInitializer<Self>> {
-        const NAME: &str = "AxisTask";
-        entry(frame.py(), NAME, || {
-            let v = vector(NAME, "axis", axis, 3)?;
-            if v.iter().all(|x| *x == 0.0) {
-                return Err(Error::input("axis", "has no direction: expected a vector of length > 0, got zeros").into());
-            }
-            let (name, along) = (text(NAME, "frame", frame)?, [v[0], v[1], v[2]]);
-            let blueprint = Blueprint::new(Some(3), move |arm| TaskFunction::axis(arm, &name, along));
-            let own = vec![("frame", frame.clone().unbind()), ("axis", v.into_py_any(axis.py())?)];
-            let task = Common { name: NAME, target, motion, gain, damping }.task(blueprint, own)?;
-            Ok(PyClassInitializer::from(task).add_subclass(AxisTask))
-        })
+    #[arguments(frame, axis, target=None, gain=None, *, motion=None, damping=None)]
+    fn new() -> Result<PyClassInitializer<Self>, Failure> {
+        let v = vector(NAME, "axis", axis, 3)?;
+        if v.iter().all(|x| *x == 0.0) {
+            return Err(Error::input("axis", "has no direction: expected a vector of length > 0, got zeros").into());
+        }
+        let (name, along) = (text(NAME, "frame", frame)?, [v[0], v[1], v[2]]);
+        let blueprint = Blueprint::new(Some(3), move |arm| TaskFunction::axis(arm, &name, along));
+        let own = vec![("frame", frame.clone().unbind()), ("axis", v.into_py_any(axis.py())?)];
+        let task = Common { name: NAME, target, motion, gain, damping }.task(blueprint, own)?;
+        Ok(PyClassInitializer::from(task).add_subclass(AxisTask))
     }
 }
 
@@ -180,28 +151,16 @@ pub struct RelativeTask;
 #[pymethods]
 impl RelativeTask {
     #[new]
-    #[pyo3(signature = (frame, reference, axes, target=None, gain=None, *, motion=None, damping=None))]
-    fn new<'py>(
-        frame: &Bound<'py, PyAny>,
-        reference: &Bound<'py, PyAny>,
-        axes: &Bound<'py, PyAny>,
-        target: Option<&Bound<'py, PyAny>>,
-        gain: Option<&Bound<'py, PyAny>>,
-        motion: Option<&Bound<'py, PyAny>>,
-        damping: Option<&Bound<'py, PyAny>>,
-    ) -> PyResult<PyClassInitializer<Self>> {
-        const NAME: &str = "RelativeTask";
-        entry(frame.py(), NAME, || {
-            let (name, other) = (text(NAME, "frame", frame)?, text(NAME, "reference", reference)?);
-            let (letters, rows) = axes_of(NAME, axes)?;
-            let poses = letters.clone();
-            let blueprint =
-                Blueprint::new(Some(rows), move |arm| TaskFunction::relative(arm, &name, &other, &letters)).with_poses(&poses)?;
-            let own = [("frame", frame), ("reference", reference), ("axes", axes)];
-            let own = own.into_iter().map(|(name, value)| (name, value.clone().unbind())).collect();
-            let task = Common { name: NAME, target, motion, gain, damping }.task(blueprint, own)?;
-            Ok(PyClassInitializer::from(task).add_subclass(RelativeTask))
-        })
+    #[arguments(frame, reference, axes, target=None, gain=None, *, motion=None, damping=None)]
+    fn new() -> Result<PyClassInitializer<Self>, Failure> {
+        let (name, other) = (text(NAME, "frame", frame)?, text(NAME, "reference", reference)?);
+        let (letters, rows) = axes_of(NAME, axes)?;
+        let poses = letters.clone();
+        let blueprint = Blueprint::new(Some(rows), move |arm| TaskFunction::relative(arm, &name, &other, &letters)).with_poses(&poses)?;
+        let own = [("frame", frame), ("reference", reference), ("axes", axes)];
+        let own = own.into_iter().map(|(name, value)| (name, value.clone().unbind())).collect();
+        let task = Common { name: NAME, target, motion, gain, damping }.task(blueprint, own)?;
+        Ok(PyClassInitializer::from(task).add_subclass(RelativeTask))
     }
 }
 
@@ -234,29 +193,20 @@ pub struct JointLimitTask;
 #[pymethods]
 impl JointLimitTask {
     #[new]
-    #[pyo3(signature = (gain=None, margin=None, *, joints=None, damping=None))]
-    fn new<'py>(
-        py: Python<'py>,
-        gain: Option<&Bound<'py, PyAny>>,
-        margin: Option<&Bound<'py, PyAny>>,
-        joints: Option<&Bound<'py, PyAny>>,
-        damping: Option<&Bound<'py, PyAny>>,
-    ) -> PyResult<PyClassInitializer<Self>> {
-        const NAME: &str = "JointLimitTask";
-        entry(py, NAME, || {
-            let joints = names(NAME, joints)?;
-            let margin = margin.map_or(Ok(0.1), |margin| number(NAME, "margin", margin))?;
-            if !(0.0..=0.5).contains(&margin) {
-                let problem = format!("is not a part of the range: expected 0 <= margin <= 0.5, got {margin}");
-                return Err(Error::input("margin", problem).into());
-            }
-            let mut own = vec![("margin", margin.into_py_any(py)?)];
-            if let Some(joints) = &joints {
-                own.push(("joints", joints.clone().into_py_any(py)?));
-            }
-            let blueprint = Blueprint::new(None, move |arm| TaskFunction::joint_limits(arm, joints.as_deref(), margin));
-            let task = Common { name: NAME, target: None, motion: None, gain, damping }.task(blueprint, own)?;
-            Ok(PyClassInitializer::from(task).add_subclass(JointLimitTask))
-        })
+    #[arguments(gain=None, margin=None, *, joints=None, damping=None)]
+    fn new() -> Result<PyClassInitializer<Self>, Failure> {
+        let joints = names(NAME, joints)?;
+        let margin = margin.map_or(Ok(0.1), |margin| number(NAME, "margin", margin))?;
+        if !(0.0..=0.5).contains(&margin) {
+            let problem = format!("is not a part of the range: expected 0 <= margin <= 0.5, got {margin}");
+            return Err(Error::input("margin", problem).into());
+        }
+        let mut own = vec![("margin", margin.into_py_any(py)?)];
+        if let Some(joints) = &joints {
+            own.push(("joints", joints.clone().into_py_any(py)?));
+        }
+        let blueprint = Blueprint::new(None, move |arm| TaskFunction::joint_limits(arm, joints.as_deref(), margin));
+        let task = Common { name: NAME, target: None, motion: None, gain, damping }.task(blueprint, own)?;
+        Ok(PyClassInitializer::from(task).add_subclass(JointLimitTask))
     }
 }

@@ -4,7 +4,7 @@ pub mod kinds;
 
 use crate::arguments::axes_of;
 use crate::arrays::{Axis, Form, Looked, SCALAR, copied, items, owned, require_finite, shown, text};
-use crate::errors::{Failure, entry, input_error};
+use crate::errors::{Failure, input_error};
 use crate::kept::{Kept, brief, made_of_arguments};
 use crate::motion::Motion;
 use armlet_core::arm::Arm;
@@ -326,23 +326,13 @@ fn names(function: &str, value: Option<&Bound<'_, PyAny>>) -> Result<Option<Vec<
 #[pymethods]
 impl Task {
     #[new]
-    #[pyo3(signature = (frame, axes, target=None, gain=None, *, motion=None, damping=None))]
-    fn new<'py>(
-        frame: &Bound<'py, PyAny>,
-        axes: &Bound<'py, PyAny>,
-        target: Option<&Bound<'py, PyAny>>,
-        gain: Option<&Bound<'py, PyAny>>,
-        motion: Option<&Bound<'py, PyAny>>,
-        damping: Option<&Bound<'py, PyAny>>,
-    ) -> PyResult<Self> {
-        const NAME: &str = "Task";
-        entry(frame.py(), NAME, || {
-            let (name, (letters, rows)) = (text(NAME, "frame", frame)?, axes_of(NAME, axes)?);
-            let poses = letters.clone();
-            let blueprint = Blueprint::new(Some(rows), move |arm| TaskFunction::frame(arm, &name, &letters)).with_poses(&poses)?;
-            let own = vec![("frame", frame.clone().unbind()), ("axes", axes.clone().unbind())];
-            Common { name: NAME, target, motion, gain, damping }.task(blueprint, own)
-        })
+    #[arguments(frame, axes, target=None, gain=None, *, motion=None, damping=None)]
+    fn new() -> Result<Self, Failure> {
+        let (name, (letters, rows)) = (text(NAME, "frame", frame)?, axes_of(NAME, axes)?);
+        let poses = letters.clone();
+        let blueprint = Blueprint::new(Some(rows), move |arm| TaskFunction::frame(arm, &name, &letters)).with_poses(&poses)?;
+        let own = vec![("frame", frame.clone().unbind()), ("axes", axes.clone().unbind())];
+        Common { name: NAME, target, motion, gain, damping }.task(blueprint, own)
     }
 
     fn __repr__(slf: &Bound<'_, Self>) -> PyResult<String> {
