@@ -5,14 +5,14 @@
 
 use super::assembly::assemble;
 use super::key::Common;
-use super::layout::Slots;
 use super::problem::Problem;
-use super::recorded::{inputs, instant, modes_as_inputs};
+use super::recorded::{entries, inputs, instant, modes_as_inputs};
+use super::slots::{Instant, RatesSlots};
 use super::world::Exogenous;
 use crate::integrate::{Attempt, Buffer, MethodKind, Scheme, WithScheme};
 use crate::scalar::Real;
 use crate::scalar::trig::REDUCTION_LIMIT;
-use crate::trace::{Frame, Part, Program, Scratch, SlotTable, Sym, engine, form, sym};
+use crate::trace::{Frame, Part, Program, Signature, SlotTable, Slots, Sym, engine, form, sym};
 
 /// An attempt has no program if the rates of all its stages have more operations than this limit. The code of a larger attempt might exceed
 /// the instruction cache.
@@ -21,42 +21,37 @@ const LARGE: usize = 3000;
 /// The program of an attempt, for loops with the same structure.
 pub struct AttemptProgram {
     program: Program,
-    places: AttemptLayout,
-}
-
-/// The slots of an attempt in the frame, which is the memory of its program. The loop parameters are first. The exogenous inputs of the
-/// stages follow, then the quantities of the functions below.
-struct AttemptLayout {
-    slots: Slots,
+    slots: AttemptSlots,
     stages: usize,
-    estimates: usize,
 }
 
-impl AttemptLayout {
-    fn state(&self) -> usize {
-        self.slots.given + self.stages * (self.slots.desired + self.slots.wrench)
-    }
-    /// The first slot of the state rates at the start of the step.
-    fn slope(&self) -> usize {
-        self.state() + self.slots.states()
-    }
-    fn step(&self) -> usize {
-        self.slope() + self.slots.states()
-    }
-    /// The first slot of the held input and of the law's other results.
-    fn held(&self) -> usize {
-        self.step() + 1
-    }
-    /// The first slot of the modes of contacts and joints.
-    fn modes(&self) -> usize {
-        self.held() + self.slots.inputs + self.slots.answer
-    }
-    /// The first slot of the results: the new state, the slopes of the stages, the error estimates.
-    fn results(&self) -> usize {
-        self.modes() + self.slots.modes
-    }
-    fn reach(&self) -> usize {
-        self.results() + (1 + self.stages + self.estimates) * self.slots.states()
+/// The slots of an attempt.
+struct AttemptSlots {
+    signature: Signature,
+    /// The exogenous input of the first stage. The other stages follow.
+    exogenous: Instant,
+    state: Slots,
+    /// The state rates at the start of the step.
+    slope: Slots,
+    step: Slots,
+    /// The held results of the law, and the modes of contacts and joints.
+    held: Slots,
+    /// The new state, the slopes of the stages, the error estimates.
+    results: Slots,
+}
+
+impl AttemptSlots {
+    /// Return the slots of an attempt with `stages` stages and `estimates` error estimates of a loop whose rates have the slots `rates`.
+    fn new(rates: &RatesSlots, stages: usize, estimates: usize) -> Self {
+        let mut signature = Signature::new(rates.exogenous.slots.first);
+        let mut instant = || Instant::add(&mut signature, ["desired", "force"], rates.exogenous.sizes());
+        let exogenous = instant();
+        (1..stages).for_each(|_| _ = instant());
+        let mut input = |name, count| signature.input(name, count);
+        let (state, slope) = (input("state", rates.state.count), input("slope", rates.state.count));
+        let (step, held) = (input("h", 1), input("held", rates.held().count));
+        let results = signature.output("results", (1 + stages + estimates) * rates.state.count);
+        AttemptSlots { signature, exogenous, state, slope, step, held, results }
     }
 }
 
@@ -66,7 +61,7 @@ struct Attempts<'a> {
     run: usize,
     common: Common,
     held: bool,
-    slots: &'a Slots,
+    slots: &'a RatesSlots,
     /// The number of operations of the rates.
     operations: usize,
 }
@@ -85,25 +80,26 @@ impl WithScheme for Attempts<'_> {
 impl AttemptProgram {
     /// Return the program for the method of the problem. The result is `None` if the method is not explicit and adaptive. It is also `None`
     /// if the loop has too many `operations`, or if its code branches on data.
-    pub fn of(problem: &Problem, run: usize, common: Common, held: bool, (slots, operations): (&Slots, usize)) -> Option<Self> {
+    pub fn of(problem: &Problem, run: usize, common: Common, held: bool, (slots, operations): (&RatesSlots, usize)) -> Option<Self> {
         match problem.options.method.kind() {
             MethodKind::ExplicitAdaptive(method) => method.scheme(Attempts { problem, run, common, held, slots, operations }),
             MethodKind::ExplicitSteps(_) | MethodKind::ImplicitSteps(_) | MethodKind::ImplicitAdaptive(_) => None,
         }
     }
 
-    fn record<C: Scheme>(problem: &Problem, run: usize, common: Common, held: bool, slots: &Slots) -> Option<Self> {
+    fn record<C: Scheme>(problem: &Problem, run: usize, common: Common, held: bool, rates: &RatesSlots) -> Option<Self> {
         sym::begin();
         let mut closed = assemble(problem, run, common.monitored.storage);
-        assert_eq!(sym::end_set_up(), slots.given, "another structure");
-        let instants: Vec<Exogenous<Sym>> = (0..C::STAGES).map(|_| instant(slots.desired, slots.wrench)).collect();
-        let (x, first, h) = (inputs(slots.states()), inputs(slots.states()), sym::input());
-        let (tau, answer) = (inputs(slots.inputs), inputs(slots.answer));
+        assert_eq!(sym::end_set_up(), rates.exogenous.slots.first, "another structure");
+        let slots = AttemptSlots::new(rates, C::STAGES, C::E.len());
+        let instants: Vec<Exogenous<Sym>> = (0..C::STAGES).map(|_| instant(rates.exogenous.sizes())).collect();
+        let (x, first, h) = (slots.state.declare(), slots.slope.declare(), slots.step.declare()[0]);
+        let (tau, answer) = (inputs(rates.tau.count), inputs(rates.law_rate.count));
         if held {
             closed.hold_input(&tau, &answer);
         }
-        modes_as_inputs(&mut closed, slots);
-        let zeros = vec![Sym::zero(); slots.states()];
+        modes_as_inputs(&mut closed, rates);
+        let zeros = vec![Sym::zero(); x.len()];
         let (mut slopes, mut y, mut estimates) = (vec![zeros.clone(); C::STAGES + 1], zeros.clone(), vec![zeros; C::E.len()]);
         slopes[0] = first;
         let mut attempt = Attempt { h, times: &[], x: &x, slopes: &mut slopes, y: &mut y, estimates: &mut estimates };
@@ -113,27 +109,26 @@ impl AttemptProgram {
         if recording.failed {
             return None;
         }
-        let places = AttemptLayout { slots: slots.clone(), stages: C::STAGES, estimates: C::E.len() };
         let results = y.iter().chain(slopes[1..].iter().flatten()).chain(estimates.iter().flatten());
-        let outputs: Vec<(u32, u32)> = results.enumerate().map(|(k, value)| ((places.results() + k) as u32, value.index())).collect();
+        let outputs = slots.results.outputs(&entries(results.copied().collect()));
         let part = Part { ops: &recording.ops, start: 0, outputs: &outputs, places: &SlotTable::default() };
-        let scratch = Scratch { reach: places.reach() as u32, free: places.reach() + 1 };
-        Some(AttemptProgram { program: Program::new(part, None, scratch, form(false), engine()), places })
+        let program = Program::new(part, None, slots.signature.scratch(slots.signature.slots()), form(false), engine());
+        Some(AttemptProgram { program, slots, stages: C::STAGES })
     }
 
-    /// Return a frame of the program with the inputs `numbers` of a frame of the rates, whose slots are `slots`.
-    pub fn frame(&self, slots: &Slots, numbers: &[f64]) -> Frame {
+    /// Return a frame of the program with the parameters, held results and modes of a frame of the rates, whose slots are `rates`.
+    pub fn frame(&self, rates: &RatesSlots, from: &Frame) -> Frame {
         let mut frame = Frame::new(self.program.slots(), 1);
         self.program.prepare(&mut frame);
-        write(&mut frame, 0, &numbers[..slots.given]);
-        self.write(&mut frame, 0, &numbers[slots.tau()..slots.rates()]);
+        let parameters = rates.exogenous.slots.first;
+        frame.numbers_mut()[..parameters].copy_from_slice(&from.numbers()[..parameters]);
+        self.hold(&mut frame, 0, from.group(rates.held()));
         frame
     }
 
-    /// Write numbers to the program's frame. `first` is the distance of their slot to the slot of the held input. The other results of the
-    /// law and the modes follow this input.
-    pub fn write(&self, frame: &mut Frame, first: usize, numbers: &[f64]) {
-        write(frame, self.places.held() + first, numbers);
+    /// Write numbers to the held results and modes, from number `first` of them on.
+    pub fn hold(&self, frame: &mut Frame, first: usize, numbers: &[f64]) {
+        frame.write(self.slots.held.part(first, numbers.len()), numbers);
     }
 
     /// Compute an attempt. Return whether all angles are in the range of the program's sines; otherwise the results are not valid.
@@ -144,40 +139,27 @@ impl AttemptProgram {
         attempt: &mut Attempt<f64, B>,
         (u, mut input): (&mut Exogenous<f64>, impl FnMut(f64, &mut Exogenous<f64>)),
     ) -> bool {
-        let slots = &self.places.slots;
-        let width = slots.desired + slots.wrench;
-        for (k, &t) in attempt.times.iter().enumerate().filter(|_| width > 0) {
-            let at = slots.given + k * width;
+        let AttemptSlots { signature, exogenous: Instant { slots: first, desired }, .. } = &self.slots;
+        for (k, &t) in attempt.times.iter().enumerate().filter(|_| first.count > 0) {
+            let at = first.part(k * first.count, first.count);
             if k > 0 && attempt.times[k - 1] == t {
-                frame.numbers_mut().copy_within(at - width..at, at);
+                frame.numbers_mut().copy_within(at.first - at.count..at.first, at.first);
                 continue;
             }
             input(t, u);
-            write(frame, at, &u.desired);
-            write(frame, at + slots.desired, &u.wrench[..slots.wrench]);
+            frame.write(at, &u.desired);
+            frame.write(at.part(*desired, 0), &u.wrench[..at.count - desired]);
         }
-        write(frame, self.places.state(), attempt.x);
-        write(frame, self.places.slope(), attempt.slopes[0].as_ref());
-        write(frame, self.places.step(), &[attempt.h]);
-        frame.fill(self.places.reach(), 0.0);
+        frame.write(self.slots.state, attempt.x);
+        frame.write(self.slots.slope, attempt.slopes[0].as_ref());
+        frame.write(self.slots.step, &[attempt.h]);
+        frame.fill(signature.angle(), 0.0);
         self.program.run(frame);
-        let n = slots.states();
-        let mut results = frame.numbers()[self.places.results()..self.places.reach()].chunks_exact(n);
+        let mut results = frame.group(self.slots.results).chunks_exact(attempt.x.len());
         let mut next = |to: &mut [f64]| to.copy_from_slice(results.next().unwrap_or_default());
         next(attempt.y);
-        attempt.slopes[1..=self.places.stages].iter_mut().for_each(|slope| next(slope.as_mut()));
+        attempt.slopes[1..=self.stages].iter_mut().for_each(|slope| next(slope.as_mut()));
         attempt.estimates.iter_mut().for_each(|estimate| next(estimate.as_mut()));
-        frame.numbers()[self.places.reach()] < REDUCTION_LIMIT
-    }
-}
-
-/// Write `values` to all lanes of the slots from `first` on.
-pub fn write(frame: &mut Frame, first: usize, values: &[f64]) {
-    let lanes = frame.lanes();
-    let slots = &mut frame.numbers_mut()[first * lanes..(first + values.len()) * lanes];
-    if lanes == 1 {
-        slots.copy_from_slice(values);
-    } else {
-        slots.chunks_exact_mut(lanes).zip(values).for_each(|(slot, &value)| slot.fill(value));
+        frame.numbers()[signature.angle()] < REDUCTION_LIMIT
     }
 }

@@ -115,27 +115,29 @@ impl BatchStepper {
     /// Advance rows by a program for `lanes` rows.
     fn run(&self, program: &(Arc<Recorded>, Vec<f64>), lanes: usize, (tau, steps): (&[f64], usize), x: &mut [f64]) {
         let (states, n, (recorded, values)) = (self.states(), self.plant.n(), program);
-        let (layout, programs) = (&recorded.layout, &recorded.programs);
+        let (slots, programs) = (&recorded.slots, &recorded.programs);
         let mut frame = Frame::new(programs.slots(), lanes);
         programs.prepare(&mut frame);
         values.iter().enumerate().for_each(|(slot, &value)| frame.fill(slot, value));
-        frame.fill(layout.step(), self.options.grid());
+        frame.fill(slots.step, self.options.grid());
         for (x, tau) in x.chunks_mut(states * lanes).zip(tau.chunks(n * lanes)) {
-            frame.fill(layout.reach(), 0.0);
-            rows::read(&mut frame, layout.state(), &[Rows { numbers: x, width: states }], 0);
-            rows::read(&mut frame, layout.tau(), &[Rows { numbers: tau, width: n }], 0);
+            frame.fill(slots.signature.angle(), 0.0);
+            rows::read(&mut frame, slots.state.first, &[Rows { numbers: x, width: states }], 0);
+            rows::read(&mut frame, slots.tau.first, &[Rows { numbers: tau, width: n }], 0);
             match programs.whole() {
                 Some(program) => program.run_along(&mut frame, &[], steps),
                 None => (0..steps).for_each(|_| programs.advance(&mut frame, |_, _| ())),
             }
-            if recorded.engine() == Engine::Interpreter || frame.slot_mut(layout.reach()).iter().all(|&reach| reach < REDUCTION_LIMIT) {
-                rows::write(&frame, layout.state(), states, x);
+            if recorded.engine() == Engine::Interpreter
+                || frame.slot_mut(slots.signature.angle()).iter().all(|&reach| reach < REDUCTION_LIMIT)
+            {
+                rows::write(&frame, slots.state.first, states, x);
                 continue;
             }
             // A row in which an angle left the range of the program's sines is repeated by the interpreter.
             for (lane, (x, tau)) in x.chunks_exact_mut(states).zip(tau.chunks_exact(n)).enumerate() {
-                if frame.slot_mut(layout.reach())[lane] < REDUCTION_LIMIT {
-                    (0..states).for_each(|k| x[k] = frame.slot_mut(layout.state() + k)[lane] + 0.0);
+                if frame.slot_mut(slots.signature.angle())[lane] < REDUCTION_LIMIT {
+                    (0..states).for_each(|k| x[k] = frame.slot_mut(slots.state.first + k)[lane] + 0.0);
                 } else {
                     self.interpret(tau, steps, x);
                 }

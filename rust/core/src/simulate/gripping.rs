@@ -23,11 +23,6 @@ impl ClosedLoop {
         (friction.loads(), friction.margins(&x[first..first + n]).to_vec())
     }
 
-    /// The index in the state of the first speed that stick-slip friction acts on.
-    pub fn first_speed(&mut self) -> usize {
-        self.plant_mut().stick_slip().map_or(0, |(_, first)| first)
-    }
-
     /// Set the modes of all joints as numbers: 0 for a stuck joint, else the direction of sliding.
     pub fn hold_sides(&mut self, signs: &[Sym]) {
         if let Some((friction, _)) = self.plant_mut().stick_slip() {

@@ -1,8 +1,6 @@
 //! Listings of the programs of a closed loop: the operations of each stage as text.
 
 use super::key::Common;
-use super::layout::Layout;
-use super::layout::Slots;
 use super::listed_names::{Named, SlotNames};
 use super::loop_programs::Watch;
 use super::problem::Problem;
@@ -11,9 +9,8 @@ use super::recorded;
 use crate::error::{Error, Result};
 use crate::integrate::MethodKind;
 use crate::trace::instruction::{Form, Set};
-use crate::trace::label::Label;
 use crate::trace::listing::{self, Listing, Lowered};
-use crate::trace::{engine, form, program};
+use crate::trace::{Signature, engine, form, program};
 use std::collections::BTreeSet;
 
 /// The listing of one program of a loop.
@@ -76,7 +73,7 @@ pub fn list_loop(problem: &Problem, batch: bool, part: Option<&str>) -> Result<L
     let Some(&(_, chosen_form, _)) = parts.iter().find(|(name, ..)| name == chosen) else {
         return Err(Error::unknown("part", "", parts.iter().map(|(name, ..)| name.as_str()), chosen));
     };
-    let slots = found.names(problem, &parameters.labels, chosen);
+    let slots = SlotNames::of(problem, found.signature(chosen), &parameters.labels, chosen);
     let names = |slot: u32| slots.at(slot).0;
     let (mut stages, mut size, mut read) = (Vec::new(), None, BTreeSet::new());
     record(problem, common, fixed, Some(!whole), &mut |name, part, stream, scratch, lanes| {
@@ -111,33 +108,31 @@ pub fn list_loop(problem: &Problem, batch: bool, part: Option<&str>) -> Result<L
 pub fn watch_steps(problem: &Problem, batch: bool, watch: Watch) -> (Vec<f64>, usize) {
     let common = Common::of(problem, batch);
     let recorded = recorded::record_watched(problem, 0, common, None, watch);
-    (recorded::loop_parameters(problem, 0, common).values, recorded.layout.step())
+    (recorded::loop_parameters(problem, 0, common).values, recorded.slots.step)
 }
 
-/// The layout of a recorded loop.
-enum SlotMap {
-    Fixed(Layout),
-    /// The slots of the rates. The flag is true if the programs include derivatives with respect to time.
-    Rates(Slots, bool),
+/// The signatures of the programs of a recorded loop.
+struct Signatures {
+    step_or_rates: Signature,
+    derivatives: Option<Signature>,
 }
 
-impl SlotMap {
-    fn names(&self, problem: &Problem, labels: &[Label], part: &str) -> SlotNames {
-        match self {
-            SlotMap::Fixed(layout) => SlotNames::fixed(problem, layout, labels, part),
-            SlotMap::Rates(slots, moves) => SlotNames::rates(problem, slots, labels, *moves, part),
-        }
+impl Signatures {
+    /// The signature of program `part`.
+    fn signature(&self, part: &str) -> &Signature {
+        self.derivatives.as_ref().filter(|_| part != "rates").unwrap_or(&self.step_or_rates)
     }
 }
 
 /// Record the loop. If `plain` is `None`, the operations are simplified. If it is `Some(in_parts)`, every operation is kept, and `in_parts`
 /// selects whether the step is divided into parts.
-fn record(problem: &Problem, common: Common, fixed: bool, plain: Option<bool>, watch: Watch) -> SlotMap {
+fn record(problem: &Problem, common: Common, fixed: bool, plain: Option<bool>, watch: Watch) -> Signatures {
     if fixed {
-        return SlotMap::Fixed(recorded::record_watched(problem, 0, common, plain, watch).layout);
+        let recorded = recorded::record_watched(problem, 0, common, plain, watch);
+        return Signatures { step_or_rates: recorded.slots.signature, derivatives: None };
     }
-    let (slots, moves) = rates_programs::record_watched(problem, 0, common, plain.is_none(), watch);
-    SlotMap::Rates(slots, moves)
+    let (step_or_rates, derivatives) = rates_programs::record_watched(problem, 0, common, plain.is_none(), watch);
+    Signatures { step_or_rates, derivatives }
 }
 
 /// Refuse a loop whose law is not recorded.

@@ -1,8 +1,9 @@
 //! The names of the slots of a loop's programs: `q1`, `v1`, `q_d1`, `h`, `kp1`, .. A slot is one number in the memory of a program.
 
-use super::layout::{Layout, Slots};
 use super::monitors;
 use super::problem::Problem;
+use crate::integrate::MethodKind;
+use crate::trace::Signature;
 use crate::trace::label::Label;
 use std::collections::HashSet;
 
@@ -15,7 +16,7 @@ pub struct SlotNames(Vec<Named>);
 impl SlotNames {
     /// Name the loop parameters, which are the first slots, by their labels. Slot 17 without a label is `c17`. An underscore is added to a
     /// repeated label.
-    fn of(labels: &[Label]) -> Self {
+    fn parameters(labels: &[Label]) -> Self {
         let mut seen = HashSet::new();
         let mut unique = |(slot, &label): (usize, &Label)| {
             let mut name = match label {
@@ -31,70 +32,44 @@ impl SlotNames {
         SlotNames(labels.iter().enumerate().map(&mut unique).collect())
     }
 
-    fn add(&mut self, kind: &'static str, names: impl IntoIterator<Item = String>) {
-        self.0.extend(names.into_iter().map(|name| (name, kind)));
-    }
-
-    /// Return the names of the slots that program `part` of a loop of fixed steps uses.
-    pub fn fixed(problem: &Problem, layout: &Layout, labels: &[Label], part: &str) -> Self {
-        let mut all = SlotNames::of(labels);
-        let (states, exogenous) = (states(problem), exogenous(problem, layout.desired, layout.wrench));
-        for &instant in layout.instants {
-            let suffix = ["", "_mid", "_end"][(2.0 * instant) as usize];
-            all.instant(&exogenous, layout.desired, suffix);
+    /// Return the names of the slots of a loop's program `part`, which has this signature.
+    pub fn of(problem: &Problem, signature: &Signature, labels: &[Label], part: &str) -> Self {
+        let mut all = SlotNames::parameters(labels);
+        let (states, exogenous) = (states(problem), exogenous(problem));
+        let motions = exogenous.len() - if problem.forces.is_empty() { 0 } else { 6 };
+        let (desired, force) = exogenous.split_at(motions);
+        let plant = problem.plant(0).states();
+        let mut before: Vec<&str> = Vec::new();
+        for (group, count) in signature.groups() {
+            // A group of this name occurs once for each instant or stage.
+            let k = before.iter().filter(|name| **name == group).count();
+            let stage = if part == "rates" { "" } else { "_stage" };
+            let numbered = |name: &str| (1..=count).map(|i| format!("{name}{i}")).collect::<Vec<_>>();
+            let with = |names: &[String], before: &str, after: &str| names.iter().map(|name| format!("{before}{name}{after}")).collect();
+            let (kind, names) = match group {
+                "desired" => ("desired", with(desired, "", instant(problem, k))),
+                "force" => ("force", with(force, "", instant(problem, k))),
+                "state" => ("state", states.clone()),
+                "sum" => ("sum", numbered(group)),
+                "h" => ("step", vec![group.to_owned()]),
+                "tau" | "answer" => ("held", numbered(group)),
+                "contact" => ("mode", (1..=count / 2).flat_map(|i| [format!("contact{i}_pushes"), format!("contact{i}_inside")]).collect()),
+                "side" => ("mode", numbered(group)),
+                "stage_state" => ("state", with(&states, "", stage)),
+                "stage_desired" => ("desired", with(desired, "", stage)),
+                "stage_force" => ("force", with(force, "", stage)),
+                "rates" => ("rate", with(&states, "d", &if k > 0 { format!("_stage{k}") } else { String::new() })),
+                "along_plant" => ("direction", with(&[&states[..plant], &exogenous].concat()[..count], "along_", "")),
+                "along_law" => ("direction", with(&states[plant..plant + count], "along_", "")),
+                "derivatives" => ("derivative", with(&states, "d", "_along")),
+                "largest_angle" => ("largest angle", vec![group.to_owned()]),
+                _ => (group, numbered(group)),
+            };
+            debug_assert_eq!(names.len(), count, "a name for each slot of {group}");
+            all.0.extend(names.into_iter().map(|name| (name, kind)));
+            before.push(group);
         }
-        all.add("state", states.iter().cloned());
-        all.add("sum", (1..=layout.kept).map(|k| format!("sum{k}")));
-        all.add("step", ["h".to_owned()]);
-        all.held(layout.inputs, layout.answer);
-        let suffix = if part == "rates" { "" } else { "_stage" };
-        all.add("state", states.iter().map(|name| format!("{name}{suffix}")));
-        all.instant(&exogenous, layout.desired, suffix);
-        for stage in 0.. {
-            if all.0.len() >= layout.reach() {
-                break;
-            }
-            let suffix = if stage > 0 { format!("_stage{stage}") } else { String::new() };
-            all.add("rate", states.iter().map(|name| format!("d{name}{suffix}")));
-        }
-        all.add("largest angle", ["largest_angle".to_owned()]);
         all
-    }
-
-    /// Return the names of the slots that program `part` of the rates of a loop uses.
-    pub fn rates(problem: &Problem, slots: &Slots, labels: &[Label], moves: bool, part: &str) -> Self {
-        let mut all = SlotNames::of(labels);
-        let (states, exogenous) = (states(problem), exogenous(problem, slots.desired, slots.wrench));
-        all.instant(&exogenous, slots.desired, "");
-        all.add("state", states.iter().cloned());
-        all.held(slots.inputs, slots.answer);
-        all.add("mode", (1..=slots.contact_modes() / 2).flat_map(|k| [format!("contact{k}_pushes"), format!("contact{k}_inside")]));
-        all.add("mode", (1..=slots.sides).map(|k| format!("side{k}")));
-        let rates = states.iter().map(|name| format!("d{name}"));
-        if part != "rates" {
-            let along = |names: &[String]| names.iter().map(|name| format!("along_{name}")).collect::<Vec<_>>();
-            all.add("direction", along(&states[..slots.plant]));
-            all.add("direction", along(if moves { &exogenous } else { &[] }));
-            all.add("direction", along(&states[slots.plant..slots.plant + slots.law]));
-            all.add("rate", rates.clone());
-            all.add("derivative", rates.map(|name| format!("{name}_along")));
-        } else {
-            all.add("rate", rates);
-        }
-        all.add("largest angle", ["largest_angle".to_owned()]);
-        all
-    }
-
-    fn instant(&mut self, exogenous: &[String], desired: usize, suffix: &str) {
-        let names = |names: &[String]| names.iter().map(|name| format!("{name}{suffix}")).collect::<Vec<_>>();
-        self.add("desired", names(&exogenous[..desired]));
-        self.add("force", names(&exogenous[desired..]));
-    }
-
-    /// Name the results of a law: inputs of the plant, and other results.
-    fn held(&mut self, inputs: usize, answer: usize) {
-        self.add("held", (1..=inputs).map(|k| format!("tau{k}")));
-        self.add("held", (1..=answer).map(|k| format!("answer{k}")));
     }
 
     /// Return the name of `slot`. The slots after all named slots contain values that one program passes to another.
@@ -114,9 +89,17 @@ fn states(problem: &Problem) -> Vec<String> {
     plant.chain(bristles).chain(law).chain(monitors::integrals(problem.options.monitors).map(str::to_owned)).collect()
 }
 
+/// Return the end of the names of the exogenous input at instant `k` of a step.
+fn instant(problem: &Problem, k: usize) -> &'static str {
+    match problem.options.method.kind() {
+        MethodKind::ExplicitSteps(method) => ["", "_mid", "_end"][(2.0 * method.instants()[k]) as usize],
+        MethodKind::ImplicitSteps(_) | MethodKind::ExplicitAdaptive(_) | MethodKind::ImplicitAdaptive(_) => "",
+    }
+}
+
 /// Return the names of the desired motions and of the wrench at one instant. Motions of the joints are `q_d1, v_d1, a_d1`. Motion `k` of
 /// other coordinates begins with `xk_d1`.
-fn exogenous(problem: &Problem, desired: usize, wrench: usize) -> Vec<String> {
+fn exogenous(problem: &Problem) -> Vec<String> {
     let law = problem.law(0);
     let motions = law.motions();
     let joints = motions.len() == 1 && motions[0].dof() == problem.plant(0).n() && law.coordinates().is_none();
@@ -130,7 +113,8 @@ fn exogenous(problem: &Problem, desired: usize, wrench: usize) -> Vec<String> {
         };
         names.extend(parts.iter().flat_map(|part| (1..=motion.dof()).map(move |i| format!("{part}{i}"))));
     }
-    debug_assert_eq!(names.len(), desired, "a motion has a position, a velocity and an acceleration");
-    names.extend(["fx", "fy", "fz", "mx", "my", "mz"].iter().take(wrench).map(|&name| format!("force_{name}")));
+    if !problem.forces.is_empty() {
+        names.extend(["fx", "fy", "fz", "mx", "my", "mz"].map(|name| format!("force_{name}")));
+    }
     names
 }

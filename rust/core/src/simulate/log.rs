@@ -1,10 +1,10 @@
 //! The log of a group of lanes. Programs (recorded and compiled loops) write records to it during some steps. Then the records are copied
 //! to the caller's arrays. A frame is the memory of a program for some lanes.
 
-use super::layout::Layout;
+use super::slots::StepSlots;
 use crate::error::Result;
 use crate::memory;
-use crate::trace::{Frame, rows};
+use crate::trace::{Frame, Slots, rows};
 use std::ops::Range;
 
 /// The number of lanes of the widest number type.
@@ -25,29 +25,29 @@ pub struct Log {
     frames: Vec<Vec<f64>>,
     lanes: usize,
     /// The slots of the state in a frame.
-    state: Range<usize>,
+    state: Slots,
     /// The slots of the other numbers of a record in a frame.
-    noted: Range<usize>,
+    noted: Slots,
 }
 
 impl Log {
-    pub fn new(layout: &Layout, every: usize, frames: &[Frame]) -> Self {
+    pub fn new(slots: &StepSlots, every: usize, frames: &[Frame]) -> Self {
         let lanes = frames[0].lanes();
-        let width = layout.states + layout.noted;
+        let width = slots.state.count + slots.record.count;
         Log {
             every,
             first: 0,
             count: 0,
             frames: frames.iter().map(|_| vec![0.0; CAPACITY * width * lanes]).collect(),
             lanes,
-            state: layout.state()..layout.state() + layout.states,
-            noted: layout.noted()..layout.noted() + layout.noted,
+            state: slots.state,
+            noted: slots.record,
         }
     }
 
     /// The number of values in a record.
     fn width(&self) -> usize {
-        self.state.len() + self.noted.len()
+        self.state.count + self.noted.count
     }
 
     /// Return the memory of record `i` of a frame. Records arrive in order. If steps are repeated, an earlier record arrives again, and
@@ -63,14 +63,14 @@ impl Log {
 
     /// Store the state in `frame` as the state of record `i`, before the step replaces it.
     pub fn note_state(&mut self, i: usize, k: usize, frame: &Frame) {
-        let (from, lanes) = (self.state.clone(), self.lanes);
-        self.row(i, k)[..from.len() * lanes].copy_from_slice(&frame.numbers()[from.start * lanes..from.end * lanes]);
+        let numbers = frame.group(self.state);
+        self.row(i, k)[..numbers.len()].copy_from_slice(numbers);
     }
 
     /// Store the other numbers of record `i` after they have been computed in `frame`.
     pub fn note_rest(&mut self, i: usize, k: usize, frame: &Frame) {
-        let (from, lanes, states) = (self.noted.clone(), self.lanes, self.state.len());
-        self.row(i, k)[states * lanes..].copy_from_slice(&frame.numbers()[from.start * lanes..from.end * lanes]);
+        let (states, numbers) = (self.state.count * self.lanes, frame.group(self.noted));
+        self.row(i, k)[states..].copy_from_slice(numbers);
     }
 
     /// Pass all records to `take` and remove them. `time(k)` is the time at the start of step `k`, s.

@@ -1,9 +1,9 @@
 //! The programs of a recorded loop: law, step, rates, metrics and records. A *program* is the compiled code of a recording, and a *frame*
 //! is its memory. The *instants* are the times in a step at which the exogenous input is evaluated.
 
-use super::layout::Layout;
+use super::slots::StepSlots;
 use crate::trace::tape::Op;
-use crate::trace::{Cut, Engine, Frame, Part, Program, Scratch, SlotTable, Stream, form, segments};
+use crate::trace::{Cut, Engine, Frame, Part, Program, Scratch, SlotTable, Slots, Stream, form, segments};
 
 /// The indices of the recorded operations that compute the results of the programs.
 pub struct Tracing {
@@ -67,10 +67,8 @@ enum Step {
     Stages {
         segments: Vec<Program>,
         rates: Program,
-        /// The first slot of the rates of a stage. The stored rates of every stage follow.
-        first: usize,
-        /// The number of rates.
-        count: usize,
+        /// The slots of the rates of a stage. The stored rates of every stage follow.
+        slots: Slots,
     },
 }
 
@@ -147,7 +145,7 @@ impl Programs {
     /// Compute one step that is divided into parts, from the state, inputs and step size in the program's frame. Unless the input is held,
     /// the first stage writes the plant's input to this frame. Then `first_stage` is called.
     pub fn advance(&self, frame: &mut Frame, mut first_stage: impl FnMut(&Self, &mut Frame)) {
-        let Step::Stages { segments, rates, first, count } = &self.step else { unreachable!("the step has no parts") };
+        let Step::Stages { segments, rates, slots } = &self.step else { unreachable!("the step has no parts") };
         let lanes = frame.lanes();
         for (k, segment) in segments.iter().enumerate() {
             segment.run(frame);
@@ -158,33 +156,30 @@ impl Programs {
             if k == 0 {
                 first_stage(self, frame);
             }
-            let (from, to) = (first * lanes, (first + (k + 1) * count) * lanes);
-            frame.numbers_mut().copy_within(from..from + count * lanes, to);
+            frame.numbers_mut().copy_within(slots.numbers(lanes), slots.part((k + 1) * slots.count, 0).first * lanes);
         }
     }
 }
 
 /// Make the programs of a recording for an engine, for one run or for lanes.
-pub fn make(ops: &[Op], layout: &Layout, tracing: Tracing, (lanes, engine): (bool, Engine), watch: Watch) -> Programs {
-    let (form, reach) = (form(lanes), layout.reach() as u32);
-    let to = |first: usize, entries: &[u32]| entries.iter().enumerate().map(|(k, &entry)| ((first + k) as u32, entry)).collect::<Vec<_>>();
+pub fn make(ops: &[Op], slots: &StepSlots, tracing: Tracing, (lanes, engine): (bool, Engine), watch: Watch) -> Programs {
     let mut cuts = tracing.cuts;
-    let outputs = to(layout.state(), &tracing.next);
+    let outputs = slots.state.outputs(&tracing.next);
     let whole = outputs.clone();
     cuts.push(Cut { end: ops.len() as u32, outputs });
-    let (places, mut free) = segments::join(ops, &mut cuts, layout.slots() as u32);
-    let width = layout.exogenous() as u32;
+    let (places, mut free) = segments::join(ops, &mut cuts, slots.signature.slots() as u32);
+    let Slots { first, count: width } = slots.exogenous.slots;
     let stream = Stream {
-        first: layout.instant(0) as u32,
-        count: width * layout.instants.len() as u32,
-        advance: width * layout.new_instants() as u32,
-        spread: layout.shared,
+        first: first as u32,
+        count: (width * slots.instants.len()) as u32,
+        advance: (width * slots.new_instants()) as u32,
+        spread: slots.shared,
     };
     let repeats = tracing.rates.is_none();
     let mut program = |name: String, start: u32, outputs: &[(u32, u32)], places: &SlotTable, stream: Option<Stream>| {
-        let (part, scratch) = (Part { ops, start, outputs, places }, Scratch { reach, free: free as usize });
+        let (part, scratch) = (Part { ops, start, outputs, places }, slots.signature.scratch(free as usize));
         watch(name, part, stream, scratch, lanes);
-        let made = Program::new(part, stream, scratch, form, engine);
+        let made = Program::new(part, stream, scratch, form(lanes), engine);
         free = made.slots() as u32;
         made
     };
@@ -195,19 +190,18 @@ pub fn make(ops: &[Op], layout: &Layout, tracing: Tracing, (lanes, engine): (boo
     let segments = cuts.iter().zip(&starts).enumerate();
     let mut segments: Vec<Program> =
         segments.map(|(k, (cut, &start))| program(name(k), start, &cut.outputs, &places, repeats.then_some(stream))).collect();
-    let law = program("law".into(), 0, &to(layout.tau(), &tracing.law), &none, None);
+    let law = program("law".into(), 0, &slots.tau.outputs(&tracing.law), &none, None);
     let step = match tracing.rates {
         Some((rates, tau)) => {
-            let (first, count) = (layout.rates(), rates.len());
-            let outputs = [to(layout.tau(), &tau), to(first, &rates)].concat();
-            Step::Stages { segments, rates: program("rates".into(), 0, &outputs, &none, None), first, count }
+            let outputs = [slots.tau.outputs(&tau), slots.rates.outputs(&rates)].concat();
+            Step::Stages { segments, rates: program("rates".into(), 0, &outputs, &none, None), slots: slots.rates }
         }
         None => Step::Whole(segments.remove(0)),
     };
     let (mut sums, mut along) = (None, None);
     if let Some(summing) = tracing.sums {
-        sums = Some(program("sums".into(), 0, &to(layout.kept(), &summing.alone), &none, None));
-        let kept = |entries: &[u32]| to(layout.kept(), &entries[..layout.lasting]);
+        sums = Some(program("sums".into(), 0, &slots.metrics.outputs(&summing.alone), &none, None));
+        let kept = |entries: &[u32]| slots.metrics.outputs(&entries[..slots.lasting]);
         along = Some(match step {
             Step::Whole(_) => program("summed_step".into(), 0, &[whole.clone(), kept(&summing.along)].concat(), &none, Some(stream)),
             // The frame already contains the plant's input. The input is held, or the first stage of the step has written it.
@@ -216,10 +210,10 @@ pub fn make(ops: &[Op], layout: &Layout, tracing: Tracing, (lanes, engine): (boo
     }
     let (mut notes, mut noted_step) = (None, None);
     if let Some(noting) = tracing.notes {
-        let alone = [to(layout.noted(), &noting.alone), to(layout.own_firsts(), &noting.firsts)].concat();
+        let alone = [slots.record.outputs(&noting.alone), slots.own_reference.outputs(&noting.firsts)].concat();
         notes = Some(program("notes".into(), 0, &alone, &none, None));
         if let Step::Whole(_) = step {
-            let next = [whole, to(layout.noted(), &noting.along)].concat();
+            let next = [whole, slots.record.outputs(&noting.along)].concat();
             noted_step = Some(program("noted_step".into(), 0, &next, &none, Some(stream)));
         }
     }

@@ -1,17 +1,17 @@
 //! A recorded loop with the interface of a closed loop. Its programs are the compiled recordings, and a frame is their memory. The method
 //! in [`super::program_step`] advances this loop by fixed steps.
 
-use super::layout::Layout;
 use super::log::{Log, MOST_LANES};
 use super::recorded::Recorded;
 use super::sampler::Sampler;
 use super::simulated_loop::SimulatedLoop;
 use super::sink::Sink;
+use super::slots::Instant;
 use super::world::{Exogenous, World};
 use crate::integrate::System;
 use crate::scalar::Real;
 use crate::scalar::trig::REDUCTION_LIMIT;
-use crate::trace::{Frame, form};
+use crate::trace::{Frame, Slots, form};
 use std::sync::Arc;
 
 /// The loop of one run (`f64`), or of several runs with the same structure, one per lane.
@@ -60,7 +60,7 @@ impl<'a, S: Real> ProgramLoop<'a, S> {
             frame
         };
         let frames = (0..S::LANES).step_by(lanes).map(frame).collect();
-        let (n, p) = (recorded.layout.inputs, recorded.layout.answer);
+        let (n, p) = (recorded.slots.tau.count, recorded.slots.law_rate.count);
         let now = world.instant();
         let answer = (vec![S::zero(); n], vec![S::zero(); p]);
         ProgramLoop {
@@ -71,7 +71,7 @@ impl<'a, S: Real> ProgramLoop<'a, S> {
             tau: answer.0.clone(),
             dz: answer.1.clone(),
             acting: answer,
-            seen: vec![S::zero(); recorded.layout.carried()],
+            seen: vec![S::zero(); recorded.slots.carried().count],
             recorded,
             world,
             table,
@@ -81,7 +81,7 @@ impl<'a, S: Real> ProgramLoop<'a, S> {
 
     /// Let the programs compute and store a record every `steps` steps.
     pub fn note_every(&mut self, steps: usize) {
-        self.log = Some(Log::new(&self.recorded.layout, steps, &self.frames));
+        self.log = Some(Log::new(&self.recorded.slots, steps, &self.frames));
     }
 
     /// Write the exogenous input at time `t`, s, and the state `x` to the frames. Unless the input is held, also evaluate the law.
@@ -90,15 +90,15 @@ impl<'a, S: Real> ProgramLoop<'a, S> {
             return self.observe(t, x);
         }
         let recorded = self.recorded.clone();
-        let layout = &recorded.layout;
+        let slots = &recorded.slots;
         self.world.sample(t, &mut self.now);
-        write_instant(&mut self.frames, layout, layout.instant(0), &self.now);
-        write(&mut self.frames, layout.state(), x);
+        write_instant(&mut self.frames, slots.exogenous, &self.now);
+        write(&mut self.frames, slots.carried(), x);
     }
 
     /// Whether an angle of lane `lane` exceeded the range of the programs' sines.
     pub fn strayed(&self, lane: usize) -> bool {
-        !(self.number(self.recorded.layout.reach(), lane) < REDUCTION_LIMIT)
+        !(self.number(self.recorded.slots.signature.angle(), lane) < REDUCTION_LIMIT)
     }
 
     /// The number in slot `slot` of lane `lane`.
@@ -110,43 +110,44 @@ impl<'a, S: Real> ProgramLoop<'a, S> {
     /// Evaluate the law at time `t` and state `x = [plant, law, ..]`, and write its results to `self.tau` and the frames.
     fn observe(&mut self, t: f64, x: &[S]) {
         let recorded = self.recorded.clone();
-        let layout = &recorded.layout;
+        let slots = &recorded.slots;
         self.world.sample(t, &mut self.now);
-        write_instant(&mut self.frames, layout, layout.instant(0), &self.now);
-        write(&mut self.frames, layout.state(), x);
+        write_instant(&mut self.frames, slots.exogenous, &self.now);
+        write(&mut self.frames, slots.carried(), x);
         for frame in &mut self.frames {
             recorded.programs.answer(frame);
         }
-        read(&self.frames, layout.tau(), &mut self.tau);
-        read(&self.frames, layout.law_rate(), &mut self.dz);
+        read(&self.frames, slots.tau, &mut self.tau);
+        read(&self.frames, slots.law_rate, &mut self.dz);
     }
 }
 
-/// Write the exogenous input of one instant to the slots from `first` on.
-fn write_instant<S: Real>(frames: &mut [Frame], layout: &Layout, first: usize, u: &Exogenous<S>) {
-    write(frames, first, &u.desired);
-    write(frames, first + layout.desired, &u.wrench[..layout.wrench]);
+/// Write the exogenous input of one instant to its slots.
+fn write_instant<S: Real>(frames: &mut [Frame], instant: Instant, u: &Exogenous<S>) {
+    let [desired, wrench] = instant.sizes();
+    write(frames, instant.slots, &u.desired);
+    write(frames, instant.slots.part(desired, wrench), &u.wrench[..wrench]);
 }
 
-/// Write `values` to the slots from `first` on.
-fn write<S: Real>(frames: &mut [Frame], first: usize, values: &[S]) {
+/// Write `values` to the first slots of a group.
+fn write<S: Real>(frames: &mut [Frame], slots: Slots, values: &[S]) {
     let lanes = frames[0].lanes();
     let mut row = [0.0; MOST_LANES];
     for (k, value) in values.iter().enumerate() {
         value.store(&mut row[..S::LANES]);
         for (frame, row) in frames.iter_mut().zip(row.chunks_exact(lanes)) {
-            frame.numbers_mut()[(first + k) * lanes..][..lanes].copy_from_slice(row);
+            frame.numbers_mut()[(slots.first + k) * lanes..][..lanes].copy_from_slice(row);
         }
     }
 }
 
-/// Read `values` from the slots from `first` on.
-fn read<S: Real>(frames: &[Frame], first: usize, values: &mut [S]) {
+/// Read `values` from the first slots of a group.
+fn read<S: Real>(frames: &[Frame], slots: Slots, values: &mut [S]) {
     let lanes = frames[0].lanes();
     let mut row = [0.0; MOST_LANES];
     for (k, value) in values.iter_mut().enumerate() {
         for (frame, row) in frames.iter().zip(row.chunks_exact_mut(lanes)) {
-            row.copy_from_slice(&frame.numbers()[(first + k) * lanes..][..lanes]);
+            row.copy_from_slice(&frame.numbers()[(slots.first + k) * lanes..][..lanes]);
         }
         *value = S::load(&row[..S::LANES]);
     }
@@ -155,7 +156,7 @@ fn read<S: Real>(frames: &[Frame], first: usize, values: &mut [S]) {
 impl<S: Real> ProgramLoop<'_, S> {
     /// Advance the state `x` by some steps of size `h`, s. `run(frame, k)` runs a program in frame `k`.
     pub(super) fn advance(&mut self, h: f64, x: &mut [S], mut run: impl FnMut(&mut Frame, usize)) {
-        let (state, step) = (self.recorded.layout.state(), self.recorded.layout.step());
+        let (state, step) = (self.recorded.slots.carried(), self.recorded.slots.step);
         write(&mut self.frames, state, x);
         for (k, frame) in self.frames.iter_mut().enumerate() {
             frame.fill(step, h);
@@ -179,9 +180,9 @@ impl<S: Real> ProgramLoop<'_, S> {
         };
         sampler.run(t, &x[..states], n, law, &mut tau, &mut dz);
         self.seen = seen;
-        let layout = &self.recorded.layout;
-        write(&mut self.frames, layout.tau(), &tau[..n]);
-        write(&mut self.frames, layout.law_rate(), &dz[..p]);
+        let slots = &self.recorded.slots;
+        write(&mut self.frames, slots.tau, &tau[..n]);
+        write(&mut self.frames, slots.law_rate, &dz[..p]);
         self.tau.copy_from_slice(&tau);
         self.dz.copy_from_slice(&dz);
         self.acting = (tau, dz);
@@ -216,22 +217,22 @@ impl<S: Real> SimulatedLoop<S> for ProgramLoop<'_, S> {
     }
     fn sum_up(&mut self, t: f64, h: f64, x: &mut [S]) {
         let recorded = self.recorded.clone();
-        let layout = &recorded.layout;
+        let slots = &recorded.slots;
         self.answer_in_frames(t, x);
         for frame in &mut self.frames {
-            frame.fill(layout.step(), h);
+            frame.fill(slots.step, h);
             recorded.programs.sum_up(frame);
         }
-        read(&self.frames, layout.kept(), &mut x[layout.states..]);
+        read(&self.frames, slots.metrics, &mut x[slots.state.count..]);
     }
     fn note(&mut self, i: usize, t: f64, x: &[S]) {
         self.answer_in_frames(t, x);
-        let (layout, programs) = (&self.recorded.layout, &self.recorded.programs);
+        let (slots, programs) = (&self.recorded.slots, &self.recorded.programs);
         for frame in &mut self.frames {
             programs.note(frame);
-            if i == 0 && layout.firsts > 0 {
-                let (lanes, own) = (frame.lanes(), layout.own_firsts());
-                frame.numbers_mut().copy_within(own * lanes..(own + layout.firsts) * lanes, layout.firsts() * lanes);
+            if i == 0 && slots.reference.count > 0 {
+                let lanes = frame.lanes();
+                frame.numbers_mut().copy_within(slots.own_reference.numbers(lanes), slots.reference.first * lanes);
                 programs.note(frame);
             }
         }

@@ -4,11 +4,11 @@
 //! computes all steps of a stream in one call. The step of a large loop consists of parts, which read the inputs from the frame, the memory
 //! of the programs.
 
-use super::layout::Layout;
 use super::log::Log;
 use super::loop_programs::Programs;
 use super::program_loop::ProgramLoop;
 use super::recorded::Recorded;
+use super::slots::StepSlots;
 use super::world::World;
 use crate::integrate::FixedStep;
 use crate::interrupt;
@@ -45,14 +45,14 @@ pub struct ProgramStep<S> {
 
 /// Write to `times` the times at which `steps` need the exogenous inputs. `steps` yields start, step size and end. The last time of a
 /// step is omitted if the next step begins with it.
-fn instants(layout: &Layout, steps: impl Iterator<Item = [f64; 3]>, times: &mut Vec<f64>) {
+fn instants(slots: &StepSlots, steps: impl Iterator<Item = [f64; 3]>, times: &mut Vec<f64>) {
     times.clear();
     let mut last = None;
     for [t, h, end] in steps {
-        times.extend(layout.instants[..layout.new_instants()].iter().map(|&part| if part == 1.0 { end } else { t + part * h }));
+        times.extend(slots.instants[..slots.new_instants()].iter().map(|&part| if part == 1.0 { end } else { t + part * h }));
         last = Some(end);
     }
-    times.extend(last.filter(|_| layout.ends_at_last()));
+    times.extend(last.filter(|_| slots.ends_at_last()));
 }
 
 /// Return start, size and end of the equal steps `from..to` of size `h`.
@@ -62,15 +62,15 @@ fn equal(from: usize, to: usize, h: f64) -> impl ExactSizeIterator<Item = [f64; 
 
 impl<S: Real> ProgramStep<S> {
     pub fn new(closed: &ProgramLoop<S>) -> Self {
-        let (layout, world) = (&closed.recorded.layout, &closed.world);
-        let most = layout.new_instants() * STREAM_STEPS + 1;
-        let slots = layout.exogenous() * most;
-        let lanes = if layout.shared { vec![1] } else { closed.frames.iter().map(Frame::lanes).collect() };
-        let whole = |table: &&Table| layout.shared && layout.exogenous() == 3 * table.dof();
+        let (slots, world) = (&closed.recorded.slots, &closed.world);
+        let most = slots.new_instants() * STREAM_STEPS + 1;
+        let numbers = slots.exogenous.slots.count * most;
+        let lanes = if slots.shared { vec![1] } else { closed.frames.iter().map(Frame::lanes).collect() };
+        let whole = |table: &&Table| slots.shared && slots.exogenous.slots.count == 3 * table.dof();
         ProgramStep {
             times: Vec::with_capacity(most),
-            streams: lanes.iter().map(|&lanes| Frame::new(slots, lanes)).collect(),
-            lane: vec![0.0; if layout.shared { 0 } else { slots }],
+            streams: lanes.iter().map(|&lanes| Frame::new(numbers, lanes)).collect(),
+            lane: vec![0.0; if slots.shared { 0 } else { numbers }],
             table: world.only_table().filter(whole).cloned(),
             at: None,
             still: world.is_still(),
@@ -80,19 +80,19 @@ impl<S: Real> ProgramStep<S> {
     }
 
     /// Evaluate the exogenous inputs of several steps, and write them to the streams. `steps` yields start, size and end.
-    fn sample(&mut self, layout: &Layout, world: &World, steps: impl ExactSizeIterator<Item = [f64; 3]>) {
-        let (count, width) = (layout.new_instants() * steps.len() + usize::from(layout.ends_at_last()), layout.exogenous());
+    fn sample(&mut self, slots: &StepSlots, world: &World, steps: impl ExactSizeIterator<Item = [f64; 3]>) {
+        let (count, width) = (slots.new_instants() * steps.len() + usize::from(slots.ends_at_last()), slots.exogenous.slots.count);
         if width == 0 || self.still && count <= self.filled {
             return;
         }
-        instants(layout, steps, &mut self.times);
+        instants(slots, steps, &mut self.times);
         let times = &self.times;
         self.filled = count;
         self.at = self.table.as_ref().and_then(|table| table.along(times));
         if self.at.is_some() {
             return;
         }
-        if layout.shared {
+        if slots.shared {
             return world.sample_each(0, times, width, self.streams[0].numbers_mut());
         }
         for lane in 0..S::LANES {
@@ -112,11 +112,12 @@ impl<S: Real> ProgramStep<S> {
     }
 
     /// Copy the exogenous inputs of step `turn` of stream `k` to the slots from which the parts of a step read.
-    fn place(&self, layout: &Layout, frame: &mut Frame, k: usize, turn: usize) {
-        let (width, lanes) = (if layout.shared { 1 } else { frame.lanes() }, frame.lanes());
-        let slots = layout.instants.len() * layout.exogenous();
-        let from = &self.stream(k)[turn * layout.new_instants() * layout.exogenous() * width..][..slots * width];
-        let to = &mut frame.numbers_mut()[layout.instant(0) * lanes..][..slots * lanes];
+    fn place(&self, slots: &StepSlots, frame: &mut Frame, k: usize, turn: usize) {
+        let (width, lanes) = (if slots.shared { 1 } else { frame.lanes() }, frame.lanes());
+        let exogenous = slots.exogenous.slots;
+        let all = exogenous.part(0, slots.instants.len() * exogenous.count);
+        let from = &self.stream(k)[turn * slots.new_instants() * exogenous.count * width..][..all.count * width];
+        let to = frame.group_mut(all);
         if width == lanes {
             to.copy_from_slice(from);
         } else {
@@ -129,14 +130,14 @@ impl<S: Real> ProgramStep<S> {
     /// Compute several steps in parts, while the state remains in the frames.
     fn stride_in_parts(&mut self, system: &mut ProgramLoop<'_, S>, first: usize, count: usize, h: f64, x: &mut [S]) {
         let recorded = system.recorded.clone();
-        let layout = &recorded.layout;
+        let slots = &recorded.slots;
         for from in (first..first + count).step_by(STREAM_STEPS) {
             let turns = STREAM_STEPS.min(first + count - from);
-            self.sample(layout, &system.world, equal(from, from + turns, h));
+            self.sample(slots, &system.world, equal(from, from + turns, h));
             let mut log = system.log.take();
             system.advance(h, x, |frame, k| {
                 for turn in 0..turns {
-                    self.place(layout, frame, k, turn);
+                    self.place(slots, frame, k, turn);
                     let step = from + turn;
                     let mut due = log.as_mut().filter(|log| step.is_multiple_of(log.every));
                     recorded.programs.advance(frame, |programs, frame| match &mut due {
@@ -185,16 +186,16 @@ fn run_noting(
 /// Evaluate the exogenous inputs of `steps` whole steps of size `h`, s. The result is `None` if runs have different inputs, if the step is
 /// in parts, or if the table would be too large.
 pub fn tabulate(recorded: &Recorded, world: &World, steps: usize, h: f64) -> Option<Vec<f64>> {
-    let layout = &recorded.layout;
-    let (width, new) = (layout.exogenous(), layout.new_instants());
+    let slots = &recorded.slots;
+    let (width, new) = (slots.exogenous.slots.count, slots.new_instants());
     let numbers = width.checked_mul(new)?.checked_mul(steps)?.checked_add(width)?;
-    if !layout.shared || recorded.programs.whole().is_none() || numbers > LARGEST_TABLE {
+    if !slots.shared || recorded.programs.whole().is_none() || numbers > LARGEST_TABLE {
         return None;
     }
     let (mut table, mut times) = (memory::zeros(numbers).ok()?, Vec::new());
     for first in (0..steps).step_by(STREAM_STEPS).filter(|_| width > 0) {
         interrupt::check();
-        instants(layout, equal(first, (first + STREAM_STEPS).min(steps), h), &mut times);
+        instants(slots, equal(first, (first + STREAM_STEPS).min(steps), h), &mut times);
         world.sample_each(0, &times, width, &mut table[first * new * width..]);
     }
     Some(table)
@@ -203,12 +204,12 @@ pub fn tabulate(recorded: &Recorded, world: &World, steps: usize, h: f64) -> Opt
 impl<S: Real> FixedStep<S, ProgramLoop<'_, S>, Vec<S>> for ProgramStep<S> {
     fn step(&mut self, system: &mut ProgramLoop<'_, S>, t: f64, h: f64, end: f64, x: &mut Vec<S>) {
         let recorded = system.recorded.clone();
-        self.sample(&recorded.layout, &system.world, std::iter::once([t, h, end]));
-        let layout = &recorded.layout;
+        self.sample(&recorded.slots, &system.world, std::iter::once([t, h, end]));
+        let slots = &recorded.slots;
         system.advance(h, x, |frame, k| match recorded.programs.whole() {
             Some(program) => program.run_along(frame, self.stream(k), 1),
             None => {
-                self.place(layout, frame, k, 0);
+                self.place(slots, frame, k, 0);
                 recorded.programs.advance(frame, |_, _| ());
             }
         });
@@ -225,13 +226,13 @@ impl<S: Real> FixedStep<S, ProgramLoop<'_, S>, Vec<S>> for ProgramStep<S> {
         while done < count {
             let (turns, from) = ((count - done).min(most), first + done);
             if table.is_none() {
-                self.sample(&recorded.layout, &system.world, equal(from, from + turns, h));
+                self.sample(&recorded.slots, &system.world, equal(from, from + turns, h));
             }
-            let width = recorded.layout.new_instants() * recorded.layout.exogenous();
+            let width = recorded.slots.new_instants() * recorded.slots.exogenous.slots.count;
             let mut log = system.log.take();
             system.advance(h, x, |frame, k| {
                 let stream = table.map_or_else(|| self.stream(k), |table| &table[from * width..]);
-                let lanes = if recorded.layout.shared { 1 } else { frame.lanes() };
+                let lanes = if recorded.slots.shared { 1 } else { frame.lanes() };
                 match &mut log {
                     Some(log) => run_noting(&recorded.programs, width * lanes, log, (frame, k), stream, (from, turns)),
                     None => program.run_along(frame, stream, turns),

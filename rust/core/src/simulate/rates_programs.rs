@@ -13,15 +13,15 @@ use super::assembly::assemble;
 use super::attempt_programs::AttemptProgram;
 use super::force::Force;
 use super::key::Common;
-use super::layout::Slots;
 use super::loop_programs::Watch;
 use super::problem::Problem;
-use super::recorded::{self, REPAYS, Seen, inputs, instant, modes_as_inputs};
+use super::recorded::{self, REPAYS, Seen, instant, modes_as_inputs};
+use super::slots::RatesSlots;
 use crate::motion::Motion;
 use crate::trace::cache::{Cache, MadeOnce};
 use crate::trace::differentiate::Differentiation;
 use crate::trace::tape::Op;
-use crate::trace::{Cut, Engine, Part, Program, Scratch, SlotTable, engine, form, segments, sym};
+use crate::trace::{Cut, Engine, Part, Program, Signature, SlotTable, Slots, engine, form, segments, sym};
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Arc, OnceLock};
 
@@ -33,16 +33,16 @@ pub struct Derivatives {
     pub plant: Program,
     /// Computes the derivatives along the law's states.
     pub law: Option<Program>,
-    /// The first slot of the direction along which the program `plant` differentiates.
-    pub along_plant: usize,
-    /// The first slot of the direction along which the program `law` differentiates.
-    pub along_law: usize,
-    /// Whether the program `plant` also differentiates along the exogenous input. Then the components of the exogenous input follow the
-    /// plant's states in the direction at `along_plant`.
+    pub signature: Signature,
+    /// The direction along which the program `plant` differentiates. If it also differentiates along the exogenous input, the components of
+    /// this input follow the plant's states.
+    pub along_plant: Slots,
+    /// The direction along which the program `law` differentiates.
+    pub along_law: Slots,
+    /// Whether the program `plant` also differentiates along the exogenous input.
     pub moves: bool,
-    pub rates: usize,
-    pub derivatives: usize,
-    pub reach: usize,
+    pub rates: Slots,
+    pub derivatives: Slots,
 }
 
 impl Derivatives {
@@ -51,16 +51,15 @@ impl Derivatives {
     }
 }
 
-/// The program of further functions of the loop. It shares the frame of the rates.
+/// The program of a function of the loop. All functions share a frame.
 pub struct FunctionProgram {
     pub program: Program,
-    /// The slot of the first function.
-    pub first: usize,
+    pub results: Slots,
 }
 
 /// The programs of all loops with the same structure, for one engine.
 pub struct RatesPrograms {
-    pub rates: Program,
+    pub rates: FunctionProgram,
     /// The plant's input. With a held input, also the rate of the law's state. `None` if the caller supplies the law.
     pub law: Option<FunctionProgram>,
     /// The depth and the push of each contact, if the modes of contacts are inputs.
@@ -76,7 +75,7 @@ impl RatesPrograms {
     /// The programs of one run, which share a frame.
     pub fn of_one_run(&self) -> impl Iterator<Item = &Program> + Clone {
         let functions = [&self.law, &self.contacts, &self.margins, &self.loads];
-        std::iter::once(&self.rates).chain(functions.into_iter().flatten().map(|functions| &functions.program))
+        std::iter::once(&self.rates).chain(functions.into_iter().flatten()).map(|function| &function.program)
     }
 }
 
@@ -116,7 +115,7 @@ struct Tape {
 
 /// The recorded rates of all loops with the same structure.
 pub struct RecordedRates {
-    pub slots: Slots,
+    pub slots: RatesSlots,
     /// Whether the input is held.
     pub held: bool,
     tape: Tape,
@@ -140,7 +139,7 @@ impl RecordedRates {
 
     /// Return the program of whole attempts of run `run`, if the loop has one.
     pub fn attempt(&self, problem: &Problem, run: usize, common: Common) -> Arc<Option<AttemptProgram>> {
-        let operations = self.programs(engine()).rates.operations();
+        let operations = self.programs(engine()).rates.program.operations();
         self.attempt.get(|| AttemptProgram::of(problem, run, common, self.held, (&self.slots, operations)))
     }
 
@@ -183,36 +182,24 @@ pub fn of_run(problem: &Problem, run: usize, common: Common, held: bool) -> Rate
 }
 
 /// Record the rates of run `run` for a listing, with the derivatives that the method requires. If `folds` is false, the operations are not
-/// simplified, and no derivatives are recorded. Return the slots, and whether derivatives with respect to time are included.
-pub fn record_watched(problem: &Problem, run: usize, common: Common, folds: bool, watch: Watch) -> (Slots, bool) {
+/// simplified, and no derivatives are recorded. Return the signature of the rates, and of their derivatives.
+pub fn record_watched(problem: &Problem, run: usize, common: Common, folds: bool, watch: Watch) -> (Signature, Option<Signature>) {
     let required = if folds { RequiredDerivatives::of(problem, run) } else { RequiredDerivatives::Rates };
     let (tape, slots) = record(problem, run, common, problem.options.sampling.is_some(), folds);
-    make(&tape, &slots, (required, engine()), watch);
-    (slots, required == RequiredDerivatives::Time)
+    let programs = make(&tape, &slots, (required, engine()), watch);
+    (slots.signature, programs.derivatives.map(|derivatives| derivatives.signature))
 }
 
 /// Record the loop of run `run`.
-fn record(problem: &Problem, run: usize, common: Common, held: bool, folds: bool) -> (Tape, Slots) {
+fn record(problem: &Problem, run: usize, common: Common, held: bool, folds: bool) -> (Tape, RatesSlots) {
     sym::begin_that(folds);
     let mut closed = assemble(problem, run, common.monitored.storage);
-    let given = sym::end_set_up();
-    let (plant, law) = (problem.plant(run).states(), problem.law(run).initial_state().len());
-    let sides = problem.plant(run).sticking_joints();
-    let slots = Slots {
-        given,
-        desired: closed.desired,
-        wrench: if problem.forces.is_empty() { 0 } else { 6 },
-        plant,
-        law,
-        quadratures: closed.size() - plant - law,
-        inputs: closed.tau.len(),
-        answer: closed.law_rate().len(),
-        modes: contact_modes(problem, run) + sides,
-        sides,
-        speeds: closed.first_speed(),
-    };
-    let u = instant(slots.desired, slots.wrench);
-    let (x, tau, dz) = (inputs(slots.states()), inputs(slots.inputs), inputs(slots.answer));
+    let signature = Signature::new(sym::end_set_up());
+    let sizes = [problem.plant(run).states(), problem.law(run).initial_state().len()];
+    let modes = [contact_modes(problem, run), problem.plant(run).sticking_joints()];
+    let mut slots = RatesSlots::new(signature, &closed, if problem.forces.is_empty() { 0 } else { 6 }, sizes, modes);
+    let u = instant(slots.exogenous.sizes());
+    let (x, tau, dz) = (slots.state.declare(), slots.tau.declare(), slots.law_rate.declare());
     let mut law = Vec::new();
     if held {
         if problem.law(run).route().is_recordable() {
@@ -228,69 +215,69 @@ fn record(problem: &Problem, run: usize, common: Common, held: bool, folds: bool
     if !held {
         law.clone_from(&closed.tau);
     }
-    let contacts = (0..slots.contact_modes() / 2).flat_map(|i| closed.contact(i, &x)).collect();
-    let (loads, margins) = if slots.sides > 0 { closed.loads_and_margins(&u, &x) } else { Default::default() };
+    let contacts = (0..slots.contacts.count / 2).flat_map(|i| closed.contact(i, &x)).collect();
+    let (loads, margins) = if slots.sides.count > 0 { closed.loads_and_margins(&u, &x) } else { Default::default() };
     drop(closed);
     let recording = sym::finish();
     assert!(!recording.failed, "a recorded law or plant does not branch on data");
     let [rates, law, contacts, margins, loads] = [dx, law, contacts, margins, loads].map(recorded::entries);
-    (Tape { ops: recording.ops, rates, law, contacts, margins, loads }, slots)
+    let tape = Tape { ops: recording.ops, rates, law, contacts, margins, loads };
+    let mut results = |name, entries: &[u32]| slots.signature.output(name, entries.len());
+    slots.results = [
+        results("rates", &tape.rates),
+        results("law", &tape.law),
+        results("contacts", &tape.contacts),
+        results("margins", &tape.margins),
+        results("loads", &tape.loads),
+    ];
+    (tape, slots)
 }
 
-/// Pair recorded operations, given by their indices `entries`, with consecutive slots from `first` on: `(slot, index)`.
-fn to(first: usize, entries: &[u32]) -> Vec<(u32, u32)> {
-    entries.iter().enumerate().map(|(k, &entry)| ((first + k) as u32, entry)).collect()
-}
-
-fn make(tape: &Tape, slots: &Slots, (required, engine): (RequiredDerivatives, Engine), watch: Watch) -> RatesPrograms {
-    let (none, reach) = (SlotTable::default(), slots.reach() as u32);
-    let part = |outputs| Part { ops: &tape.ops, start: 0, outputs, places: &none };
-    let outputs = to(slots.rates(), &tape.rates);
-    let scratch = Scratch { reach, free: slots.reach() + 1 };
-    watch("rates".into(), part(&outputs), None, scratch, false);
-    let rates = Program::new(part(&outputs), None, scratch, form(false), engine);
-    let mut free = rates.slots();
-    // The results of a program are in slots that no program before it uses.
-    let mut functions = |entries: &[u32]| {
-        let first = free;
-        let scratch = Scratch { reach, free: first + entries.len() };
-        let part = Part { outputs: &to(first, entries), ..part(&outputs) };
-        let program = (!entries.is_empty()).then(|| Program::new(part, None, scratch, form(false), engine))?;
+fn make(tape: &Tape, slots: &RatesSlots, (required, engine): (RequiredDerivatives, Engine), watch: Watch) -> RatesPrograms {
+    let (none, mut free) = (SlotTable::default(), slots.signature.slots());
+    // The intermediate values of a program are in slots that no program before it uses.
+    let mut function = |name: Option<&str>, entries: &[u32], results: Slots| {
+        let (outputs, scratch) = (results.outputs(entries), slots.signature.scratch(free));
+        let part = Part { ops: &tape.ops, start: 0, outputs: &outputs, places: &none };
+        if let Some(name) = name {
+            watch(name.into(), part, None, scratch, false);
+        }
+        let program = Program::new(part, None, scratch, form(false), engine);
         free = program.slots();
-        Some(FunctionProgram { program, first })
+        FunctionProgram { program, results }
     };
-    let [law, contacts, margins, loads] = [&tape.law, &tape.contacts, &tape.margins, &tape.loads].map(|entries| functions(entries));
+    let [of_rates, of_law, of_contacts, of_margins, of_loads] = slots.results;
+    let rates = function(Some("rates"), &tape.rates, of_rates);
+    let mut further = |entries: &[u32], results: Slots| (!entries.is_empty()).then(|| function(None, entries, results));
+    let (law, contacts) = (further(&tape.law, of_law), further(&tape.contacts, of_contacts));
+    let (margins, loads) = (further(&tape.margins, of_margins), further(&tape.loads, of_loads));
     let derivatives = (required != RequiredDerivatives::Rates)
         .then(|| differentiate(tape, slots, (required == RequiredDerivatives::Time, engine), watch));
     RatesPrograms { rates, law, contacts, margins, loads, derivatives }
 }
 
-fn differentiate(tape: &Tape, slots: &Slots, (moves, engine): (bool, Engine), watch: Watch) -> Derivatives {
-    let of = &tape.rates;
-    let entries = |first: usize, count: usize| first as u32..(first + count) as u32;
-    let mut moving: Vec<u32> = entries(slots.state(), slots.plant).collect();
+fn differentiate(tape: &Tape, slots: &RatesSlots, (moves, engine): (bool, Engine), watch: Watch) -> Derivatives {
+    let mut moving: Vec<u32> = slots.state.part(0, slots.plant).inputs().collect();
     if moves {
-        moving.extend(entries(slots.given, slots.desired + slots.wrench));
+        moving.extend(slots.exogenous.slots.inputs());
     }
-    let law: Vec<u32> = entries(slots.state() + slots.plant, slots.law).collect();
-    let inputs = slots.rates();
-    let along_law = inputs + moving.len();
-    let rates = along_law + law.len();
-    let derivatives = rates + slots.states();
-    let reach = derivatives + slots.states();
-    let mut work = Differentiation::new(tape.ops.clone(), inputs);
-    let mut cuts = vec![Cut { end: work.length(), outputs: to(rates, of) }];
+    let law: Vec<u32> = slots.state.part(slots.plant, slots.law).inputs().collect();
+    let mut signature = slots.signature.of_inputs();
+    let mut work = Differentiation::new(tape.ops.clone(), signature.angle());
+    let (along_plant, along_law) = (signature.input("along_plant", moving.len()), signature.input("along_law", law.len()));
+    let [rates, derivatives] = ["rates", "derivatives"].map(|name| signature.output(name, slots.state.count));
+    let mut cuts = vec![Cut { end: work.length(), outputs: rates.outputs(&tape.rates) }];
     for moving in [&moving, &law] {
-        let outputs = to(derivatives, &work.along(moving, of));
+        let outputs = derivatives.outputs(&work.along(moving, &tape.rates));
         cuts.push(Cut { end: work.length(), outputs });
     }
     let needs_law = cuts[2].outputs.iter().any(|&(_, entry)| entry != 0);
     let ops = work.finish();
-    let (places, mut free) = segments::join(&ops, &mut cuts, reach as u32 + 1);
+    let (places, mut free) = segments::join(&ops, &mut cuts, signature.slots() as u32);
     let mut start = 0;
     let mut program = |name: &str, cut: &Cut| {
         let part = Part { ops: &ops, start, outputs: &cut.outputs, places: &places };
-        let scratch = Scratch { reach: reach as u32, free: free as usize };
+        let scratch = signature.scratch(free as usize);
         watch(name.into(), part, None, scratch, true);
         let made = Program::new(part, None, scratch, form(true), engine);
         (start, free) = (cut.end, made.slots() as u32);
@@ -298,7 +285,7 @@ fn differentiate(tape: &Tape, slots: &Slots, (moves, engine): (bool, Engine), wa
     };
     let [values, plant] = [program("values", &cuts[0]), program("along_plant", &cuts[1])];
     let law = needs_law.then(|| program("along_law", &cuts[2]));
-    Derivatives { values, plant, law, along_plant: inputs, along_law, moves, rates, derivatives, reach }
+    Derivatives { values, plant, law, signature, along_plant, along_law, moves, rates, derivatives }
 }
 
 /// The recorded rates of the runs of a problem. They are recorded on first use.

@@ -17,10 +17,10 @@ use super::assembly::assemble;
 use super::closed_loop::ClosedLoop;
 use super::gauge::Start;
 use super::key::{Common, Key, MOST_NUMBERS};
-use super::layout::{Layout, Slots};
 use super::loop_programs::{self, Noting, Programs, Summing, Tracing, Watch};
 use super::notes::Notes;
 use super::problem::Problem;
+use super::slots::{Instant, RatesSlots, StepSlots};
 use super::sums::Sums;
 use super::world::Exogenous;
 use crate::integrate::{Advance, ExplicitSteps, MethodKind, System, WithExplicitSteps};
@@ -30,7 +30,7 @@ use crate::trace::cache::Cache;
 use crate::trace::label::Label;
 #[cfg(debug_assertions)]
 use crate::trace::tape::Op;
-use crate::trace::{Cut, Engine, Sym, engine, sym};
+use crate::trace::{Cut, Engine, Signature, Sym, engine, sym};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -42,7 +42,7 @@ const LARGE: u32 = 700;
 
 /// The recorded loop of all runs with one structure.
 pub struct Recorded {
-    pub layout: Layout,
+    pub slots: StepSlots,
     pub programs: Programs,
     plant_states: usize,
     /// The number of evaluations of the rates by the interpreter so far.
@@ -187,33 +187,20 @@ pub fn record_watched(problem: &Problem, run: usize, common: Common, plain: Opti
     sym::begin_that(plain.is_none());
     let (closed, extras) = set_up(problem, run, common);
     let given = sym::end_set_up();
-    let (kept, lasting) = extras.sums.as_ref().map_or((0, 0), Sums::sizes);
-    let (monitors, firsts) = extras.notes.as_ref().map_or((0, 0), Notes::sizes);
+    let metrics = extras.sums.as_ref().map_or((0, 0), Sums::sizes);
+    let (monitors, reference) = extras.notes.as_ref().map_or((0, 0), Notes::sizes);
     let noted = extras.notes.as_ref().map_or(0, |_| closed.tau.len() + monitors);
     let MethodKind::ExplicitSteps(method) = problem.options.method.kind() else { unreachable!("the steps are explicit") };
-    let instants = method.instants();
-    let mut layout = Layout {
-        given,
-        desired: closed.desired,
-        wrench: if problem.forces.is_empty() { 0 } else { 6 },
-        instants,
-        states: closed.size(),
-        kept,
-        lasting,
-        inputs: closed.tau.len(),
-        answer: closed.law_rate().len(),
-        firsts,
-        noted,
-        all_inputs: 0,
-        shared: common.shared,
-    };
-    let tracing = trace(closed, extras, (method, problem.law(run).route().is_recordable(), plain), &layout);
-    layout.all_inputs = sym::recorded().1 as usize;
+    let context = (if problem.forces.is_empty() { 0 } else { 6 }, method.instants(), common.shared);
+    let mut slots = StepSlots::new(Signature::new(given), &closed, context, (metrics, reference));
+    let tracing = trace(closed, extras, (method, problem.law(run).route().is_recordable(), plain), &slots);
+    slots.end(tracing.cuts.len(), noted);
+    debug_assert_eq!(sym::recorded().1 as usize, slots.signature.angle(), "all inputs have slots");
     let recording = sym::finish();
     assert!(!recording.failed, "a recorded law or plant does not branch on data");
-    let programs = loop_programs::make(&recording.ops, &layout, tracing, (common.lanes, common.engine), watch);
+    let programs = loop_programs::make(&recording.ops, &slots, tracing, (common.lanes, common.engine), watch);
     Recorded {
-        layout,
+        slots,
         programs,
         plant_states: problem.plant(run).states(),
         work: AtomicUsize::new(0),
@@ -223,9 +210,9 @@ pub fn record_watched(problem: &Problem, run: usize, common: Common, plain: Opti
 }
 
 /// Make the modes of contacts and joints inputs of a recorded loop.
-pub fn modes_as_inputs(closed: &mut ClosedLoop, slots: &Slots) {
-    closed.hold_modes(&inputs(slots.contact_modes()));
-    closed.hold_sides(&inputs(slots.sides));
+pub fn modes_as_inputs(closed: &mut ClosedLoop, slots: &RatesSlots) {
+    closed.hold_modes(&inputs(slots.contacts.count));
+    closed.hold_sides(&inputs(slots.sides.count));
 }
 
 /// Declare `count` new inputs of a program.
@@ -234,7 +221,7 @@ pub fn inputs(count: usize) -> Vec<Sym> {
 }
 
 /// Declare new inputs for the exogenous input at one instant: the desired motions, then the wrench.
-pub fn instant(desired: usize, wrench: usize) -> Exogenous<Sym> {
+pub fn instant([desired, wrench]: [usize; 2]) -> Exogenous<Sym> {
     let mut instant = Exogenous { t: 0.0, desired: inputs(desired), wrench: [Sym::zero(); 6] };
     instant.wrench[..wrench].copy_from_slice(&inputs(wrench));
     instant
@@ -246,16 +233,14 @@ fn trace(
     closed: ClosedLoop,
     extras: MetricsAndRecords,
     (method, with_law, in_parts): (ExplicitSteps, bool, Option<bool>),
-    layout: &Layout,
+    slots: &StepSlots,
 ) -> Tracing {
-    let one = || instant(layout.desired, layout.wrench);
-    let u: Vec<Exogenous<Sym>> = layout.instants.iter().map(|_| one()).collect();
-    let (x, kept, h) = (inputs(layout.states), inputs(layout.kept), sym::input());
-    let (tau, dz) = (inputs(layout.inputs), inputs(layout.answer));
-    let firsts = inputs(layout.firsts);
-    let (stage, stage_input) = (inputs(layout.states), one());
-    let mut rates = inputs(layout.states);
-    let mut closed = RecordedLoop { closed, layout, cuts: None };
+    let one = || instant(slots.exogenous.sizes());
+    let u: Vec<Exogenous<Sym>> = slots.instants.iter().map(|_| one()).collect();
+    let (x, kept, h) = (slots.state.declare(), slots.metrics.declare(), sym::input());
+    let (tau, dz, firsts) = (slots.tau.declare(), slots.law_rate.declare(), slots.reference.declare());
+    let (stage, stage_input, mut rates) = (slots.stage.declare(), one(), slots.rates.declare());
+    let mut closed = RecordedLoop { closed, slots, cuts: None };
     if with_law {
         closed.closed.turn_to(&x);
         closed.closed.answer(&u[0], &x);
@@ -321,7 +306,7 @@ impl<'a> WithExplicitSteps<Sym, RecordedLoop<'a>> for OneStep {
 /// A loop that records its evaluations.
 struct RecordedLoop<'a> {
     closed: ClosedLoop,
-    layout: &'a Layout,
+    slots: &'a StepSlots,
     /// The cuts before each evaluation of the rates. `None` if the step is not divided.
     cuts: Option<Vec<Cut>>,
 }
@@ -336,12 +321,10 @@ impl System<Sym> for RecordedLoop<'_> {
             self.closed.rates(u, x, dx);
             return;
         };
-        let input = u.desired.iter().chain(&u.wrench[..self.layout.wrench]);
-        let of = |first: usize, values: &mut dyn Iterator<Item = &Sym>| {
-            values.enumerate().map(|(k, value)| ((first + k) as u32, value.index())).collect::<Vec<_>>()
-        };
-        let mut outputs = of(self.layout.stage(), &mut x.iter());
-        outputs.extend(of(self.layout.stage_input(), &mut input.into_iter()));
+        let StepSlots { stage, stage_input: Instant { slots, .. }, .. } = self.slots;
+        let input = u.desired.iter().chain(&u.wrench).take(slots.count).copied();
+        let mut outputs = stage.outputs(&entries(x.to_vec()));
+        outputs.extend(slots.outputs(&entries(input.collect())));
         cuts.push(Cut { end: sym::recorded().0, outputs });
         dx.fill_with(sym::input);
     }

@@ -43,7 +43,7 @@ impl MonitorFunction {
         let given = sym::end_set_up();
         let (monitors, firsts) = notes.sizes();
         let before = sym::recorded().1;
-        let u = instant(desired_of(problem, run), if problem.forces.is_empty() { 0 } else { 6 });
+        let u = instant([desired_of(problem, run), if problem.forces.is_empty() { 0 } else { 6 }]);
         let (x, tau, first) = (inputs(closed.size()), inputs(closed.tau.len()), inputs(firsts));
         let inputs = (sym::recorded().1 - before) as usize;
         let noted = notes.take(&u, &x, &tau, &first);

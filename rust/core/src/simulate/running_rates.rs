@@ -1,12 +1,12 @@
 //! The programs (recorded computations) of the state rates of one run, with their frames, which are their memory.
 
-use super::attempt_programs::{AttemptProgram, write};
-use super::layout::Slots;
+use super::attempt_programs::AttemptProgram;
 use super::rates_programs::{FunctionProgram, RatesPrograms, RecordedRates};
+use super::slots::{Instant, RatesSlots};
 use super::world::Exogenous;
 use crate::integrate::{Attempt, Buffer};
 use crate::scalar::trig::REDUCTION_LIMIT;
-use crate::trace::{Engine, Frame, Program, form};
+use crate::trace::{Engine, Frame, Program, Slots, form};
 use std::sync::Arc;
 
 pub struct Running {
@@ -37,7 +37,7 @@ impl Running {
     pub fn new(recorded: Arc<RecordedRates>, values: &[f64], engine: Engine) -> Self {
         let slots = &recorded.slots;
         let programs = recorded.programs(engine);
-        let still = Exogenous { t: f64::NAN, desired: vec![0.0; slots.desired], wrench: [0.0; 6] };
+        let still = Exogenous { t: f64::NAN, desired: vec![0.0; slots.exogenous.desired], wrench: [0.0; 6] };
         let lanes = form(true).lanes();
         let in_lanes: Vec<f64> = values.iter().flat_map(|&value| std::iter::repeat_n(value, lanes)).collect();
         Running {
@@ -45,7 +45,7 @@ impl Running {
             attempt: None,
             lanes: programs.derivatives.as_ref().map(|all| frame(all.all(), lanes, &in_lanes)),
             instants: [still.clone(), still],
-            dft: vec![0.0; slots.states()],
+            dft: vec![0.0; slots.state.count],
             programs,
             recorded,
         }
@@ -54,7 +54,7 @@ impl Running {
     /// Continue with the programs for `engine`.
     pub fn use_engine(&mut self, engine: Engine) {
         self.programs = self.recorded.programs(engine);
-        let inputs = self.recorded.slots.rates();
+        let inputs = self.recorded.slots.signature.angle();
         self.frame = frame(self.programs.of_one_run(), 1, &self.frame.numbers()[..inputs]);
         if let (Some(all), Some(old)) = (&self.programs.derivatives, &self.lanes) {
             self.lanes = Some(frame(all.all(), old.lanes(), &old.numbers()[..inputs * old.lanes()]));
@@ -64,39 +64,39 @@ impl Running {
     /// Compute attempts by a program, if there is one.
     pub fn use_attempt(&mut self, attempt: Arc<Option<AttemptProgram>>) {
         if let Some(program) = &*attempt {
-            let frame = program.frame(&self.recorded.slots, self.frame.numbers());
+            let frame = program.frame(&self.recorded.slots, &self.frame);
             self.attempt = Some((attempt, frame));
         }
     }
 
-    /// Write numbers to all frames. `first` is the first slot in a frame of the rates, and its distance to the slot of the held input.
-    fn write_all(&mut self, first: usize, numbers: &[f64]) {
+    /// Write numbers to all frames. `slots` are the slots in a frame of the rates, and belong to the held results and the modes.
+    fn write_all(&mut self, slots: Slots, numbers: &[f64]) {
         for frame in [&mut self.frame].into_iter().chain(&mut self.lanes) {
-            write(frame, first, numbers);
+            frame.write(slots, numbers);
         }
         if let Some((attempt, frame)) = &mut self.attempt
             && let Some(program) = &**attempt
         {
-            program.write(frame, first - self.recorded.slots.tau(), numbers);
+            program.hold(frame, slots.first - self.recorded.slots.tau.first, numbers);
         }
     }
 
     /// Hold the input `tau` of the plant and the rate `dz` of the law's state.
     pub fn hold(&mut self, tau: &[f64], dz: &[f64]) {
-        self.write_all(self.recorded.slots.tau(), tau);
-        self.write_all(self.recorded.slots.law_rate(), dz);
+        self.write_all(self.recorded.slots.tau, tau);
+        self.write_all(self.recorded.slots.law_rate, dz);
     }
 
     /// Hold the contacts in the modes of the numbers `modes`, two for each contact.
     pub fn hold_contacts(&mut self, modes: &[f64]) {
-        self.write_all(self.recorded.slots.modes(), &modes[..self.recorded.slots.contact_modes().min(modes.len())]);
+        let slots = self.recorded.slots.contacts;
+        self.write_all(slots, &modes[..slots.count.min(modes.len())]);
     }
 
     /// Hold the joints in the modes `sides`: 0 for a stuck joint, else the direction of sliding.
     pub fn hold_sides(&mut self, sides: &[i8]) {
-        let first = self.recorded.slots.modes() + self.recorded.slots.contact_modes();
         for (i, &side) in sides.iter().enumerate() {
-            self.write_all(first + i, &[f64::from(side)]);
+            self.write_all(self.recorded.slots.sides.part(i, 1), &[f64::from(side)]);
         }
     }
 
@@ -109,35 +109,33 @@ impl Running {
 
     /// Compute the rates of state `x`, write them to `dx`, and return whether they are valid.
     pub fn rates(&mut self, u: &Exogenous<f64>, x: &[f64], dx: &mut [f64]) -> bool {
-        let slots = &self.recorded.slots;
-        write_input(&mut self.frame, slots, u);
-        evaluate(&self.programs.rates, slots.rates(), &mut self.frame, slots, x, dx)
+        self.programs.rates.evaluate(&mut self.frame, &self.recorded.slots, (Some(u), x), dx)
     }
 
     /// Compute the plant's input `tau` at state `x`. If the input is held, also compute the rate `dz` of the law's state. Return whether
     /// they are valid.
     pub fn law(&mut self, u: &Exogenous<f64>, x: &[f64], tau: &mut [f64], dz: &mut [f64]) -> bool {
         let Running { programs, recorded, frame, .. } = self;
-        let valid = function(&programs.law, frame, &recorded.slots, (Some(u), x), tau);
-        if let (Some(FunctionProgram { first, .. }), true) = (&programs.law, recorded.held) {
-            dz.copy_from_slice(&frame.numbers()[first + tau.len()..][..dz.len()]);
+        let valid = evaluate(&programs.law, frame, &recorded.slots, (Some(u), x), tau);
+        if let (Some(FunctionProgram { results, .. }), true) = (&programs.law, recorded.held) {
+            dz.copy_from_slice(frame.group(results.part(tau.len(), dz.len())));
         }
         valid
     }
 
     /// Write the depth and the push of each contact at state `x` to `out`. Return whether they are valid.
     pub fn contacts(&mut self, x: &[f64], out: &mut [f64]) -> bool {
-        function(&self.programs.contacts, &mut self.frame, &self.recorded.slots, (None, x), out)
+        evaluate(&self.programs.contacts, &mut self.frame, &self.recorded.slots, (None, x), out)
     }
 
     /// Write the margin of each joint that sticks and slips at state `x` to `out`. Return whether the margins are valid.
     pub fn margins(&mut self, u: &Exogenous<f64>, x: &[f64], out: &mut [f64]) -> bool {
-        function(&self.programs.margins, &mut self.frame, &self.recorded.slots, (Some(u), x), out)
+        evaluate(&self.programs.margins, &mut self.frame, &self.recorded.slots, (Some(u), x), out)
     }
 
     /// Write the numbers from which the modes of the joints are decided to `out`, at state `x`. Return whether they are valid.
     pub fn loads(&mut self, u: &Exogenous<f64>, x: &[f64], out: &mut [f64]) -> bool {
-        function(&self.programs.loads, &mut self.frame, &self.recorded.slots, (Some(u), x), out)
+        evaluate(&self.programs.loads, &mut self.frame, &self.recorded.slots, (Some(u), x), out)
     }
 
     /// Whether [`Running::linearise`] requires the time derivative of the exogenous input.
@@ -155,36 +153,36 @@ impl Running {
     pub fn linearise(&mut self, u: &Exogenous<f64>, x: &[f64], dx: &mut [f64], j: &mut [f64]) -> bool {
         let slots = &self.recorded.slots;
         let (Some(all), Some(frame)) = (&self.programs.derivatives, &mut self.lanes) else { unreachable!("the method is implicit") };
-        write_input(frame, slots, u);
-        write(frame, slots.state(), x);
-        frame.fill(all.reach, 0.0);
+        write_input(frame, slots.exogenous, u);
+        frame.write(slots.state, x);
+        frame.fill(all.signature.angle(), 0.0);
         all.values.run(frame);
-        read(frame, all.rates, 0, dx.iter_mut());
-        let valid = frame.slot_mut(all.reach)[0] < REDUCTION_LIMIT;
+        frame.read(all.rates, 0, dx.iter_mut());
+        let valid = frame.slot_mut(all.signature.angle())[0] < REDUCTION_LIMIT;
         let n = x.len();
         j.fill(0.0);
         let [_, u_dot] = &self.instants;
-        let drift = || u_dot.desired.iter().chain(&u_dot.wrench[..slots.wrench]);
+        let drift = || u_dot.desired.iter().chain(&u_dot.wrench[..slots.exogenous.sizes()[1]]);
         // Each lane has one direction of differentiation. Time is the last direction of the plant's program.
-        let mut along = |program: &Program, seeds: usize, column: usize, count: usize, moves: bool| {
+        let mut along = |program: &Program, seeds: Slots, column: usize, count: usize, moves: bool| {
             let directions = count + usize::from(moves);
             for first in (0..directions).step_by(frame.lanes()) {
                 let width = frame.lanes().min(directions - first);
                 for (lane, k) in (first..first + width).enumerate() {
                     if k < count {
-                        frame.slot_mut(seeds + k)[lane] = 1.0;
+                        frame.slot_mut(seeds.first + k)[lane] = 1.0;
                     } else {
-                        drift().enumerate().for_each(|(i, &rate)| frame.slot_mut(seeds + count + i)[lane] = rate);
+                        drift().enumerate().for_each(|(i, &rate)| frame.slot_mut(seeds.first + count + i)[lane] = rate);
                     }
                 }
                 program.run(frame);
                 for (lane, k) in (first..first + width).enumerate() {
                     if k < count {
-                        frame.fill(seeds + k, 0.0);
-                        read(frame, all.derivatives, lane, j[column + k..].iter_mut().step_by(n));
+                        frame.fill(seeds.first + k, 0.0);
+                        frame.read(all.derivatives, lane, j[column + k..].iter_mut().step_by(n));
                     } else {
-                        (0..drift().count()).for_each(|i| frame.fill(seeds + count + i, 0.0));
-                        read(frame, all.derivatives, lane, self.dft.iter_mut());
+                        (0..drift().count()).for_each(|i| frame.fill(seeds.first + count + i, 0.0));
+                        frame.read(all.derivatives, lane, self.dft.iter_mut());
                     }
                 }
             }
@@ -203,38 +201,33 @@ impl Running {
 }
 
 /// Write the exogenous input `u` to a frame.
-fn write_input(frame: &mut Frame, slots: &Slots, u: &Exogenous<f64>) {
-    write(frame, slots.given, &u.desired);
-    write(frame, slots.wrench(), &u.wrench[..slots.wrench]);
+fn write_input(frame: &mut Frame, instant: Instant, u: &Exogenous<f64>) {
+    let [desired, wrench] = instant.sizes();
+    frame.write(instant.slots, &u.desired);
+    frame.write(instant.slots.part(desired, wrench), &u.wrench[..wrench]);
 }
 
-/// Run `program` at state `x`, read `out` from the slots from `first` on, and return whether the results are valid.
-fn evaluate(program: &Program, first: usize, frame: &mut Frame, slots: &Slots, x: &[f64], out: &mut [f64]) -> bool {
-    write(frame, slots.state(), x);
-    frame.fill(slots.reach(), 0.0);
-    program.run(frame);
-    out.copy_from_slice(&frame.numbers()[first..][..out.len()]);
-    frame.numbers()[slots.reach()] < REDUCTION_LIMIT
+impl FunctionProgram {
+    /// Write the results at state `x` to `out`, and return whether they are valid. `u` is the exogenous input that the function reads.
+    fn evaluate(&self, frame: &mut Frame, slots: &RatesSlots, (u, x): (Option<&Exogenous<f64>>, &[f64]), out: &mut [f64]) -> bool {
+        if let Some(u) = u {
+            write_input(frame, slots.exogenous, u);
+        }
+        frame.write(slots.state, x);
+        frame.fill(slots.signature.angle(), 0.0);
+        self.program.run(frame);
+        out.copy_from_slice(frame.group(self.results.part(0, out.len())));
+        frame.numbers()[slots.signature.angle()] < REDUCTION_LIMIT
+    }
 }
 
-/// Write the functions of a program at state `x` to `out`, and return whether they are valid. `u` is the exogenous input that they read.
-fn function(
-    functions: &Option<FunctionProgram>,
+/// Evaluate a function that a loop may have ([`FunctionProgram::evaluate`]).
+fn evaluate(
+    function: &Option<FunctionProgram>,
     frame: &mut Frame,
-    slots: &Slots,
-    (u, x): (Option<&Exogenous<f64>>, &[f64]),
+    slots: &RatesSlots,
+    at: (Option<&Exogenous<f64>>, &[f64]),
     out: &mut [f64],
 ) -> bool {
-    let Some(FunctionProgram { program, first }) = functions else { return true };
-    if let Some(u) = u {
-        write_input(frame, slots, u);
-    }
-    evaluate(program, *first, frame, slots, x, out)
-}
-
-/// Read `values` from lane `lane` of the slots from `first` on.
-fn read<'a>(frame: &Frame, first: usize, lane: usize, values: impl Iterator<Item = &'a mut f64>) {
-    let lanes = frame.lanes();
-    let slots = frame.numbers()[first * lanes + lane..].iter().step_by(lanes);
-    slots.zip(values).for_each(|(&from, to)| *to = from);
+    function.as_ref().is_none_or(|function| function.evaluate(frame, slots, at, out))
 }

@@ -1,6 +1,7 @@
 //! The memory of a program. A frame is an array of slots, and a slot has one number per lane.
 
 use super::decision::Decisions;
+use super::signature::Slots;
 
 /// A cache line. Slots of one, two, four or eight lanes are aligned in it.
 #[derive(Clone, Copy, Debug)]
@@ -46,6 +47,33 @@ impl Frame {
     pub fn slot_mut(&mut self, slot: usize) -> &mut [f64] {
         let lanes = self.lanes;
         &mut self.numbers_mut()[slot * lanes..(slot + 1) * lanes]
+    }
+
+    /// The numbers of a group of slots, with all lanes.
+    pub fn group(&self, slots: Slots) -> &[f64] {
+        &self.numbers()[slots.numbers(self.lanes)]
+    }
+
+    pub fn group_mut(&mut self, slots: Slots) -> &mut [f64] {
+        let numbers = slots.numbers(self.lanes);
+        &mut self.numbers_mut()[numbers]
+    }
+
+    /// Write `values` to all lanes of the first slots of a group.
+    pub fn write(&mut self, slots: Slots, values: &[f64]) {
+        let lanes = self.lanes;
+        let slots = self.group_mut(slots.part(0, values.len()));
+        if lanes == 1 {
+            slots.copy_from_slice(values);
+        } else {
+            slots.chunks_exact_mut(lanes).zip(values).for_each(|(slot, &value)| slot.fill(value));
+        }
+    }
+
+    /// Read `values` from lane `lane` of the first slots of a group.
+    pub fn read<'a>(&self, slots: Slots, lane: usize, values: impl Iterator<Item = &'a mut f64>) {
+        let slots = self.group(slots)[lane..].iter().step_by(self.lanes);
+        slots.zip(values).for_each(|(&from, to)| *to = from);
     }
 
     /// Write `x` to all lanes of a slot.

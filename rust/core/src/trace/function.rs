@@ -2,14 +2,15 @@
 //! cache still contains it.
 //!
 //! A *set-up parameter* is a number that remains the same from one evaluation to the next, such as a mass. A *frame* is the memory of a
-//! program. It has these slots in order: the set-up parameters, the inputs, the largest magnitude of an angle, and the results. The program
-//! rounds like direct evaluation (without a program). So both give the same bits, except for the signs of zeros.
+//! program. The [signature](super::signature) of a function has two groups, its inputs and its results. The program rounds like direct
+//! evaluation (without a program). So both give the same bits, except for the signs of zeros.
 
 use super::cache::Cache;
 use super::frame::Frame;
 use super::program::{Engine, Program, engine, form};
 use super::rows::{self, Rows};
-use super::straight::{Part, Scratch, SlotTable};
+use super::signature::{Signature, Slots};
+use super::straight::{Part, SlotTable};
 use super::sym::{self, Sym};
 use super::tape::Op;
 use crate::scalar::trig::REDUCTION_LIMIT;
@@ -27,23 +28,9 @@ struct StoredFunction {
     ops: Vec<Op>,
     answer: Vec<u32>,
     program: Program,
-    layout: FunctionLayout,
-}
-
-#[derive(Clone, Copy, PartialEq)]
-struct FunctionLayout {
-    given: usize,
-    inputs: usize,
     lanes: bool,
-}
-
-impl FunctionLayout {
-    fn reach(self) -> usize {
-        self.given + self.inputs
-    }
-    fn answer(self) -> usize {
-        self.reach() + 1
-    }
+    inputs: Slots,
+    results: Slots,
 }
 
 /// A function and its memory. One run evaluates the function once, or once per lane.
@@ -89,9 +76,15 @@ pub fn record<T>(lanes: bool, inputs: usize, set_up: impl FnOnce() -> T, answer:
 impl Recorded {
     /// Make the program of this function, for one row of inputs or for one row per lane.
     pub fn program(self, lanes: bool) -> Evaluation {
-        let Recorded { ops, values, inputs, answer } = self;
-        let layout = FunctionLayout { given: values.len(), inputs, lanes };
-        Evaluation::new(StoredFunction::of(ops, answer, layout), &values)
+        let values = self.values.clone();
+        Evaluation::new(StoredFunction::of(self, lanes), &values)
+    }
+
+    /// The signature, and the slots of its inputs and of its results.
+    fn signature(&self) -> (Signature, Slots, Slots) {
+        let mut signature = Signature::new(self.values.len());
+        let (inputs, results) = (signature.input("inputs", self.inputs), signature.output("results", self.answer.len()));
+        (signature, inputs, results)
     }
 
     /// Whether `other` differs only in the values of the set-up parameters.
@@ -102,21 +95,20 @@ impl Recorded {
 
     /// Prepare this function for the interpreter, for one row of inputs or for one row per lane. The interpreter is valid for all angles.
     pub fn interpreted(self, lanes: bool) -> Evaluation {
-        let Recorded { ops, values, inputs, answer } = self;
-        let layout = FunctionLayout { given: values.len(), inputs, lanes };
-        Evaluation::new(Arc::new(StoredFunction::new(ops, answer, layout, Engine::Interpreter)), &values)
+        let values = self.values.clone();
+        Evaluation::new(Arc::new(StoredFunction::new(self, lanes, Engine::Interpreter)), &values)
     }
 }
 
 impl Evaluation {
     fn new(function: Arc<StoredFunction>, given: &[f64]) -> Self {
-        let StoredFunction { ops, answer, program, layout } = &*function;
-        let mut frame = Frame::new(program.slots().max(layout.answer() + answer.len()), form(layout.lanes).lanes());
+        let StoredFunction { ops, answer, program, results, .. } = &*function;
+        let mut frame = Frame::new(program.slots().max(results.end()), form(function.lanes).lanes());
         program.prepare(&mut frame);
         // A constant result is not an output of the program, and is written to the frame here.
         for (k, &entry) in answer.iter().enumerate() {
             if let Op::Const(bits) = ops[entry as usize] {
-                frame.fill(layout.answer() + k, f64::from_bits(bits));
+                frame.fill(results.first + k, f64::from_bits(bits));
             }
         }
         let mut evaluation = Evaluation { function, frame };
@@ -150,22 +142,20 @@ impl Evaluation {
     /// the next lanes. Lanes beyond the last row repeat the last row.
     #[inline]
     pub fn read(&mut self, inputs: &[Rows], at: usize) {
-        let layout = self.function.layout;
-        debug_assert!(inputs.iter().map(|rows| rows.width).sum::<usize>() <= layout.inputs);
-        rows::read(&mut self.frame, layout.given, inputs, at);
+        let slots = self.function.inputs;
+        debug_assert!(inputs.iter().map(|rows| rows.width).sum::<usize>() <= slots.count);
+        rows::read(&mut self.frame, slots.first, inputs, at);
     }
 
     /// The memory of `count` inputs from `first` on, with all lanes.
     pub fn inputs(&mut self, first: usize, count: usize) -> &mut [f64] {
-        let lanes = self.lanes();
-        &mut self.all_inputs()[first * lanes..(first + count) * lanes]
+        self.frame.group_mut(self.function.inputs.part(first, count))
     }
 
     /// The memory of all inputs, with all lanes.
     #[inline]
     pub fn all_inputs(&mut self) -> &mut [f64] {
-        let (layout, lanes) = (self.function.layout, self.lanes());
-        &mut self.frame.numbers_mut()[layout.given * lanes..layout.reach() * lanes]
+        self.frame.group_mut(self.function.inputs)
     }
 
     /// Evaluate the function for the present inputs.
@@ -185,7 +175,7 @@ impl Evaluation {
     #[inline]
     pub fn forget(&mut self) {
         if self.function.program.turns() {
-            self.frame.fill(self.function.layout.reach(), 0.0);
+            self.frame.fill(self.function.inputs.end(), 0.0);
         }
     }
 
@@ -196,20 +186,19 @@ impl Evaluation {
 
     /// The `count` results from `first` on, with all lanes.
     pub fn outputs(&self, first: usize, count: usize) -> &[f64] {
-        let (slot, lanes) = (self.function.layout.answer() + first, self.lanes());
-        &self.frame.numbers()[slot * lanes..(slot + count) * lanes]
+        self.frame.group(self.function.results.part(first, count))
     }
 
     /// Copy the `length` results with the indices `first`, `first + 1`, .. to the rows of `out`, which has at most one row per lane. Return
     /// whether every number is finite. Negative zeros become positive.
     pub fn write(&self, first: usize, length: usize, out: &mut [f64]) -> bool {
-        length == 0 || rows::write(&self.frame, self.function.layout.answer() + first, length, out)
+        length == 0 || rows::write(&self.frame, self.function.results.first + first, length, out)
     }
 
     /// Whether the results of lane `lane` are valid. Those of machine code are not if an angle has at least the magnitude
     /// `REDUCTION_LIMIT`.
     pub fn is_near(&self, lane: usize) -> bool {
-        let at = self.function.layout.reach() * self.lanes() + lane;
+        let at = self.function.inputs.end() * self.lanes() + lane;
         self.frame.numbers()[at] < REDUCTION_LIMIT
     }
 }
@@ -219,25 +208,29 @@ static KNOWN: Cache<Arc<StoredFunction>> = Cache::new();
 impl StoredFunction {
     /// Return the function of a recording. If no stored function matches, make a new function. The cache stores the functions that were
     /// used last.
-    fn of(ops: Vec<Op>, answer: Vec<u32>, layout: FunctionLayout) -> Arc<StoredFunction> {
-        if let Some(found) = KNOWN.find(|known| known.layout == layout && known.answer == answer && known.ops == ops) {
-            return found;
-        }
-        let function = Arc::new(StoredFunction::new(ops, answer, layout, engine()));
-        let fits =
-            |known: &VecDeque<Arc<StoredFunction>>| known.iter().map(|function| function.ops.len()).sum::<usize>() <= KEPT_OPERATIONS;
-        KNOWN.keep(function.clone(), fits);
-        function
+    fn of(recorded: Recorded, lanes: bool) -> Arc<StoredFunction> {
+        let (_, inputs, results) = recorded.signature();
+        let is = |known: &Arc<StoredFunction>| {
+            (known.lanes, known.inputs, known.results) == (lanes, inputs, results)
+                && known.answer == recorded.answer
+                && known.ops == recorded.ops
+        };
+        KNOWN.find(is).unwrap_or_else(|| {
+            let function = Arc::new(StoredFunction::new(recorded, lanes, engine()));
+            let fits = |known: &VecDeque<Arc<StoredFunction>>| known.iter().map(|known| known.ops.len()).sum::<usize>() <= KEPT_OPERATIONS;
+            KNOWN.keep(function.clone(), fits);
+            function
+        })
     }
 
-    fn new(ops: Vec<Op>, answer: Vec<u32>, layout: FunctionLayout, engine: Engine) -> Self {
+    fn new(recorded: Recorded, lanes: bool, engine: Engine) -> Self {
+        let (signature, inputs, results) = recorded.signature();
+        let Recorded { ops, answer, .. } = recorded;
         let is_known = |entry: u32| matches!(ops[entry as usize], Op::Const(_));
-        let slots = (layout.answer() as u32..).zip(answer.iter().copied());
-        let outputs: Vec<(u32, u32)> = slots.filter(|&(_, entry)| !is_known(entry)).collect();
+        let outputs: Vec<(u32, u32)> = results.outputs(&answer).into_iter().filter(|&(_, entry)| !is_known(entry)).collect();
         let part = Part { ops: &ops, start: 0, outputs: &outputs, places: &SlotTable::default() };
-        let scratch = Scratch { reach: layout.reach() as u32, free: layout.answer() + answer.len() };
-        let program = Program::new(part, None, scratch, form(layout.lanes), engine);
-        StoredFunction { program, ops, answer, layout }
+        let program = Program::new(part, None, signature.scratch(signature.slots()), form(lanes), engine);
+        StoredFunction { program, ops, answer, lanes, inputs, results }
     }
 }
 

@@ -10,7 +10,8 @@
 //! `branches` finds its comparisons. `interpreter` computes a recording, with the steps that `steps` makes. `jacobian` computes a recording
 //! and its Jacobian with the interpreter.
 //! `straight` and `lower` have the straight-line instructions. `lifetimes`, `emit`, `instruction`, `opcode`, `x86`, `aarch64` and `memory`
-//! make machine code. `c` prints a recording as C code. `frame` is the memory of a running program, and `pages` requests large pages. `rows`
+//! make machine code. `c` prints a recording as C code. `frame` is the memory of a running program, and `pages` requests large pages.
+//! `signature` has the groups of slots in a frame. `rows`
 //! copies between the caller's rows and a frame. `function` makes programs of recorded functions, and `cache` stores them. `program` is the
 //! common interface of machine code and `interpreter`. `label`, `listing` and `listing_code` produce text for readers.
 
@@ -50,6 +51,7 @@ mod pieces;
 pub mod program;
 pub mod rows;
 pub mod segments;
+mod signature;
 #[cfg(test)]
 mod simulator;
 mod steps;
@@ -69,5 +71,6 @@ pub use function::Evaluation;
 pub use jacobian::Jacobian;
 pub use program::{Engine, Program, engine, form};
 pub use segments::Cut;
+pub use signature::{Signature, Slots};
 pub use straight::{Part, Scratch, SlotTable, Stream};
 pub use sym::{Recording, Sym};

@@ -178,7 +178,7 @@ impl LoopRecorder<'_> {
         sym::begin_moving(Moving::These(directions.moving.clone()));
         let mut closed = assemble(problem, run, false);
         let given = sym::end_set_up() as u32;
-        let u = instant(sizes.desired, sizes.width - sizes.desired);
+        let u = instant([sizes.desired, sizes.width - sizes.desired]);
         let x = inputs(sizes.states);
         let acting = inputs(if held { sizes.answer } else { 0 });
         if modes > 0 {
