@@ -11,16 +11,17 @@ use crate::scalar::Real;
 use crate::simulate::assembly::assemble;
 use crate::simulate::closed_loop::ClosedLoop;
 use crate::simulate::problem::Problem;
-use crate::simulate::recorded::{inputs, instant};
+use crate::simulate::recorded::{entries, instant};
 use crate::simulate::run_observer::Guard;
 use crate::simulate::sampling::Sampling;
+use crate::simulate::slots::Instant;
 use crate::trace::adjoint::adjoint;
 use crate::trace::branches::{Branches, branches};
 use crate::trace::function::Recorded;
 use crate::trace::sym::{self, Sym};
 use crate::trace::tangents::{Tangents, tangents};
 use crate::trace::tape::{Moving, Op};
-use crate::trace::{Evaluation, form};
+use crate::trace::{Evaluation, Signature, Slots, form};
 use std::sync::OnceLock;
 
 /// The largest number of groups in one block. A group is the directions in the lanes of one register. The function's values are computed
@@ -84,10 +85,7 @@ impl Sizes {
 /// The modes of contacts are 0 or 1, and do not vary. Runs with the same structure share the function, so it does not store values of `c`.
 pub struct Function {
     ops: Vec<Op>,
-    /// The number of loop parameters that are inputs.
-    given: usize,
-    /// The sizes of `u`, `x` and the held input, and the number of modes of contacts.
-    read: [usize; 4],
+    arguments: Arguments,
     answer: Vec<u32>,
     /// The number of validity flags after the results. A flag is positive if the results are valid.
     guards: usize,
@@ -96,6 +94,33 @@ pub struct Function {
     groups: usize,
     /// The compiled function, its tangent and its adjoint. The loop parameters in them are zero.
     calls: [OnceLock<Call>; 3],
+}
+
+/// The arguments of a function after the loop parameters.
+#[derive(Clone, Copy)]
+struct Arguments {
+    exogenous: Instant,
+    state: Slots,
+    held: Slots,
+    modes: Slots,
+}
+
+impl Arguments {
+    fn new(given: usize, exogenous: [usize; 2], [state, held, modes]: [usize; 3]) -> Self {
+        let mut signature = Signature::new(given);
+        let exogenous = Instant::add(&mut signature, ["desired", "force"], exogenous);
+        let mut input = |name, count| signature.input(name, count);
+        Arguments { exogenous, state: input("state", state), held: input("held", held), modes: input("modes", modes) }
+    }
+
+    /// The number of loop parameters.
+    fn given(&self) -> usize {
+        self.exogenous.slots.first
+    }
+
+    fn count(&self) -> usize {
+        self.modes.end() - self.given()
+    }
 }
 
 /// The recorded functions of a loop.
@@ -177,14 +202,12 @@ impl LoopRecorder<'_> {
         let LoopRecorder { problem, run, directions, sizes } = *self;
         sym::begin_moving(Moving::These(directions.moving.clone()));
         let mut closed = assemble(problem, run, false);
-        let given = sym::end_set_up() as u32;
-        let u = instant([sizes.desired, sizes.width - sizes.desired]);
-        let x = inputs(sizes.states);
-        let acting = inputs(if held { sizes.answer } else { 0 });
+        let exogenous = [sizes.desired, sizes.width - sizes.desired];
+        let arguments = Arguments::new(sym::end_set_up(), exogenous, [sizes.states, if held { sizes.answer } else { 0 }, modes]);
+        let (u, x, acting) = (instant(exogenous), arguments.state.declare(), arguments.held.declare());
         if modes > 0 {
-            closed.hold_modes(&inputs(modes));
+            closed.hold_modes(&arguments.modes.declare());
         }
-        let read = [sizes.width, sizes.states, acting.len(), modes];
         let mut answer = body(&mut closed, u, x, acting);
         if sizes.guards > 0 {
             answer.push(sym::validity().unwrap_or_else(|| Sym::splat(1.0)));
@@ -197,12 +220,11 @@ impl LoopRecorder<'_> {
         let entry = |(_, &entry): (_, &u32)| if let Op::Input(slot) = recording.ops[entry as usize] { Some(slot) } else { None };
         let mut moving: Vec<u32> =
             directions.moving.iter().zip(&recording.structure).filter(|(moves, _)| **moves).filter_map(entry).collect();
-        let first = given + if sizes.drives { 0 } else { sizes.width as u32 };
-        moving.extend(first..given + read[..3].iter().sum::<usize>() as u32);
-        let answer = answer.into_iter().map(Sym::index).collect();
-        let (ops, given, calls) = (recording.ops, given as usize, Default::default());
-        debug_assert_eq!(recording.values.len(), given, "loop parameters are numbers of the set-up");
-        Some(Function { ops, given, read, answer, guards: sizes.guards, moving, groups: sizes.groups, calls })
+        let driven = arguments.exogenous.slots.inputs().filter(|_| sizes.drives);
+        moving.extend(driven.chain(arguments.state.inputs()).chain(arguments.held.inputs()));
+        debug_assert_eq!(recording.values.len(), arguments.given(), "loop parameters are numbers of the set-up");
+        let (answer, calls) = (entries(answer), Default::default());
+        Some(Function { ops: recording.ops, arguments, answer, guards: sizes.guards, moving, groups: sizes.groups, calls })
     }
 
     /// Record the state rates with `contacts` held contacts. Without held contacts, the state determines their modes.
@@ -239,12 +261,8 @@ impl LoopRecorder<'_> {
 }
 
 impl Function {
-    fn inputs(&self) -> usize {
-        self.read.iter().sum()
-    }
-
     fn recorded(&self, ops: Vec<Op>, more: usize, answer: Vec<u32>) -> Recorded {
-        Recorded { ops, values: vec![0.0; self.given], inputs: self.inputs() + more, answer }
+        Recorded { ops, values: vec![0.0; self.arguments.given()], inputs: self.arguments.count() + more, answer }
     }
 
     /// The number of results, without the validity flags.
@@ -255,29 +273,20 @@ impl Function {
     /// Return the branches of the first `count` results: the margins, and the results with one more held input for the result of each
     /// comparison ([`crate::trace::branches`]). All inputs of the margins vary but the modes and the loop parameters that are constant.
     fn branches(&self, count: usize) -> Option<[Function; 2]> {
-        let ([u, x, held, modes], given) = (self.read, self.given as u32);
-        let varying = self.given..self.given + u + x + held;
-        let Branches { ops, margins, held: rates, outputs } =
-            branches(&self.ops, self.given + self.inputs(), &self.answer[..count], varying.clone())?;
-        let parameters = self.moving.iter().copied().filter(|&input| input < given);
-        let moving = parameters.chain(given..varying.end as u32).collect();
-        let read = [u, x, held, modes + margins.len()];
-        let function = |ops, read, answer, moving| Function {
-            ops,
-            read,
-            answer,
-            moving,
-            given: self.given,
-            guards: 0,
-            groups: 1,
-            calls: Default::default(),
-        };
-        Some([function(ops, self.read, margins, moving), function(rates, read, outputs, Vec::new())])
+        let Arguments { exogenous, held, modes, .. } = self.arguments;
+        let varying = exogenous.slots.first..held.end();
+        let Branches { ops, margins, held: rates, outputs } = branches(&self.ops, modes.end(), &self.answer[..count], varying.clone())?;
+        let parameters = self.moving.iter().copied().filter(|&input| (input as usize) < varying.start);
+        let moving = parameters.chain(varying.start as u32..varying.end as u32).collect();
+        let decided = Arguments { modes: modes.part(0, modes.count + margins.len()), ..self.arguments };
+        let function =
+            |ops, arguments, answer, moving| Function { ops, arguments, answer, moving, guards: 0, groups: 1, calls: Default::default() };
+        Some([function(ops, self.arguments, margins, moving), function(rates, decided, outputs, Vec::new())])
     }
 
     /// Return compiled function number `kind` with the loop parameters `given`. `make` compiles it at the first call.
     fn call(&self, kind: usize, given: &[f64], make: impl FnOnce() -> Evaluation) -> Call {
-        debug_assert_eq!(given.len(), self.given, "one value per loop parameter");
+        debug_assert_eq!(given.len(), self.arguments.given(), "one value per loop parameter");
         let mut call = self.calls[kind].get_or_init(|| Call::new(self, make())).clone();
         call.evaluation.set_up(given);
         call
@@ -298,7 +307,7 @@ impl Function {
     /// directions follow one another.
     pub fn tangent(&self, given: &[f64]) -> Call {
         let made = || {
-            let (inputs, groups) = (self.given + self.inputs(), self.groups);
+            let (inputs, groups) = (self.arguments.modes.end(), self.groups);
             let Tangents { ops, mut values, rates } = tangents(&self.ops, inputs, &self.answer, self.answers(), &self.moving, groups);
             values.extend(rates);
             self.recorded(ops, groups * self.moving.len(), values).program(true)
@@ -310,8 +319,7 @@ impl Function {
     /// the weights of the results.
     pub fn adjoint(&self, given: &[f64]) -> Call {
         let made = || {
-            let inputs = self.given + self.inputs();
-            let (ops, mut answer) = adjoint(self.ops.clone(), inputs, &self.answer[..self.answers()], &self.moving);
+            let (ops, mut answer) = adjoint(self.ops.clone(), self.arguments.modes.end(), &self.answer[..self.answers()], &self.moving);
             answer.splice(0..0, self.answer.iter().copied());
             self.recorded(ops, self.answers(), answer).program(false)
         };
@@ -331,14 +339,14 @@ fn spread<const L: usize>(parts: [&[f64]; 4], to: &mut [f64]) {
 #[derive(Clone)]
 pub struct Call {
     evaluation: Evaluation,
-    read: [usize; 4],
+    arguments: usize,
     answers: usize,
     guards: usize,
 }
 
 impl Call {
     fn new(function: &Function, evaluation: Evaluation) -> Self {
-        Call { evaluation, read: function.read, answers: function.answers(), guards: function.guards }
+        Call { evaluation, arguments: function.arguments.count(), answers: function.answers(), guards: function.guards }
     }
 
     pub fn lanes(&self) -> usize {
@@ -347,8 +355,7 @@ impl Call {
 
     /// Write the arguments `parts`, which are `u`, `x`, the held input and the modes. All lanes receive the same values.
     pub fn give(&mut self, parts: [&[f64]; 4]) {
-        let (lanes, count) = (self.lanes(), self.read.iter().sum());
-        let numbers = self.evaluation.inputs(0, count);
+        let (lanes, numbers) = (self.lanes(), self.evaluation.inputs(0, self.arguments));
         match lanes {
             1 => spread::<1>(parts, numbers),
             2 => spread::<2>(parts, numbers),
@@ -359,8 +366,7 @@ impl Call {
 
     /// Return the memory for `count` tangents or weights that are arguments of the function, from number `first` on, with all lanes.
     pub fn more(&mut self, first: usize, count: usize) -> &mut [f64] {
-        let read: usize = self.read.iter().sum();
-        self.evaluation.inputs(read + first, count)
+        self.evaluation.inputs(self.arguments + first, count)
     }
 
     /// Evaluate the function. Return an error if an angle exceeds the range of the programs' sines, or if the results are not valid.
