@@ -5,6 +5,7 @@ from typing import Any, Self, final
 
 from numpy.typing import ArrayLike
 
+from ..run.options import BatchOptions, LoopOptions, ProgramOptions, RunOptions
 from ..status import Status
 from ._types import _Array
 from .arms import Arm
@@ -13,15 +14,15 @@ from .plants import Plant
 
 def build_info() -> dict[str, Any]: ...
 def statuses() -> list[tuple[int, str, str]]: ...
-def simulate(plant: Plant, law: Law | Callable[..., ArrayLike], q0: ArrayLike, keywords: dict[str, Any]) -> dict[str, Any]: ...
-def simulate_batch(plant: Plant | Sequence[Plant], law: Law | Sequence[Law], q0: ArrayLike, keywords: dict[str, Any]) -> dict[str, Any]: ...
+def simulate(plant: Plant, law: Law | Callable[..., ArrayLike], q0: ArrayLike, options: RunOptions) -> dict[str, Any]: ...
+def simulate_batch(plant: Plant | Sequence[Plant], law: Law | Sequence[Law], q0: ArrayLike, options: BatchOptions) -> dict[str, Any]: ...
 def _sensitivities(
     plant: Plant | Sequence[Plant],
     law: Law | Sequence[Law],
     q0: ArrayLike,
     weights: ArrayLike,
     names: list[int | tuple[int, list[int]]],
-    keywords: dict[str, Any],
+    options: LoopOptions,
 ) -> dict[str, _Array]: ...
 def _adjoint(
     plant: Plant | Sequence[Plant],
@@ -31,7 +32,7 @@ def _adjoint(
     names: list[int | tuple[int, list[int]]],
     slopes: dict[str, Any],
     bytes: int,
-    keywords: dict[str, Any],
+    options: LoopOptions,
 ) -> _Array: ...
 def _sensitivities_of_rows(
     plant: Plant | Sequence[Plant],
@@ -40,7 +41,7 @@ def _sensitivities_of_rows(
     weights: ArrayLike,
     names: list[int | tuple[int, list[int]]],
     threads: int | None,
-    keywords: dict[str, Any],
+    options: LoopOptions,
 ) -> dict[str, _Array]: ...
 def _adjoint_of_rows(
     plant: Plant | Sequence[Plant],
@@ -51,9 +52,9 @@ def _adjoint_of_rows(
     slopes: dict[str, Any],
     bytes: int,
     threads: int | None,
-    keywords: dict[str, Any],
+    options: LoopOptions,
 ) -> _Array: ...
-def loop_program(plant: Plant, law: Law | Callable[..., ArrayLike], keywords: dict[str, Any]) -> dict[str, Any]: ...
+def loop_program(plant: Plant, law: Law | Callable[..., ArrayLike], options: ProgramOptions) -> dict[str, Any]: ...
 def _restore_simulator(
     made_of: tuple[Plant, Any, Any, dict[str, Any]], at: tuple[int, Sequence[float], Sequence[float]], diverged: bool = False
 ) -> Simulator: ...

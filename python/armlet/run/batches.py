@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence, Sized
 from dataclasses import replace
-from typing import Any
+from typing import Any, TypeAlias, TypeGuard
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -18,6 +18,7 @@ from ..errors import InputError
 from ..status import Status, having
 from .balances import Balances, together, warn_of_balances
 from .metrics import MEASURES, metrics, require_one_band
+from .options import BatchOptions, PieceOptions, Starts, Steps, starts
 from .recorded import SERIES
 from .records import BatchRun
 from .sampling import Sampling
@@ -30,9 +31,10 @@ PIECE = 1 << 26
 LEAST = 64
 #: Smallest number of pieces of a batch with the argument `out`, if each piece then has at least LEAST runs.
 PARTS = 32
-STATES = ("v0", "theta0", "theta_dot0")
-#: Keywords of a piece. The whole batch was checked before, so a piece does not warn of joint limits and of the sample time.
-CHECKED = {"check_limits": False, "check_sampling": False}
+#: The starts of the runs by name, (B, n).
+States: TypeAlias = Mapping[str, NDArray[np.float64] | None]
+#: Options of a piece. The whole batch was checked before, so a piece does not warn of joint limits and of the sample time.
+CHECKED: PieceOptions = {"check_limits": False, "check_sampling": False}
 
 
 def forces_of_runs(force: Any, rows: int) -> Any:
@@ -47,7 +49,7 @@ def forces_of_runs(force: Any, rows: int) -> Any:
     return [[(0.0, row)] for row in values]
 
 
-def _is_nested(force: Any) -> bool:
+def _is_nested(force: Any) -> TypeGuard[list[Steps]]:
     """Return whether `force` is a list of lists of pairs `(t_start, F)`."""
     for _ in range(2):
         if not isinstance(force, list | tuple) or not force:
@@ -76,14 +78,14 @@ def require_measures(keep: str, given: Mapping[str, Any] | None) -> dict[str, An
     return stated
 
 
-def measured_by_records(keywords: Mapping[str, Any]) -> bool:
+def measured_by_records(options: BatchOptions) -> bool:
     """Return whether the metrics of a batch require its records. They do if the reference has one value per record."""
-    return keywords["keep"] == "metrics" and np.ndim(keywords["metrics"].get("reference", 0.0)) > 1
+    return options["keep"] == "metrics" and np.ndim(options["metrics"].get("reference", 0.0)) > 1
 
 
-def batch_of(plant: Any, law: Any, q0: ArrayLike, keywords: dict[str, Any], undisturbed: bool) -> BatchRun:
+def batch_of(plant: Any, law: Any, q0: ArrayLike, options: BatchOptions, undisturbed: bool) -> BatchRun:
     """Run one batch, and warn if the residual of a balance is too large."""
-    batch, balances = _with_balances(plant, law, q0, keywords)
+    batch, balances = _with_balances(plant, law, q0, options)
     _warn(batch, [balances], undisturbed)
     warn_of_speeds("simulate_batch", batch)
     return batch
@@ -96,9 +98,9 @@ def _warn(batch: BatchRun, pieces: Sequence[Balances | None], undisturbed: bool)
         warn_of_balances("simulate_batch", together(known), having(batch.status, Status.SUCCESS), undisturbed)
 
 
-def _with_balances(plant: Any, law: Any, q0: ArrayLike, keywords: dict[str, Any]) -> tuple[BatchRun, Balances | None]:
+def _with_balances(plant: Any, law: Any, q0: ArrayLike, options: BatchOptions) -> tuple[BatchRun, Balances | None]:
     """Run one batch. Return it with the residuals of its balances, which are None without monitors."""
-    fields = _core.simulate_batch(plant, law, q0, keywords)
+    fields = _core.simulate_batch(plant, law, q0, options)
     fields["stats"] = {"ended": fields.pop("ended"), "engine": fields.pop("engine")}
     found, balances = fields.pop("metrics"), Balances(**fields.pop("balances"))
     if found:
@@ -106,7 +108,7 @@ def _with_balances(plant: Any, law: Any, q0: ArrayLike, keywords: dict[str, Any]
         balances = Balances(found["energy_error"], **rest)
         completed = having(fields["status"], Status.SUCCESS).astype(np.float64)
         fields["stats"] |= found | {"completed": completed}
-    fields["sampled"] = keywords.get("sample_time") is not None
+    fields["sampled"] = options.get("sample_time") is not None
     batch = BatchRun(fields, law=law, plant=plant)
     return batch, balances if found or batch.monitors else None
 
@@ -115,7 +117,7 @@ def in_pieces(
     plant: _core.Plant | list[_core.Plant],
     law: _core.Law | list[_core.Law],
     q0: ArrayLike,
-    keywords: dict[str, Any],
+    options: BatchOptions,
     progress: Callable[[int, int], object] | None,
     out: Mapping[str, NDArray[Any]] | None,
     undisturbed: bool,
@@ -129,17 +131,13 @@ def in_pieces(
     n = instance("simulate_batch", "plant", one, _core.Plant, "a plant such as RigidArm, or a list of them").arm.n
     start = _core.numbers("simulate_batch", "q0", q0, ("B", n))
     rows = len(start)
-    summed = measured_by_records(keywords)
-    measures = keywords["metrics"]
+    summed = measured_by_records(options)
+    measures = options["metrics"]
     if summed:
-        keywords = keywords | {"keep": "all", "metrics": {}}
-    for name in STATES:
-        if keywords.get(name) is not None:
-            keywords |= {name: _core.numbers("simulate_batch", name, keywords[name], ("B", n))}
-    _check(plant, law, start, keywords)
-    keywords |= CHECKED
-    nested = _is_nested(keywords.get("force"))
-    size = _runs_per_piece(n, keywords)
+        options = {**options, "keep": "all", "metrics": {}}
+    states = {name: None if x is None else _core.numbers("simulate_batch", name, x, ("B", n)) for name, x in starts(options).items()}
+    _check(plant, law, start, states, options)
+    size = _runs_per_piece(n, options)
     if out is not None:
         _require_rows(out, rows)
         # Ctrl-C loses the piece that is running, so a piece is at most 1/PARTS of the batch, or LEAST runs if this is more.
@@ -148,12 +146,12 @@ def in_pieces(
     balances: list[Balances | None] = []
     for first in range(0, max(rows, 1), size):
         last = min(first + size, rows)
-        own = keywords | {name: _part(keywords.get(name), first, last) for name in STATES}
-        if nested:
-            own["force"] = own["force"][first:last]
-        if isinstance(own["sample_time"], Sampling):
+        own: PieceOptions = {**options, **_starts(states, slice(first, last)), **CHECKED}
+        if _is_nested(options["force"]):
+            own["force"] = options["force"][first:last]
+        if isinstance(sampling := options["sample_time"], Sampling):
             # Row i of the whole batch uses `seed + i`, so the first row of this piece uses `seed + first`.
-            own["sample_time"] = replace(own["sample_time"], seed=own["sample_time"].seed + first)
+            own["sample_time"] = replace(sampling, seed=sampling.seed + first)
         plants = plant[first:last] if isinstance(plant, list) and len(plant) > 1 else plant
         laws = law[first:last] if isinstance(law, list) and len(law) > 1 else law
         piece, residuals = _with_balances(plants, laws, start[first:last], own)
@@ -169,28 +167,31 @@ def in_pieces(
     return batch
 
 
-def _check(plant: Any, law: Any, start: NDArray[np.float64], keywords: dict[str, Any]) -> None:
+def _check(plant: Any, law: Any, start: NDArray[np.float64], states: States, options: BatchOptions) -> None:
     """Raise the errors of invalid arguments and issue the warnings about arguments, with the rows of the whole batch."""
     # A batch of zero runs checks the arguments that all runs share, such as the times of the records.
-    none = keywords | CHECKED | {name: _part(keywords.get(name), 0, 0) for name in STATES}
-    none |= {"force": None, "force_frame": None} if _is_nested(keywords.get("force")) else {}
+    none: PieceOptions = {**options, **_starts(states, slice(0)), **CHECKED}
+    if _is_nested(options["force"]):
+        none["force"] = none["force_frame"] = None
     _core.simulate_batch(plant[:1] if isinstance(plant, list) else plant, law[:1] if isinstance(law, list) else law, start[:0], none)
     # The result has at least 2 n numbers per run. If they do not fit in memory, the MemoryError is raised here, before the first piece.
     np.empty((len(start), 2 * start.shape[1]))
     # A batch of all runs that end at their start checks the arguments of each run. It has no step and no monitors.
-    short = {"t_end": 0.0, "t_eval": None, "monitors": False, "keep": "metrics" if keywords["keep"] == "metrics" else "final"}
-    short |= {"check_monitors": keywords["monitors"]}
-    _core.simulate_batch(plant, law, start, keywords | short)
+    checks: PieceOptions = {"check_sampling": True, "check_monitors": options["monitors"], "monitors": False}
+    short: PieceOptions = {**options, **_starts(states, slice(None)), **checks, "t_end": 0.0, "t_eval": None}
+    short["keep"] = "metrics" if options["keep"] == "metrics" else "final"
+    _core.simulate_batch(plant, law, start, short)
 
 
-def _runs_per_piece(n: int, keywords: dict[str, Any]) -> int:
+def _runs_per_piece(n: int, options: BatchOptions) -> int:
     records = 1.0
-    if keywords["keep"] == "all":
-        if keywords["t_eval"] is not None:
-            records = float(np.size(keywords["t_eval"]))
+    if options["keep"] == "all":
+        if options["t_eval"] is not None:
+            records = float(np.size(options["t_eval"]))
         else:
-            step = keywords["dt"] or getattr(keywords["sample_time"], "period", keywords["sample_time"]) or np.inf
-            records = keywords["t_end"] / step / keywords["record_every"] + 2.0
+            sampling = options["sample_time"]
+            step = options["dt"] or (sampling.period if isinstance(sampling, Sampling) else sampling) or np.inf
+            records = options["t_end"] / step / options["record_every"] + 2.0
     bytes_per_run = 8.0 * records * (5 * n + 10 * n + 5)
     return max(LEAST, int(PIECE / max(bytes_per_run, 1.0)) // LEAST * LEAST)
 
@@ -218,8 +219,9 @@ def _write(out: Mapping[str, NDArray[Any]], piece: BatchRun, first: int, last: i
         array[first:last] = values
 
 
-def _part(value: NDArray[np.float64] | None, first: int, last: int) -> NDArray[np.float64] | None:
-    return None if value is None else value[first:last]
+def _starts(states: States, rows: slice) -> Starts:
+    v0, theta0, theta_dot0 = (None if (x := states[name]) is None else x[rows] for name in ("v0", "theta0", "theta_dot0"))
+    return {"v0": v0, "theta0": theta0, "theta_dot0": theta_dot0}
 
 
 def _summed(piece: BatchRun, measures: Mapping[str, Any], first: int, last: int, rows: int) -> BatchRun:

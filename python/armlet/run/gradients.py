@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -20,14 +20,12 @@ from ..scenario import Scenario
 from ..status import Status, having
 from .losses import Loss, along_tangents, evaluated
 from .named_numbers import Varied
+from .options import BatchOptions, LoopOptions, RunOptions
 from .recorded import Array
-from .sensitivity import derived, naming, require_names, run_keywords, split, vary, vary_rows
+from .sensitivity import derived, naming, options_at, require_names, split, vary, vary_rows
 from .simulation import simulate, simulate_batch
 
 __all__ = ["gradient", "of_loops", "require_still_reference"]
-
-#: Defaults of arguments of `simulate` for the derivative functions of the core, which require these arguments.
-DEFAULTS = {"method": "rk4", "record_every": 1}
 
 
 @border
@@ -104,22 +102,22 @@ def gradient(
     for name in ("sensitivity", "throw"):
         if name in keywords:
             raise InputError(f"gradient: {name} is not used: expected keywords of simulate without {name}")
-    keywords = {"monitors": False, **keywords}
-    loops = vary("gradient", plant, law, q0, keywords, chosen)
+    options = cast(RunOptions, {"monitors": False, **keywords})
+    loops = vary("gradient", plant, law, q0, options, chosen)
     require_still_reference("gradient", loss, chosen)
-    value, flat = of_loops("gradient", loss, (plant, law, q0), loops, keywords, int(memory))
+    value, flat = of_loops("gradient", loss, (plant, law, q0), loops, options, int(memory))
     return value, {named.name: np.array(flat[part]).reshape(named.value.shape) for named, part in split(loops.names)}
 
 
 def of_loops(
-    function: str, loss: Loss, loop: tuple[Any, Any, Any], loops: Varied, keywords: dict[str, Any], memory: int
+    function: str, loss: Loss, loop: tuple[Any, Any, Any], loops: Varied, options: RunOptions, memory: int
 ) -> tuple[float, Array]:
     """Return a loss of the loop (plant, law, q0), and its derivatives with respect to the P numbers that differ in `loops`, (P,)."""
-    run = simulate(*loop, **keywords)
+    run = simulate(*loop, **options)
     value, slopes = evaluated(loss, run)
 
-    def given(loops: Varied) -> dict[str, Any]:
-        return run_keywords({**DEFAULTS, **keywords}, loops, run.t)
+    def given(loops: Varied) -> LoopOptions:
+        return options_at(options, loops, run.t)
 
     if slopes is not None:
         return value, derived(function, loops, lambda loops: _core._adjoint(*loops.runs, slopes, memory, given(loops)))
@@ -135,16 +133,16 @@ def _of_batch(
     for name in ("sensitivity", "keep", "metrics", "progress", "out"):
         if name in keywords:
             raise InputError(f"gradient: {name} is not used: expected keywords that concern the runs of a batch")
-    keywords = {"monitors": False, **keywords}
-    loops = vary_rows("gradient", plant, law, q0, keywords, names)
+    options = cast(BatchOptions, {"monitors": False, **keywords})
+    loops = vary_rows("gradient", plant, law, q0, options, names)
     require_still_reference("gradient", loss, names)
-    batch = simulate_batch(plant, law, q0, **keywords)
+    batch = simulate_batch(plant, law, q0, **options)
     ended = [int(r) for r in np.flatnonzero(having(batch.status, Status.SUCCESS))]
     found = {r: evaluated(loss, batch[r]) for r in ended}
     values, flat = np.full(len(batch), np.nan), np.full((len(batch), loops.weights.shape[1]), np.nan)
     for r, (value, _) in found.items():
         values[r] = value
-    given, threads = run_keywords({**DEFAULTS, **keywords}, loops, batch.t), keywords.get("threads")
+    given, threads = options_at(options, loops, batch.t), options.get("threads")
     with naming("gradient", loops):
         if all(slopes is not None for _, slopes in found.values()):
             series = {name for _, slopes in found.values() for name in slopes or ()}

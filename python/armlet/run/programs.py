@@ -17,6 +17,7 @@ from ..arguments import choice
 from ..border import border, bordered
 from ..pickling import sealed
 from .instructions import Instruction, Listing
+from .options import ProgramOptions
 from .sampling import Sampling
 
 if TYPE_CHECKING:
@@ -227,9 +228,11 @@ def loop_program(
     ('step', True, 100.0)
     """
     choice("loop_program", "stage", stage, STAGES)
-    keywords = {name: value for name, value in locals().items() if name not in ("plant", "law", "stage")}
-    keywords |= {"t_end": 1.0, "record_every": 1}
-    fields = _core.loop_program(plant, law, keywords)
+    options = ProgramOptions(
+        method=method, sample_time=sample_time, force=force, force_frame=force_frame, tau_max=tau_max, monitors=monitors, batch=batch,
+        part=part, t_end=1.0, record_every=1,
+    )  # fmt: skip
+    fields = _core.loop_program(plant, law, options)
     listings = {
         name: Listing(tuple(Instruction(*line) for line in lines), tuple(outputs)) for name, (lines, outputs) in fields["stages"].items()
     }

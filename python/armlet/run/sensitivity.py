@@ -16,7 +16,8 @@ from ..errors import InputError
 from ..pickling import sealed
 from ..status import Status, having
 from .events import watched
-from .named_numbers import START, NamedNumber, Varied, varied, varied_rows
+from .named_numbers import NamedNumber, Varied, varied, varied_rows
+from .options import LoopOptions, RunOptions, starts
 from .recorded import Array
 
 __all__ = [
@@ -26,8 +27,8 @@ __all__ = [
     "of_row",
     "of_rows",
     "of_run",
+    "options_at",
     "require_names",
-    "run_keywords",
     "series_of",
     "split",
     "vary",
@@ -107,7 +108,7 @@ def require_names(function: str, argument: str, names: Any) -> list[str]:
     return list(names)
 
 
-def vary(function: str, plant: Any, law: Any, q0: Any, keywords: Mapping[str, Any], names: Sequence[str]) -> Varied:
+def vary(function: str, plant: Any, law: Any, q0: Any, options: RunOptions, names: Sequence[str]) -> Varied:
     """Make the loops in which the numbers `names` differ, from the arguments of `simulate`.
 
     Raises:
@@ -115,15 +116,15 @@ def vary(function: str, plant: Any, law: Any, q0: Any, keywords: Mapping[str, An
     """
     if not isinstance(law, _core.Law):
         raise InputError(f"{function}: law has no derivatives: expected a law of armlet such as Adaptive, got {shown(law)}")
-    if any(event.stop for event in watched(keywords.get("events"))):
+    if any(event.stop for event in watched(options.get("events"))):
         raise InputError(f"{function}: events that end the run have no derivatives: expected events without stop with sensitivity")
     n = law.arm.n
-    given = {"q0": q0, **{name: keywords.get(name) for name in START[1:]}}
-    start = {name: None if value is None else _core.numbers(function, name, value, (n,)) for name, value in given.items()}
+    given = {"q0": q0, **starts(options)}
+    start = {name: None if x is None else _core.numbers(function, name, x, (n,)) for name, x in given.items()}
     return varied(function, plant, law, start, names)
 
 
-def vary_rows(function: str, plant: Any, law: Any, q0: Any, keywords: Mapping[str, Any], names: Sequence[str]) -> Varied:
+def vary_rows(function: str, plant: Any, law: Any, q0: Any, options: LoopOptions, names: Sequence[str]) -> Varied:
     """Make the loops in which the numbers `names` differ, for each row of a batch, from the arguments of `simulate_batch`.
 
     Raises:
@@ -135,17 +136,15 @@ def vary_rows(function: str, plant: Any, law: Any, q0: Any, keywords: Mapping[st
             raise InputError(f"{function}: law has no derivatives: expected laws of armlet, got {shown(each)} (first bad index {i})")
     if not laws or not plants:
         raise InputError(f"{function}: plant or law is empty: expected one object, or one per row, got []")
-    starts = {"q0": _core.numbers(function, "q0", q0, ("B", laws[0].arm.n))}
-    rows = len(starts["q0"])
+    first = _core.numbers(function, "q0", q0, ("B", laws[0].arm.n))
+    rows = len(first)
     if not rows:
-        raise InputError(f"{function}: q0 has no rows: expected at least one with sensitivity, got shape {starts['q0'].shape}")
-    for name in START[1:]:
-        if keywords.get(name) is not None:
-            starts[name] = _core.numbers(function, name, keywords[name], starts["q0"].shape)
+        raise InputError(f"{function}: q0 has no rows: expected at least one with sensitivity, got shape {first.shape}")
+    others = {name: None if x is None else _core.numbers(function, name, x, first.shape) for name, x in starts(options).items()}
     for name, values in (("plant", plants), ("law", laws)):
         if len(values) not in (1, rows):
             raise InputError(f"{function}: {name} has the wrong number of entries: expected 1 or {rows}, got {len(values)}")
-    at = {name: starts.get(name) for name in START}
+    at = {"q0": first, **others}
     loops = [
         (plants[min(r, len(plants) - 1)], laws[min(r, len(laws) - 1)], {name: None if x is None else x[r] for name, x in at.items()})
         for r in range(rows)
@@ -153,23 +152,24 @@ def vary_rows(function: str, plant: Any, law: Any, q0: Any, keywords: Mapping[st
     return varied_rows(function, loops, names)
 
 
-def run_keywords(keywords: Mapping[str, Any], loops: Varied, t: Array) -> dict[str, Any]:
-    """Return the keywords for the derivatives of a run at the times `t` of its records, (K,), s."""
-    own = {"t_eval": t, "record_every": 1, "monitors": False, "events": None}
-    return {**keywords, **{name: loops.start[name] for name in START[1:]}, **own}
+def options_at(options: LoopOptions, loops: Varied, t: Array) -> LoopOptions:
+    """Return the options for the derivatives of a run at the times `t` of its records, (K,), s."""
+    start, method = loops.start, options.get("method", "rk4")
+    own: LoopOptions = {"v0": start["v0"], "theta0": start["theta0"], "theta_dot0": start["theta_dot0"], "method": method}
+    return {**options, **own, "t_eval": t, "record_every": 1, "monitors": False}
 
 
-def of_run(loops: Varied, keywords: Mapping[str, Any], t: Array) -> dict[str, Sensitivity]:
+def of_run(loops: Varied, options: LoopOptions, t: Array) -> dict[str, Sensitivity]:
     """Return the derivatives of a run by name, at the times `t` of its records."""
-    rates = derived("simulate", loops, lambda loops: _core._sensitivities(*loops.runs, run_keywords(keywords, loops, t)))
+    rates = derived("simulate", loops, lambda loops: _core._sensitivities(*loops.runs, options_at(options, loops, t)))
     parts = split(loops.names)
     return {named.name: Sensitivity(named.name, named.value.shape, t, **_columns(rates, part)) for named, part in parts}
 
 
-def of_rows(loops: Varied, keywords: Mapping[str, Any], t: Array, status: Any, threads: int | None) -> dict[str, Sensitivity]:
+def of_rows(loops: Varied, options: LoopOptions, t: Array, status: Any, threads: int | None) -> dict[str, Sensitivity]:
     """Return the derivatives of the runs of a batch by name: NaN for runs that did not reach their end."""
     with naming("simulate_batch", loops):
-        rates = _core._sensitivities_of_rows(*loops.runs, threads, run_keywords(keywords, loops, t))
+        rates = _core._sensitivities_of_rows(*loops.runs, threads, options_at(options, loops, t))
     ended_early = ~having(status, Status.SUCCESS)
     for values in rates.values():
         values[ended_early] = np.nan

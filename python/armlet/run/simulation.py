@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence, Sized
-from typing import Any, Literal, TypeAlias
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -18,14 +18,13 @@ from ..status import Status, advice_on_run
 from .balances import Balances, warn_of_balances, warn_of_force
 from .batches import batch_of, forces_of_runs, in_pieces, measured_by_records, require_measures
 from .events import Event, Events, watched
+from .options import BatchOptions, Force, RunOptions
 from .records import BatchRun, Run
 from .sampling import Sampling
 from .sensitivity import of_rows, of_run, require_names, vary, vary_rows
 from .speeds import warn_of_speeds
 
 __all__ = ["simulate", "simulate_batch"]
-
-Force: TypeAlias = ArrayLike | Sequence[tuple[float, ArrayLike]] | Callable[[float], ArrayLike] | None
 
 
 @border
@@ -132,12 +131,16 @@ def simulate(
     (2001, 2)
     """
     instance("simulate", "throw", throw, (bool, np.bool_), "True or False")
-    keywords = locals()  # a new dictionary; the core does not read its entries plant, law and q0
-    keywords["events"] = searched = watched(events)
+    searched = watched(events)
+    options = RunOptions(
+        t_end=t_end, dt=dt, v0=v0, theta0=theta0, theta_dot0=theta_dot0, method=method, rtol=rtol, atol=atol, max_step=max_step,
+        sample_time=sample_time, record_every=record_every, t_eval=t_eval, force=force, force_frame=force_frame, tau_max=tau_max,
+        monitors=monitors, state_limit=state_limit, check_limits=check_limits, events=searched, dense=dense,
+    )  # fmt: skip
     names = None if sensitivity is None else require_names("simulate", "sensitivity", sensitivity)
     # `vary` raises the errors of invalid names before the run.
-    loops = None if names is None else vary("simulate", plant, law, q0, keywords, names)
-    fields = _core.simulate(plant, law, q0, keywords)
+    loops = None if names is None else vary("simulate", plant, law, q0, options, names)
+    fields = _core.simulate(plant, law, q0, options)
     fields["sampled"] = sample_time is not None
     ended, unresolved, balances = fields.pop("ended"), fields.pop("unresolved"), Balances(**fields.pop("balances"))
     if searched:
@@ -146,7 +149,7 @@ def simulate(
         states, *polynomials = fields["dense"]
         fields["dense"] = DenseOutput(0.0, *polynomials), states
     if loops is not None and fields["status"] == Status.SUCCESS:
-        fields["sensitivity"] = of_run(loops, keywords, fields["t"])
+        fields["sensitivity"] = of_run(loops, options, fields["t"])
     run = Run(fields, law=law, plant=plant)
     if throw and run.status not in (Status.SUCCESS, Status.EVENT):
         advice = advice_on_run(run.status, method, rtol, atol, run.stats)
@@ -269,25 +272,28 @@ def simulate_batch(
     >>> batch.q.shape
     (64, 11, 2)
     """
-    keywords = {name: value for name, value in locals().items() if name not in ("plant", "law", "q0", "progress", "out", "sensitivity")}
     plants = list(plant) if isinstance(plant, Sequence) else plant
     laws = list(law) if isinstance(law, Sequence) else law
-    if force is not None:
-        keywords["force"] = forces_of_runs(force, len(q0) if isinstance(q0, Sized) else 0)
     undisturbed = sample_time is None and tau_max is None and force is None
+    forces = None if force is None else forces_of_runs(force, len(q0) if isinstance(q0, Sized) else 0)
     choice("simulate_batch", "keep", keep, ("all", "final", "metrics"))
     report = reporter("simulate_batch", progress, "runs")
-    keywords["metrics"] = require_measures(keep, metrics)
+    options = BatchOptions(
+        t_end=t_end, dt=dt, v0=v0, theta0=theta0, theta_dot0=theta_dot0, method=method, rtol=rtol, atol=atol, max_step=max_step,
+        sample_time=sample_time, record_every=record_every, t_eval=t_eval, force=forces, force_frame=force_frame, tau_max=tau_max,
+        monitors=monitors, state_limit=state_limit, check_limits=check_limits, threads=threads, keep=keep,
+        metrics=require_measures(keep, metrics),
+    )  # fmt: skip
     loops = None
     if sensitivity is not None:
         if keep != "all":
             raise InputError(f'simulate_batch: sensitivity is not used: expected None with keep="{keep}", got {shown(sensitivity)}')
         # `vary_rows` raises the errors of invalid names before the runs.
-        loops = vary_rows("simulate_batch", plants, laws, q0, keywords, require_names("simulate_batch", "sensitivity", sensitivity))
-    if report is not None or out is not None or measured_by_records(keywords):
-        batch = in_pieces(plants, laws, q0, keywords, report, out, undisturbed)
+        loops = vary_rows("simulate_batch", plants, laws, q0, options, require_names("simulate_batch", "sensitivity", sensitivity))
+    if report is not None or out is not None or measured_by_records(options):
+        batch = in_pieces(plants, laws, q0, options, report, out, undisturbed)
     else:
-        batch = batch_of(plants, laws, q0, keywords, undisturbed)
+        batch = batch_of(plants, laws, q0, options, undisturbed)
     if loops is not None:
-        batch.sensitivity = of_rows(loops, keywords, batch.t, batch.status, threads)
+        batch.sensitivity = of_rows(loops, options, batch.t, batch.status, threads)
     return batch

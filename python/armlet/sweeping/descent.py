@@ -13,7 +13,7 @@ import math
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from itertools import groupby
-from typing import Any, TypeAlias
+from typing import Any, TypeAlias, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,6 +36,7 @@ from ..run.named_numbers import (
     stacked,
     together,
 )
+from ..run.options import RunOptions
 from ..scenario import Scenario
 from .parameter_space import drawn
 
@@ -114,8 +115,8 @@ class Descent:
         """Return the loss of one run, and its derivatives with respect to the k searched values, (k,)."""
         scenario = self.scenario.replace(values)
         built = scenario.build()
-        keywords = {"monitors": False, "check_limits": False, **built.arguments}
-        keywords.pop("sensitivity", None)
+        options = {"monitors": False, "check_limits": False, **built.arguments}
+        options.pop("sensitivity", None)
         loop = _loop(built)
         known = named_numbers(*loop)
         names = _names(self.space)
@@ -125,8 +126,8 @@ class Descent:
 
         shared = [_together(loop, known, values, own) for _, own in names]
         loops: Varied = stacked(loop, [named for named, _ in names], shared, alone)
-        q0 = keywords.pop("q0")
-        return of_loops("tune", self.loss, (built.plant, built.law, q0), loops, keywords, MEMORY)
+        q0 = options.pop("q0")
+        return of_loops("tune", self.loss, (built.plant, built.law, q0), loops, cast(RunOptions, options), MEMORY)
 
     def _variants(self, scenario: Scenario, loop: Loop, known: Mapping[str, Array], path: str, value: float) -> Variants:
         found = _entry(known, path, value)

@@ -74,13 +74,8 @@ fn put_eigenvalues(fields: &Bound<'_, PyDict>, values: &[(f64, f64)]) -> Result<
 /// Return a dict with the fields of an `armlet.Equilibrium`.
 #[entered]
 #[pyfunction]
-pub fn equilibrium<'py>(
-    plant: &Bound<'py, PyAny>,
-    law: &Bound<'py, PyAny>,
-    force: Option<&Bound<'py, PyAny>>,
-    q0: &Bound<'py, PyAny>,
-    force_frame: Option<&Bound<'py, PyAny>>,
-) -> Result<Bound<'py, PyDict>, Failure> {
+#[arguments(plant, law, force, q0, force_frame)]
+pub fn equilibrium<'py>(force: Option<&Bound<'py, PyAny>>, force_frame: Option<&Bound<'py, PyAny>>) -> Result<Bound<'py, PyDict>, Failure> {
     let plant = object::<Plant>(NAME, "plant", "a plant such as ElasticArm", plant)?;
     let law = object::<Law>(NAME, "law", "a law such as ElasticImpedance", law)?;
     let (plant, law) = (&plant.get().spec, &law.get().spec);
@@ -112,11 +107,9 @@ pub fn equilibrium<'py>(
 /// Return a dict with the fields of an `armlet.ElasticLimits`.
 #[entered]
 #[pyfunction]
+#[arguments(plant, law, force, q0, force_frame, sample_time, sensor_bandwidth)]
 pub fn elastic_limits<'py>(
-    plant: &Bound<'py, PyAny>,
-    law: &Bound<'py, PyAny>,
     force: Option<&Bound<'py, PyAny>>,
-    q0: &Bound<'py, PyAny>,
     force_frame: Option<&Bound<'py, PyAny>>,
     sample_time: Option<&Bound<'py, PyAny>>,
     sensor_bandwidth: Option<&Bound<'py, PyAny>>,

@@ -94,7 +94,7 @@ fn event_function(plant: &PlantSpec, kind: &str, arguments: &Bound<'_, PyAny>, r
     })
 }
 
-/// Read the keywords `events` and `dense`. The result is `None` if neither is used.
+/// Read the options `events` and `dense`. The result is `None` if neither is used.
 pub fn observer(plant: &PlantSpec, events: Option<Bound<'_, PyAny>>, dense: bool, raised: &Raised) -> Result<Option<RunObserver>, Failure> {
     let mut observer = RunObserver { polynomials: dense.then(Polynomials::default), ..RunObserver::default() };
     let events =

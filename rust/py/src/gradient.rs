@@ -148,19 +148,13 @@ fn by_series<'py>(
     Ok(fields)
 }
 
-/// Return a dict with the derivatives of each series of a run, `(K, .., P)`. `keywords` are those of `simulate_batch`, with `t_eval`.
+/// Return a dict with the derivatives of each series of a run, `(K, .., P)`. `options` are those of `simulate_batch`, with `t_eval`.
 #[entered]
 #[pyfunction]
-pub fn _sensitivities<'py>(
-    plant: &Bound<'py, PyAny>,
-    law: &Bound<'py, PyAny>,
-    q0: &Bound<'py, PyAny>,
-    weights: &Bound<'py, PyAny>,
-    names: &Bound<'py, PyAny>,
-    keywords: &Bound<'py, PyDict>,
-) -> Result<Bound<'py, PyDict>, Failure> {
+#[arguments(plant, law, q0, weights, names, options)]
+pub fn _sensitivities<'py>(options: &Bound<'py, PyDict>) -> Result<Bound<'py, PyDict>, Failure> {
     const NAME: &str = "simulate";
-    Loops::of(NAME, plant, law, keywords)?.with_problem(q0, |problem, rows, raised| {
+    Loops::of(NAME, plant, law, options)?.with_problem(q0, |problem, rows, raised| {
         let named = Named::of(NAME, weights, names, rows)?;
         let all = named.parameters();
         let mut poll = || force::failed(raised) || signalled();
@@ -172,18 +166,10 @@ pub fn _sensitivities<'py>(
 /// Return the derivatives of `sum_k slopes_k' record_k`, `(P,)`. `slopes` is a dict with an array `(K, ..)` per series.
 #[entered]
 #[pyfunction]
-pub fn _adjoint<'py>(
-    plant: &Bound<'py, PyAny>,
-    law: &Bound<'py, PyAny>,
-    q0: &Bound<'py, PyAny>,
-    weights: &Bound<'py, PyAny>,
-    names: &Bound<'py, PyAny>,
-    slopes: &Bound<'py, PyDict>,
-    bytes: &Bound<'py, PyAny>,
-    keywords: &Bound<'py, PyDict>,
-) -> Result<Bound<'py, PyAny>, Failure> {
+#[arguments(plant, law, q0, weights, names, slopes, bytes, options)]
+pub fn _adjoint<'py>(slopes: &Bound<'py, PyDict>, options: &Bound<'py, PyDict>) -> Result<Bound<'py, PyAny>, Failure> {
     const NAME: &str = "gradient";
-    Loops::of(NAME, plant, law, keywords)?.with_problem(q0, |problem, rows, raised| {
+    Loops::of(NAME, plant, law, options)?.with_problem(q0, |problem, rows, raised| {
         let named = Named::of(NAME, weights, names, rows)?;
         let all = named.parameters();
         let bytes = count(NAME, "memory", bytes)?;
@@ -197,18 +183,14 @@ pub fn _adjoint<'py>(
 /// Return a dict with the derivatives of each series of a batch, `(B, K, .., P)`. A row without derivatives is NaN.
 #[entered]
 #[pyfunction]
+#[arguments(plant, law, q0, weights, names, threads, options)]
 pub fn _sensitivities_of_rows<'py>(
-    plant: &Bound<'py, PyAny>,
-    law: &Bound<'py, PyAny>,
-    q0: &Bound<'py, PyAny>,
-    weights: &Bound<'py, PyAny>,
-    names: &Bound<'py, PyAny>,
     threads: Option<&Bound<'py, PyAny>>,
-    keywords: &Bound<'py, PyDict>,
+    options: &Bound<'py, PyDict>,
 ) -> Result<Bound<'py, PyDict>, Failure> {
     const NAME: &str = "simulate_batch";
     let threads = threads_of(NAME, threads)?;
-    Loops::of(NAME, plant, law, keywords)?.with_problem(q0, |problem, runs, _| {
+    Loops::of(NAME, plant, law, options)?.with_problem(q0, |problem, runs, _| {
         let parameters = parameters_of_rows(NAME, weights, runs)?;
         let (rows, directions) = (parameters.len(), parameters.first().map_or(0, Vec::len));
         let sizes = sizes(NAME, names, directions)?;
@@ -220,20 +202,15 @@ pub fn _sensitivities_of_rows<'py>(
 /// Return the derivatives of `sum_k slopes_k' record_k` for each row of a batch, `(B, P)`. `slopes` has an array `(B, K, ..)` per series.
 #[entered]
 #[pyfunction]
+#[arguments(plant, law, q0, weights, names, slopes, bytes, threads, options)]
 pub fn _adjoint_of_rows<'py>(
-    plant: &Bound<'py, PyAny>,
-    law: &Bound<'py, PyAny>,
-    q0: &Bound<'py, PyAny>,
-    weights: &Bound<'py, PyAny>,
-    names: &Bound<'py, PyAny>,
     slopes: &Bound<'py, PyDict>,
-    bytes: &Bound<'py, PyAny>,
     threads: Option<&Bound<'py, PyAny>>,
-    keywords: &Bound<'py, PyDict>,
+    options: &Bound<'py, PyDict>,
 ) -> Result<Bound<'py, PyAny>, Failure> {
     const NAME: &str = "gradient";
     let threads = threads_of(NAME, threads)?;
-    Loops::of(NAME, plant, law, keywords)?.with_problem(q0, |problem, runs, _| {
+    Loops::of(NAME, plant, law, options)?.with_problem(q0, |problem, runs, _| {
         let parameters = parameters_of_rows(NAME, weights, runs)?;
         let (rows, directions) = (parameters.len(), parameters.first().map_or(0, Vec::len));
         let sizes = sizes(NAME, names, directions)?;

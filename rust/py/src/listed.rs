@@ -4,26 +4,23 @@ use crate::arrays::{flag, object, text};
 use crate::errors::Failure;
 use crate::force::Raised;
 use crate::interrupts::long;
-use crate::keywords::{Keywords, law_of};
 use crate::plant::Plant;
+use crate::run_options::{RunOptions, law_of};
 use armlet_core::simulate::{Problem, list_loop};
 use armlet_macros::entered;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList, PyTuple};
 
-/// Return one program of a closed loop as a dict. `armlet.loop_program` documents the keywords.
+/// Return one program of a closed loop as a dict. `armlet.loop_program` documents the options.
 #[entered]
 #[pyfunction]
-pub fn loop_program<'py>(
-    plant: &Bound<'py, PyAny>,
-    law: &Bound<'py, PyAny>,
-    keywords: &Bound<'py, PyDict>,
-) -> Result<Bound<'py, PyDict>, Failure> {
+#[arguments(plant, law, options)]
+pub fn loop_program<'py>(options: &Bound<'py, PyDict>) -> Result<Bound<'py, PyDict>, Failure> {
     let plant = object::<Plant>(NAME, "plant", "a plant such as RigidArm", plant)?;
     let plant = &plant.get().spec;
     let raised = Raised::default();
     let law = &law_of(NAME, law, plant, &raised)?;
-    let given = Keywords { function: NAME, keywords: keywords.clone() };
+    let given = RunOptions { function: NAME, entries: options.clone() };
     let options = given.options(plant.n())?;
     given.require_force()?;
     let (force, force_frame) = given.force(plant, law, &raised)?;

@@ -3,9 +3,9 @@
 use crate::arrays::{count, items};
 use crate::errors::{Failure, input_error};
 use crate::force::{Raised, raise};
-use crate::keywords::{Keywords, MOST_ROWS};
 use crate::law::Law;
 use crate::plant::Plant;
+use crate::run_options::{MOST_ROWS, RunOptions};
 use armlet_core::law::LawSpec;
 use armlet_core::memory;
 use armlet_core::parallel;
@@ -52,11 +52,11 @@ pub fn threads_of(function: &str, value: Option<&Bound<'_, PyAny>>) -> Result<us
     }
 }
 
-/// The plants and the laws, one for all runs or one per run, and the keywords of the runs.
+/// The plants and the laws, one for all runs or one per run, and the options of the runs.
 pub struct Loops<'py> {
     plants: Vec<Bound<'py, Plant>>,
     laws: Vec<Bound<'py, Law>>,
-    pub given: Keywords<'py>,
+    pub given: RunOptions<'py>,
 }
 
 impl<'py> Loops<'py> {
@@ -64,12 +64,12 @@ impl<'py> Loops<'py> {
         function: &'static str,
         plant: &Bound<'py, PyAny>,
         law: &Bound<'py, PyAny>,
-        keywords: &Bound<'py, PyDict>,
+        options: &Bound<'py, PyDict>,
     ) -> Result<Self, Failure> {
         Ok(Loops {
             plants: several(function, "plant", "a plant such as RigidArm, or a list of them", plant)?,
             laws: several(function, "law", "a law such as Adaptive, or a list of them", law)?,
-            given: Keywords { function, keywords: keywords.clone() },
+            given: RunOptions { function, entries: options.clone() },
         })
     }
 

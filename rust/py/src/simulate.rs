@@ -6,9 +6,9 @@ use crate::errors::{Failure, input_error};
 use crate::event;
 use crate::force::{self, Raised, raise};
 use crate::interrupts::{long, long_calling, signalled, signalled_in_turn};
-use crate::keywords::{Keywords, law_of};
 use crate::loops::{Loops, threads_of};
 use crate::plant::Plant;
+use crate::run_options::{RunOptions, law_of};
 use armlet_core::law::LawSpec;
 use armlet_core::memory;
 use armlet_core::simulate::{self as core, Force, Keep, Problem};
@@ -53,20 +53,16 @@ fn put_series(fields: &Bound<'_, PyDict>, lead: &[usize], k: usize, n: usize, p:
     Ok(())
 }
 
-/// Simulate one run, and return a dict of its fields. `armlet.simulate` documents the keywords.
+/// Simulate one run, and return a dict of its fields. `armlet.simulate` documents the options.
 #[entered]
 #[pyfunction]
-pub fn simulate<'py>(
-    plant: &Bound<'py, PyAny>,
-    law: &Bound<'py, PyAny>,
-    q0: &Bound<'py, PyAny>,
-    keywords: &Bound<'py, PyDict>,
-) -> Result<Bound<'py, PyDict>, Failure> {
+#[arguments(plant, law, q0, options)]
+pub fn simulate<'py>(options: &Bound<'py, PyDict>) -> Result<Bound<'py, PyDict>, Failure> {
     let plant = object::<Plant>(NAME, "plant", A_PLANT, plant)?;
     let plant = &plant.get().spec;
     let raised = Raised::default();
     let law = &law_of(NAME, law, plant, &raised)?;
-    let given = Keywords { function: NAME, keywords: keywords.clone() };
+    let given = RunOptions { function: NAME, entries: options.clone() };
     let n = plant.n();
     let options = given.options(n)?;
     let (_, x0) = given.initial_states(&[plant], q0, false)?;
@@ -123,16 +119,12 @@ pub fn simulate<'py>(
     Ok(fields)
 }
 
-/// Simulate a batch of runs, and return a dict of its fields. `armlet.simulate_batch` documents the keywords.
+/// Simulate a batch of runs, and return a dict of its fields. `armlet.simulate_batch` documents the options.
 #[entered]
 #[pyfunction]
-pub fn simulate_batch<'py>(
-    plant: &Bound<'py, PyAny>,
-    law: &Bound<'py, PyAny>,
-    q0: &Bound<'py, PyAny>,
-    keywords: &Bound<'py, PyDict>,
-) -> Result<Bound<'py, PyDict>, Failure> {
-    let loops = Loops::of(NAME, plant, law, keywords)?;
+#[arguments(plant, law, q0, options)]
+pub fn simulate_batch<'py>(options: &Bound<'py, PyDict>) -> Result<Bound<'py, PyDict>, Failure> {
+    let loops = Loops::of(NAME, plant, law, options)?;
     let (given, n) = (&loops.given, loops.plant().n());
     let keep = match text(NAME, "keep", &given.required("keep")?)?.as_str() {
         "all" => Keep::All,

@@ -7,9 +7,9 @@ pub use copies::_restore_simulator;
 use crate::arrays::{new_array, object, of_shape, overwrite, vector};
 use crate::errors::{Failure, entry, input_error, solve_error};
 use crate::force::{Raised, raise};
-use crate::keywords::{Keywords, law_of};
 use crate::plant::Plant;
 use crate::priority::status_member;
+use crate::run_options::{RunOptions, law_of};
 use crate::simulator_state::{complete, fastest, law_state, state_of, wrench};
 use crate::warnings::LimitCheck;
 use armlet_core::law::{ExternalSpec, LawSpec};
@@ -239,10 +239,10 @@ impl Simulator {
             } else {
                 LawSpec::External(ExternalSpec::idle(plant.model(), plant.kind()))
             };
-            let given = Keywords { function: NAME, keywords };
+            let given = RunOptions { function: NAME, entries: keywords };
             if !has_law {
                 // Without a law the sample time has no effect. `dt` replaces it, because `dt` passes every check of a sample time.
-                given.keywords.set_item("sample_time", given.required("dt")?)?;
+                given.entries.set_item("sample_time", given.required("dt")?)?;
             }
             given.required("dt")?;
             require_fixed_steps(given.method()?)?;

@@ -1,4 +1,4 @@
-//! The keywords of `simulate`, `simulate_batch` and `Simulator`, converted to options, initial states, forces and laws of the core.
+//! The options of runs (`armlet/run/options.py`), converted to options, initial states, forces and laws of the core.
 
 use crate::arguments::require_partner;
 use crate::arrays::{
@@ -27,20 +27,20 @@ const A_LAW: &str = "a law such as Adaptive";
 const RTOL: f64 = 1e-8;
 const ATOL: f64 = 1e-10;
 
-/// The Python keywords of a run.
-pub struct Keywords<'py> {
+/// The options of a run: a `TypedDict` of `armlet/run/options.py`.
+pub struct RunOptions<'py> {
     pub function: &'static str,
-    pub keywords: Bound<'py, PyDict>,
+    pub entries: Bound<'py, PyDict>,
 }
 
-impl<'py> Keywords<'py> {
-    /// The value of a keyword; `None` if the keyword is missing or its value is the Python None.
+impl<'py> RunOptions<'py> {
+    /// The value of an option; `None` if the option is missing or its value is the Python None.
     pub fn get(&self, name: &str) -> Result<Option<Bound<'py, PyAny>>, Failure> {
-        Ok(self.keywords.get_item(name)?.filter(|value| !value.is_none()))
+        Ok(self.entries.get_item(name)?.filter(|value| !value.is_none()))
     }
 
     pub fn required(&self, name: &str) -> Result<Bound<'py, PyAny>, Failure> {
-        let missing = || input_error(self.keywords.py(), self.function, name, "is missing: expected a value, got None");
+        let missing = || input_error(self.entries.py(), self.function, name, "is missing: expected a value, got None");
         Ok(self.get(name)?.ok_or_else(missing)?)
     }
 
@@ -118,7 +118,7 @@ impl<'py> Keywords<'py> {
         })
     }
 
-    /// Read the keyword `metrics`, a dict with the arguments of `armlet.metrics`.
+    /// Read the option `metrics`, a dict with the arguments of `armlet.metrics`.
     pub fn measures(&self, n: usize) -> Result<Measures, Failure> {
         let mut measures = Measures::default();
         let Some(given) = self.get("metrics")? else { return Ok(measures) };
