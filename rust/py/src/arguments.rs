@@ -1,11 +1,11 @@
-//! The arguments of constructors of laws and plants. They are read once, and kept for `repr` and pickling (module `kept`).
+//! The arguments of constructors of laws and plants. They are read once, and stored for `repr` and pickling (module `constructor_call`).
 
 use crate::arm::Arm;
 use crate::arrays::{
     Axis, Form, SCALAR, WHATEVER, copied, flag_or_false, numbers, object, owned, per_entry, quoted, require_finite, spread, text,
 };
+use crate::constructor_call::NamedValues;
 use crate::errors::{Failure, input_error};
-use crate::kept::Kept;
 use crate::motion::Motion;
 use armlet_core::kinematics::coordinates::parse_axes;
 use armlet_core::linalg::gain::Gain;
@@ -20,8 +20,8 @@ const A_MOTION: &str = "a Motion such as Hold";
 pub struct Arguments<'py> {
     function: &'static str,
     pub arm: Bound<'py, Arm>,
-    /// The names and kept values of all arguments except the arm.
-    pub arguments: Kept,
+    /// The names and stored values of all arguments except the arm.
+    pub arguments: NamedValues,
 }
 
 impl<'py> Arguments<'py> {
@@ -38,17 +38,17 @@ impl<'py> Arguments<'py> {
         self.arm.get().model.core()
     }
 
-    /// Read and keep a gain: a scalar, `(n,)` or `(n, n)`.
+    /// Read and store a gain: a scalar, `(n,)` or `(n, n)`.
     pub fn gain(&mut self, name: &'static str, value: &Bound<'py, PyAny>, n: usize) -> Result<Gain, Failure> {
         let gain = gain(self.function, name, value, n)?;
-        self.keep(name, value)?;
+        self.store_copy(name, value)?;
         Ok(gain)
     }
 
-    /// Read and keep an array `(n,)`, or one number for all `n`.
+    /// Read and store an array `(n,)`, or one number for all `n`.
     pub fn vector(&mut self, name: &'static str, value: &Bound<'py, PyAny>, n: usize) -> Result<Vec<f64>, Failure> {
         let values = per_entry(self.function, name, value, n)?;
-        self.keep(name, value)?;
+        self.store_copy(name, value)?;
         Ok(values)
     }
 
@@ -58,7 +58,7 @@ impl<'py> Arguments<'py> {
         Ok(motion.get().core.clone())
     }
 
-    /// Read and keep a motion of `n` coordinates, or a constant position `(n,)`.
+    /// Read and store a motion of `n` coordinates, or a constant position `(n,)`.
     pub fn motion_or_hold(&mut self, name: &'static str, value: &Bound<'py, PyAny>, n: usize) -> Result<CoreMotion, Failure> {
         match value.cast::<Motion>() {
             Ok(_) => self.motion(name, value),
@@ -66,52 +66,52 @@ impl<'py> Arguments<'py> {
         }
     }
 
-    /// Read and keep numbers `(n,)`, or one number for all `n`. The result is `None` if the argument is missing.
+    /// Read and store numbers `(n,)`, or one number for all `n`. The result is `None` if the argument is missing.
     pub fn rows(&mut self, name: &'static str, value: Option<&Bound<'py, PyAny>>, n: usize) -> Result<Option<Vec<f64>>, Failure> {
         let Some(value) = value else { return Ok(None) };
         let (shape, values) = numbers(self.function, name, value, &[SCALAR, Form(&[Axis::Is(n)])])?;
-        self.keep(name, value)?;
+        self.store_copy(name, value)?;
         Ok(Some(spread(&shape, values, n)?))
     }
 
-    /// Read and keep the frame and the axes (default "xyz"). The third result is the number of axes.
+    /// Read and store the frame and the axes (default "xyz"). The third result is the number of axes.
     pub fn frame_and_axes(
         &mut self,
         frame: &Bound<'py, PyAny>,
         axes: Option<&Bound<'py, PyAny>>,
     ) -> Result<(String, String, usize), Failure> {
         let name = text(self.function, "frame", frame)?;
-        self.plain("frame", frame);
+        self.store("frame", frame);
         let Some(axes) = axes else { return Ok((name, "xyz".into(), 3)) };
-        self.plain("axes", axes);
+        self.store("axes", axes);
         let (axes, rows) = axes_of(self.function, axes)?;
         Ok((name, axes, rows))
     }
 
-    /// Read and keep one finite number.
+    /// Read and store one finite number.
     pub fn number(&mut self, name: &'static str, value: &Bound<'py, PyAny>) -> Result<f64, Failure> {
         let x = crate::arrays::number(self.function, name, value)?;
         require_finite(value.py(), self.function, name, &[], &[x])?;
-        self.plain(name, value);
+        self.store(name, value);
         Ok(x)
     }
 
-    /// Read a flag whose default is False. Only True is kept, so `repr` omits the default.
+    /// Read a flag whose default is False. Only True is stored, so `repr` omits the default.
     pub fn flag(&mut self, name: &'static str, value: Option<&Bound<'py, PyAny>>) -> Result<bool, Failure> {
         let flag = flag_or_false(self.function, name, value)?;
         if flag {
-            self.plain(name, PyBool::new(self.arm.py(), true).as_any());
+            self.store(name, PyBool::new(self.arm.py(), true).as_any());
         }
         Ok(flag)
     }
 
-    /// Keep an argument without a copy. This suits immutable objects such as text, flags and numbers.
-    pub fn plain(&mut self, name: &'static str, value: &Bound<'py, PyAny>) {
+    /// Store an argument without a copy. This suits immutable objects such as text, flags and numbers.
+    pub fn store(&mut self, name: &'static str, value: &Bound<'py, PyAny>) {
         self.arguments.push((name, value.clone().unbind()));
     }
 
-    /// Keep a copy of the caller's array, so that later changes of the array have no effect.
-    pub fn keep(&mut self, name: &'static str, value: &Bound<'py, PyAny>) -> Result<(), Failure> {
+    /// Store a copy of the caller's array, so that later changes of the array have no effect.
+    pub fn store_copy(&mut self, name: &'static str, value: &Bound<'py, PyAny>) -> Result<(), Failure> {
         let (shape, values) = numbers(self.function, name, value, &[WHATEVER])?;
         let copy = copied(value.py(), &shape, &values)?;
         self.arguments.push((name, copy.unbind()));

@@ -1,6 +1,6 @@
 //! `_BatchStepper` advances many states of one plant with inputs of the caller. The environments of `armlet.gym` use it.
 
-use crate::arrays::{Axis, Form, count, items, number, numbers, object, owned, whole, written_array};
+use crate::arrays::{Axis, Form, count, items, nonnegative_integer, number, numbers, object, owned, written_array};
 use crate::errors::{Failure, entry, input_error};
 use crate::interrupts::{long, signalled};
 use crate::plant::Plant;
@@ -65,7 +65,7 @@ impl _BatchStepper {
     fn put<'py>(&mut self) -> Result<(Bound<'py, PyAny>, Bound<'py, PyAny>), Failure> {
         let (n, states, all) = (self.plant.n(), self.plant.states(), self.tau.len() / self.plant.n());
         let rows: Vec<usize> =
-            items(NAME, "rows", "a list", rows, all)?.iter().map(|row| whole(NAME, "rows", row)).collect::<Result<_, _>>()?;
+            items(NAME, "rows", "a list", rows, all)?.iter().map(|row| nonnegative_integer(NAME, "rows", row)).collect::<Result<_, _>>()?;
         let shape = [Axis::Is(rows.len()), Axis::Is(n)];
         let (q, v) = (numbers(NAME, "q", q, &[Form(&shape)])?.1, numbers(NAME, "v", v, &[Form(&shape)])?.1);
         if let Some((k, row)) = rows.iter().enumerate().find(|(_, row)| **row >= all) {

@@ -1,7 +1,7 @@
 //! Broadcasting by the rules of numpy. Vector arguments `(..., n)` broadcast over their leading axes, and arguments that are numbers or
 //! arrays broadcast over all axes.
 
-use crate::arrays::{Axis, Form, Looked, WHATEVER, elements, numbers, owned, require_finite, shown};
+use crate::arrays::{ArrayArgument, Axis, Form, WHATEVER, elements, numbers, owned, require_finite, shown};
 use crate::errors::{Failure, input_error};
 use crate::interrupts::long;
 use armlet_core::error::{Error, Result as CoreResult};
@@ -151,8 +151,8 @@ pub fn number_or_array(function: &str, name: &str, value: &Bound<'_, PyAny>) -> 
     if let Ok(x) = value.cast::<PyFloat>() {
         return Ok(Some(x.value()));
     }
-    let looked = Looked::at(function, name, value)?;
-    Ok(if looked.shape.is_empty() { Some(looked.values()?.1[0]) } else { None })
+    let argument = ArrayArgument::new(function, name, value)?;
+    Ok(if argument.shape.is_empty() { Some(argument.values()?.1[0]) } else { None })
 }
 
 /// `K` arguments that are numbers or arrays, copied, for a batch of problems. A *column* has one number for all problems, or one for each.
@@ -199,7 +199,7 @@ pub fn columns<const K: usize>(
 ) -> Result<Columns<K>, Failure> {
     let mut shapes: [Vec<usize>; K] = std::array::from_fn(|_| Vec::new());
     for k in 0..K {
-        shapes[k] = Looked::at(function, names[k], values[k])?.shape;
+        shapes[k] = ArrayArgument::new(function, names[k], values[k])?.shape;
     }
     let shape = common_shape(&shapes).ok_or_else(|| {
         let all = shapes.iter().map(|s| shown(s)).collect::<Vec<_>>().join(", ");
@@ -212,7 +212,7 @@ pub fn columns<const K: usize>(
     let (mut all, mut places) = (in_large_pages(memory::reserved(total)?), std::array::from_fn(|_| 0..0));
     for k in 0..K {
         let (py, start) = (values[k].py(), all.len());
-        let read = Looked::at(function, names[k], values[k])?.append_to(&mut all)?;
+        let read = ArrayArgument::new(function, names[k], values[k])?.append_to(&mut all)?;
         // An object of the caller may have another shape when it is read the second time.
         if read != shapes[k] {
             let problem = format!("changes its shape: expected {}, got {}", shown(&shapes[k]), shown(&read));

@@ -2,7 +2,7 @@
 //! about a long sample time.
 
 use crate::arguments::require_partner;
-use crate::arrays::{Looked, copied, new_array, number, object, optional_number, vector};
+use crate::arrays::{ArrayArgument, copied, new_array, number, object, optional_number, vector};
 use crate::broadcast::{LOOK, columns};
 use crate::errors::{Failure, input_error};
 use crate::force::{self, Raised, force_frame};
@@ -10,7 +10,7 @@ use crate::interrupts::long;
 use crate::law::Law;
 use crate::plant::Plant;
 use crate::warnings::warn;
-use armlet_core::analysis::{elastic_limits as limits, equilibrium as rest};
+use armlet_core::analysis::{elastic_limits as limits, equilibrium as core};
 use armlet_core::error::{Error, Result as CoreResult};
 use armlet_core::interrupt;
 use armlet_core::law::LawSpec;
@@ -81,7 +81,7 @@ pub fn equilibrium<'py>(force: Option<&Bound<'py, PyAny>>, force_frame: Option<&
     let (plant, law) = (&plant.get().spec, &law.get().spec);
     let (wrench, frame) = constant(NAME, plant, law, force, force_frame)?;
     let q0 = vector(NAME, "q0", q0, plant.n())?;
-    let found = long(py, || rest::equilibrium(plant, law, &wrench, frame, &q0))?;
+    let found = long(py, || core::equilibrium(plant, law, &wrench, frame, &q0))?;
     let fields = PyDict::new(py);
     put(&fields, "q", &found.q)?;
     put(&fields, "tau", &found.tau)?;
@@ -275,7 +275,7 @@ pub fn stiffness_limit<'py>() -> Result<Bound<'py, PyAny>, Failure> {
 #[pyfunction]
 #[arguments(inertia, stiffness, ratio)]
 pub fn damping_from_ratio<'py>() -> Result<Bound<'py, PyAny>, Failure> {
-    let n = Looked::at(NAME, "inertia", inertia)?.shape.first().copied().unwrap_or(1);
+    let n = ArrayArgument::new(NAME, "inertia", inertia)?.shape.first().copied().unwrap_or(1);
     let square = |name: &'static str, value| crate::arguments::gain(NAME, name, value, n);
     let (m, k) = (square("inertia", inertia)?, square("stiffness", stiffness)?);
     let d = ratio_damping(&m, &k, number(NAME, "ratio", ratio)?)?;

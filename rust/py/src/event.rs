@@ -50,7 +50,7 @@ fn function(plant: &PlantSpec, call: &Bound<'_, PyAny>, raised: &Raised) -> Even
                 }
                 number(NAME, "events", &call.bind(py).call1(PyTuple::new(py, arguments)?)?)
             };
-            call().map_err(|failure| force::keep(&raised, py, NAME, failure)).ok()
+            call().map_err(|failure| force::store_error(&raised, py, NAME, failure)).ok()
         })
     }))
 }
@@ -132,11 +132,11 @@ pub fn answer(fields: &Bound<'_, PyDict>, plant: &PlantSpec, p: usize, observer:
     if let Some(Polynomials { degree, ends, nodes }) = observer.polynomials {
         // The result has the plant's state and the law's state. It omits the bristles of LuGre friction, which are between the two.
         let (seen, all) = (plant.seen(), states + p);
-        let kept = seen + p;
-        let place = |i: usize| i / kept * all + if i % kept < seen { i % kept } else { i % kept + states - seen };
-        let count = nodes.len() / all * kept;
+        let width = seen + p;
+        let place = |i: usize| i / width * all + if i % width < seen { i % width } else { i % width + states - seen };
+        let count = nodes.len() / all * width;
         let nodes = if seen == states { nodes } else { memory::collected((0..count).map(|i| nodes[place(i)]))? };
-        let shape = [ends.len(), degree + 1, kept];
+        let shape = [ends.len(), degree + 1, width];
         let positions = adopted(py, &[degree + 1], (0..=degree).map(|k| node(k, degree)).collect())?;
         let dense = (seen, adopted(py, &[ends.len()], ends)?, positions, adopted(py, &shape, nodes)?);
         fields.set_item("dense", dense)?;

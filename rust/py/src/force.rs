@@ -64,7 +64,7 @@ pub fn force(function: &'static str, value: &Bound<'_, PyAny>, rows: Option<&[us
             Python::attach(|py| {
                 let sample = call.bind(py).call1((t,)).map_err(Failure::Python);
                 let result = sample.and_then(|sample| wrench(function, &sample, &rows_of(&sample, rows.as_deref())));
-                result.map_err(|failure| keep(&raised, py, function, failure)).ok()
+                result.map_err(|failure| store_error(&raised, py, function, failure)).ok()
             })
         })));
     }
@@ -91,7 +91,7 @@ pub fn force(function: &'static str, value: &Bound<'_, PyAny>, rows: Option<&[us
 }
 
 /// Store an exception, unless an earlier exception is stored.
-pub fn keep(raised: &Raised, py: Python<'_>, function: &str, failure: Failure) {
+pub fn store_error(raised: &Raised, py: Python<'_>, function: &str, failure: Failure) {
     let error = match failure {
         Failure::Python(error) => error,
         Failure::Core(error) => crate::errors::to_python(py, function, error),

@@ -2,11 +2,13 @@
 
 use crate::arguments::require_partner;
 use crate::arm::Arm;
-use crate::arrays::{Axis, Form, Looked, SCALAR, adopted, copied, elements, flag, number, numbers, object, owned, shown, whole};
+use crate::arrays::{
+    ArrayArgument, Axis, Form, SCALAR, adopted, copied, elements, flag, nonnegative_integer, number, numbers, object, owned, shown,
+};
 use crate::broadcast::{common_shape, stretch};
+use crate::constructor_call::short_repr;
 use crate::errors::{Failure, input_error};
 use crate::interrupts::{long, signalled};
-use crate::kept::brief;
 use crate::loops::threads_of;
 use crate::priority::{method_name, residual_list, status_member};
 use crate::seal::{Sealed, seal};
@@ -84,7 +86,7 @@ impl InverseKinematics {
             let counts = statuses(self.status.bind(py))?;
             return Ok(format!("InverseKinematics(q of shape {shape}, {sum} of {count} reached, status={counts})"));
         }
-        let show = |value: &Py<PyAny>| brief(value.bind(py));
+        let show = |value: &Py<PyAny>| short_repr(value.bind(py));
         let (q, reached, status) = (show(&self.q)?, show(&self.reached)?, show(&self.status)?);
         let (iterations, restarts) = (show(&self.iterations)?, show(&self.restarts)?);
         Ok(format!("InverseKinematics(q={q}, reached={reached}, iterations={iterations}, restarts={restarts}, status={status})"))
@@ -184,7 +186,7 @@ pub fn inverse_kinematics() -> Result<InverseKinematics, Failure> {
     let (_, goals) = each(NAME, tasks, |task| task.goals(tree))?;
     let alone = solutions.is_none() && goals.iter().all(|goal| goal.lead.is_empty());
     // An argument `q0` with at most one axis is a single start, so the message about a wrong shape expects `(n,)`.
-    let wide = Looked::at(NAME, "q0", q0)?.shape.len() > 1;
+    let wide = ArrayArgument::new(NAME, "q0", q0)?.shape.len() > 1;
     let form = if wide { Form(&[Axis::Leading, Axis::Is(model.n())]) } else { Form(&[Axis::Is(model.n())]) };
     let (mut lead, q0) = numbers(NAME, "q0", q0, &[form])?;
     lead.pop();
@@ -200,9 +202,9 @@ pub fn inverse_kinematics() -> Result<InverseKinematics, Failure> {
     };
     let search = IkOptions {
         tolerance: tolerance.map_or(Ok(plain.tolerance), |x| number(NAME, "tolerance", x))?,
-        max_iterations: max_iterations.map_or(Ok(plain.max_iterations), |x| whole(NAME, "max_iterations", x))?,
-        restarts: restarts.map_or(Ok(plain.restarts), |x| whole(NAME, "restarts", x))?,
-        seed: seed.map_or(Ok(plain.seed), |x| whole(NAME, "seed", x).map(|x| x as u64))?,
+        max_iterations: max_iterations.map_or(Ok(plain.max_iterations), |x| nonnegative_integer(NAME, "max_iterations", x))?,
+        restarts: restarts.map_or(Ok(plain.restarts), |x| nonnegative_integer(NAME, "restarts", x))?,
+        seed: seed.map_or(Ok(plain.seed), |x| nonnegative_integer(NAME, "seed", x).map(|x| x as u64))?,
         step_max: step_max.map_or(Ok(plain.step_max), |x| number(NAME, "step_max", x))?,
         limits: limits.map_or(Ok(plain.limits), |x| flag(NAME, "limits", x))?,
         method: match method {
@@ -237,7 +239,7 @@ pub fn inverse_kinematics() -> Result<InverseKinematics, Failure> {
 
 /// Read a count that is at least one.
 fn positive_count(name: &str, value: &Bound<'_, PyAny>) -> Result<usize, Failure> {
-    match whole(NAME, name, value)? {
+    match nonnegative_integer(NAME, name, value)? {
         0 => Err(Error::input(name, "is not positive: expected at least 1, got 0").into()),
         k => Ok(k),
     }

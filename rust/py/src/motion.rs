@@ -1,12 +1,12 @@
 //! `armlet.Motion` and its subclasses: desired motions as functions of time.
 
 use crate::arrays::{
-    Axis, Form, Looked, SCALAR, any_vector, copied, elements, new_vector, number, numbers, optional_number, owned, require_finite, spread,
-    vector, written_arrays,
+    ArrayArgument, Axis, Form, SCALAR, any_vector, copied, elements, new_vector, number, numbers, optional_number, owned, require_finite,
+    spread, vector, written_arrays,
 };
+use crate::constructor_call::{NamedValues, constructor_repr, defined_by_arguments};
 use crate::errors::{Failure, entry, input_error};
 use crate::interrupts::long;
-use crate::kept::{Kept, made_of_arguments, shown_as};
 use armlet_core::error::Error;
 use armlet_core::interrupt;
 use armlet_core::memory;
@@ -20,10 +20,10 @@ use pyo3::types::{PyFloat, PyInt};
 pub struct Motion {
     pub core: Core,
     /// The arguments of the constructor, for `repr` and pickling.
-    arguments: Kept,
+    arguments: NamedValues,
 }
 
-made_of_arguments!(Motion);
+defined_by_arguments!(Motion);
 
 impl Motion {
     pub fn new(core: Core, arguments: Vec<(&'static str, Bound<'_, PyAny>)>) -> Self {
@@ -46,9 +46,9 @@ pub fn rows<'py>(
     write: impl Fn(usize, f64, &mut [f64]) -> Result<(), Error> + Sync,
 ) -> Result<Triple<'py>, Failure> {
     let py = x.py();
-    let looked = Looked::at(function, name, x)?;
-    memory::require(elements(&looked.shape)?.saturating_mul(8 * (1 + 3 * n)))?;
-    let (mut shape, values) = looked.values()?;
+    let argument = ArrayArgument::new(function, name, x)?;
+    memory::require(elements(&argument.shape)?.saturating_mul(8 * (1 + 3 * n)))?;
+    let (mut shape, values) = argument.values()?;
     // Use a copy, because other threads may write to the caller's array during the evaluation.
     let values = owned(values)?;
     require_finite(py, function, name, &shape, &values)?;
@@ -86,7 +86,7 @@ impl Motion {
         let py = t.py();
         entry(py, "Motion", || {
             let plain = t.is_instance_of::<PyFloat>() || t.is_instance_of::<PyInt>();
-            if !plain && !Looked::at("Motion", "t", t)?.shape.is_empty() {
+            if !plain && !ArrayArgument::new("Motion", "t", t)?.shape.is_empty() {
                 return rows(self.core.dof(), "Motion", "t", t, |_, t, row| {
                     self.core.sample(t, row);
                     Ok(())
@@ -108,7 +108,7 @@ impl Motion {
     }
 
     fn __repr__(slf: &Bound<'_, Self>) -> PyResult<String> {
-        shown_as(slf.as_any(), None, &slf.get().arguments)
+        constructor_repr(slf.as_any(), None, &slf.get().arguments)
     }
 
     fn __eq__(&self, other: &Bound<'_, PyAny>) -> bool {

@@ -3,9 +3,9 @@
 use crate::arguments::Arguments;
 use crate::arm::Arm;
 use crate::arrays::{Axis, Form, SCALAR, adopted, copied, number, numbers, owned, require_finite, spread, text};
+use crate::constructor_call::{NamedValues, constructor_repr, new_arguments};
 use crate::errors::{Failure, entry, input_error};
 use crate::interrupts::long;
-use crate::kept::{Kept, call, shown_as};
 use crate::seal::{Sealed, seal_call};
 use armlet_core::analysis::momentum_observer::{MomentumObserver as Core, ObserverState};
 use armlet_core::dynamics::Model;
@@ -62,7 +62,7 @@ pub struct MomentumObserver {
     /// The arm of the observer.
     #[pyo3(get)]
     arm: Py<Arm>,
-    arguments: Kept,
+    arguments: NamedValues,
 }
 
 /// The observer of the core, and whether its samples are `(B, n)`.
@@ -135,7 +135,7 @@ impl MomentumObserver {
     }
 
     /// Compute the wrenches at a frame, and the remainder of the residual that they do not explain.
-    fn wrench_and_rest<'py>(
+    fn wrench_and_unexplained<'py>(
         &self,
         function: &str,
         q: &Bound<'py, PyAny>,
@@ -147,13 +147,13 @@ impl MomentumObserver {
         let frame = text(function, "frame", frame)?;
         let eps = eps.map(|eps| number(function, "eps", eps)).transpose()?;
         self.observed(py).require_rows(py, function, &shape)?;
-        let (wrench, rest, [wide, narrow]) = self.detached(py, |observed| {
+        let (wrench, unexplained, [wide, narrow]) = self.detached(py, |observed| {
             let (rows, n) = (observed.core.rows(), observed.core.n());
-            let (mut wrench, mut rest) = (memory::zeros(6 * rows)?, memory::zeros(n * rows)?);
-            observed.core.wrench(&q, &frame, eps, &mut wrench, &mut rest)?;
-            Ok((wrench, rest, [6, n].map(|width| observed.shape(width))))
+            let (mut wrench, mut unexplained) = (memory::zeros(6 * rows)?, memory::zeros(n * rows)?);
+            observed.core.wrench(&q, &frame, eps, &mut wrench, &mut unexplained)?;
+            Ok((wrench, unexplained, [6, n].map(|width| observed.shape(width))))
         })?;
-        Ok([adopted(py, &wide, wrench)?, adopted(py, &narrow, rest)?])
+        Ok([adopted(py, &wide, wrench)?, adopted(py, &narrow, unexplained)?])
     }
 }
 
@@ -178,7 +178,7 @@ impl MomentumObserver {
         if let Some(threshold) = threshold {
             let (shape, values) = numbers(NAME, "threshold", threshold, &[SCALAR, Form(&[Axis::Is(n)])])?;
             core.set_thresholds(spread(&shape, values, n)?)?;
-            given.keep("threshold", threshold)?;
+            given.store_copy("threshold", threshold)?;
         }
         let Arguments { arm, arguments, .. } = given;
         let observed = Mutex::new(Observed { core, batched: false });
@@ -242,7 +242,7 @@ impl MomentumObserver {
     /// argument `q` must be the positions of the last sample.
     #[arguments(q, frame, *, eps=None)]
     fn wrench<'py>(&self) -> Result<Bound<'py, PyAny>, Failure> {
-        let [wrench, _] = self.wrench_and_rest(NAME, q, frame, eps)?;
+        let [wrench, _] = self.wrench_and_unexplained(NAME, q, frame, eps)?;
         Ok(wrench)
     }
 
@@ -251,8 +251,8 @@ impl MomentumObserver {
     /// The method has the same arguments as `wrench`.
     #[arguments(q, frame, *, eps=None)]
     fn unexplained<'py>(&self) -> Result<Bound<'py, PyAny>, Failure> {
-        let [_, rest] = self.wrench_and_rest(NAME, q, frame, eps)?;
-        Ok(rest)
+        let [_, unexplained] = self.wrench_and_unexplained(NAME, q, frame, eps)?;
+        Ok(unexplained)
     }
 
     /// Set the threshold of each joint to `|mean| + sigmas * deviation` of recorded `residuals`, `(K, n)`, N m or N.
@@ -282,12 +282,12 @@ impl MomentumObserver {
     }
 
     fn __repr__(slf: &Bound<'_, Self>) -> PyResult<String> {
-        shown_as(slf.as_any(), Some(slf.get().arm.bind(slf.py()).as_any()), &slf.get().arguments)
+        constructor_repr(slf.as_any(), Some(slf.get().arm.bind(slf.py()).as_any()), &slf.get().arguments)
     }
 
     /// The pickled form: the arguments, the state and the thresholds.
     fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Sealed<'py>> {
-        let (_, keywords) = call(py, Some(self.arm.bind(py).as_any()), &self.arguments)?;
+        let (_, keywords) = new_arguments(py, Some(self.arm.bind(py).as_any()), &self.arguments)?;
         let observed = self.observed(py);
         let ObserverState { residual, momentum, drift } = observed.core.state().clone();
         let thresholds = observed.core.thresholds().map(<[f64]>::to_vec);

@@ -3,9 +3,9 @@
 use crate::arguments::Arguments;
 use crate::arm::Arm;
 use crate::arrays::{number, object, quoted, text, three};
+use crate::constructor_call::{NamedValues, defined_by_arguments};
 use crate::errors::{Failure, input_error};
 use crate::friction;
-use crate::kept::{Kept, stands_on_arm};
 use crate::seal::{Sealed, seal_new};
 use armlet_core::plant::{ElasticSpec, JointFriction, PlantSpec, RigidSpec, Stops, VelocitySpec, Wall as CoreWall};
 use armlet_macros::entered;
@@ -18,7 +18,7 @@ pub struct Plant {
     pub spec: PlantSpec,
     #[pyo3(get)]
     pub arm: Py<Arm>,
-    arguments: Kept,
+    arguments: NamedValues,
 }
 
 impl Arguments<'_> {
@@ -28,7 +28,7 @@ impl Arguments<'_> {
     }
 }
 
-stands_on_arm!(Plant);
+defined_by_arguments!(Plant, arm);
 
 #[entered]
 #[pymethods]
@@ -104,17 +104,17 @@ impl Wall {
 fn wall<'py>(given: &mut Arguments<'py>, function: &str, wall: Option<&Bound<'py, PyAny>>) -> Result<Option<CoreWall>, Failure> {
     let Some(wall) = wall else { return Ok(None) };
     let object = object::<Wall>(function, "wall", "a Wall or None", wall)?;
-    given.plain("wall", wall);
+    given.store("wall", wall);
     let model = given.model();
     let frame = model.tree("wall")?.frame_index(&object.get().frame).map_err(|error| error.of_argument("wall.frame"))?;
     Ok(Some(CoreWall { frame, ..object.get().core.clone() }))
 }
 
-/// Read the stops of a plant, and keep the argument for `repr` and pickling.
+/// Read the stops of a plant, and store the argument for `repr` and pickling.
 fn stops<'py>(given: &mut Arguments<'py>, function: &'static str, stops: Option<&Bound<'py, PyAny>>) -> Result<Option<Stops>, Failure> {
     let found = crate::stops::stops(function, &given.model(), stops)?;
     if let (Some(_), Some(stops)) = (&found, stops) {
-        given.plain("stops", stops);
+        given.store("stops", stops);
     }
     Ok(found)
 }
@@ -123,7 +123,7 @@ fn stops<'py>(given: &mut Arguments<'py>, function: &'static str, stops: Option<
 const STICK_SLIP: &str = "stick_slip";
 
 /// The friction of a rigid arm.
-enum Rubbing {
+enum RigidFriction {
     /// Whether the viscous and Coulomb friction of the arm acts.
     Flag(bool),
     /// The friction of the arm, which can hold joints at rest.
@@ -133,27 +133,27 @@ enum Rubbing {
 }
 
 /// Read the argument `friction` of a plant: a flag, `STICK_SLIP`, or a friction model.
-fn rubbing<'py>(
+fn rigid_friction<'py>(
     given: &mut Arguments<'py>,
     function: &'static str,
     name: &'static str,
     value: Option<&Bound<'py, PyAny>>,
-) -> Result<Rubbing, Failure> {
+) -> Result<RigidFriction, Failure> {
     if let Some(value) = value.filter(|value| value.is_instance_of::<PyString>()) {
         if text(function, name, value)? != STICK_SLIP {
             let problem = format!("is unknown: expected a flag, a friction model or {STICK_SLIP:?}, got {}", quoted(value));
             return Err(input_error(value.py(), function, name, problem).into());
         }
-        given.plain(name, value);
-        return Ok(Rubbing::Sticking);
+        given.store(name, value);
+        return Ok(RigidFriction::Sticking);
     }
     if let Some(value) = value
         && let Some(dry) = friction::friction(function, given.model().n(), name, value)?
     {
-        given.plain(name, value);
-        return Ok(Rubbing::Dry(dry));
+        given.store(name, value);
+        return Ok(RigidFriction::Dry(dry));
     }
-    Ok(Rubbing::Flag(given.flag(name, value)?))
+    Ok(RigidFriction::Flag(given.flag(name, value)?))
 }
 
 /// A rigid arm whose input is the joint torques: `M(q) a + C(q, v) v + g(q) + tau_f = tau + J'F`.
@@ -188,17 +188,17 @@ impl RigidArm {
     #[arguments(arm, *, friction=false, wall=None, stops=None)]
     fn new() -> Result<PyClassInitializer<Self>, Failure> {
         let mut given = Arguments::new(NAME, arm)?;
-        let friction = rubbing(&mut given, NAME, "friction", friction)?;
-        if !matches!(friction, Rubbing::Flag(false)) {
+        let friction = rigid_friction(&mut given, NAME, "friction", friction)?;
+        if !matches!(friction, RigidFriction::Flag(false)) {
             given.model().tree("friction")?;
         }
         let wall = self::wall(&mut given, NAME, wall)?;
         let stops = self::stops(&mut given, NAME, stops)?;
         let spec = RigidSpec { wall, stops, ..RigidSpec::new(given.model()) };
         let spec = match friction {
-            Rubbing::Flag(friction) => RigidSpec { friction, ..spec },
-            Rubbing::Sticking => spec.with_sticking_friction()?,
-            Rubbing::Dry(dry) => spec.with_friction(Some(dry))?,
+            RigidFriction::Flag(friction) => RigidSpec { friction, ..spec },
+            RigidFriction::Sticking => spec.with_sticking_friction()?,
+            RigidFriction::Dry(dry) => spec.with_friction(Some(dry))?,
         };
         Ok(given.plant(spec.into()).add_subclass(RigidArm))
     }
@@ -266,7 +266,7 @@ impl ElasticArm {
         let dry = motor_friction.map_or(Ok(None), |value| friction::friction(NAME, n, "motor_friction", value))?;
         let friction = if dry.is_some() { None } else { optional("motor_friction", motor_friction)? };
         if let (Some(_), Some(value)) = (&dry, motor_friction) {
-            given.plain("motor_friction", value);
+            given.store("motor_friction", value);
         }
         let wall = self::wall(&mut given, NAME, wall)?;
         let stops = self::stops(&mut given, NAME, stops)?;

@@ -2,8 +2,8 @@
 
 use crate::arguments::require_partner;
 use crate::arrays::{
-    Axis, Form, Looked, SCALAR, any_vector, count, flag, items, number, numbers, object, optional_number, owned, quoted, require_finite,
-    spread, text, vector, whole,
+    ArrayArgument, Axis, Form, SCALAR, any_vector, count, flag, items, nonnegative_integer, number, numbers, object, optional_number,
+    owned, quoted, require_finite, spread, text, vector,
 };
 use crate::errors::{Failure, input_error};
 use crate::force::{self, Raised, force_frame};
@@ -74,12 +74,12 @@ impl<'py> RunOptions<'py> {
             period: number(function, "period", &period)?,
             delay: field("delay")?,
             jitter: field("jitter")?,
-            sensor_delay: whole(function, "sensor_delay", &value.getattr("sensor_delay")?)?,
+            sensor_delay: nonnegative_integer(function, "sensor_delay", &value.getattr("sensor_delay")?)?,
             noise: channels("noise")?,
             resolution: channels("resolution")?,
             rate_limit: field("rate_limit")?,
             torque_sensor: torque_sensor(function, &value.getattr("torque_sensor")?, n)?,
-            seed: whole(function, "seed", &value.getattr("seed")?)? as u64,
+            seed: nonnegative_integer(function, "seed", &value.getattr("seed")?)? as u64,
         }))
     }
 
@@ -176,8 +176,8 @@ impl<'py> RunOptions<'py> {
             if batch { batch_rows(self.function, name, value, plants[0]) } else { Ok((1, vector(self.function, name, value, n)?)) }
         };
         let (rows, q) = read("q0", q0)?;
-        let mut rest = [const { None }; 3];
-        for (part, name) in rest.iter_mut().zip(["v0", "theta0", "theta_dot0"]) {
+        let mut others = [const { None }; 3];
+        for (part, name) in others.iter_mut().zip(["v0", "theta0", "theta_dot0"]) {
             let Some(value) = self.get(name)? else { continue };
             let kind = plants[0].kind();
             if if name == "v0" { !kind.has_speeds() } else { !kind.has_motors() } {
@@ -191,7 +191,7 @@ impl<'py> RunOptions<'py> {
             }
             *part = Some(values);
         }
-        let [v, theta, theta_dot] = &rest;
+        let [v, theta, theta_dot] = &others;
         let zero = vec![0.0; n];
         let part = |values: &'_ Option<Vec<f64>>, row: usize| values.as_ref().map(|values| values[row * n..(row + 1) * n].to_vec());
         let mut x0 = memory::reserved(rows.saturating_mul(plants[0].states()))?;
@@ -243,9 +243,9 @@ impl<'py> RunOptions<'py> {
 
 /// Read and copy a part of the initial states, `(B, n)`. If memory is insufficient for a batch of this size, the error is a `MemoryError`.
 fn batch_rows(function: &str, name: &str, value: &Bound<'_, PyAny>, plant: &PlantSpec) -> Result<(usize, Vec<f64>), Failure> {
-    let looked = Looked::at(function, name, value)?.of(&[Form(&[Axis::Any("B"), Axis::Is(plant.n())])])?;
-    memory::require(looked.shape[0].saturating_mul(8 * (plant.n() + plant.states())))?;
-    let (shape, values) = looked.values()?;
+    let argument = ArrayArgument::new(function, name, value)?.of(&[Form(&[Axis::Any("B"), Axis::Is(plant.n())])])?;
+    memory::require(argument.shape[0].saturating_mul(8 * (plant.n() + plant.states())))?;
+    let (shape, values) = argument.values()?;
     require_finite(value.py(), function, name, &shape, &values)?;
     Ok((shape[0], owned(values)?))
 }
@@ -287,7 +287,7 @@ pub fn law_of(function: &'static str, law: &Bound<'_, PyAny>, plant: &PlantSpec,
                 tau.copy_from_slice(&vector(function, "law", &answer, n)?);
                 Ok(py.check_signals()?)
             };
-            call().map_err(|failure| force::keep(&raised, py, function, failure)).is_ok()
+            call().map_err(|failure| force::store_error(&raised, py, function, failure)).is_ok()
         })
     };
     Ok(LawSpec::External(ExternalSpec { model: plant.model().clone(), plant: plant.kind(), call: Arc::new(answer) }))

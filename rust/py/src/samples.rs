@@ -1,6 +1,6 @@
 //! The selection of samples for concurrent learning, for `armlet.select_samples`.
 
-use crate::arrays::{Looked, adopted, flag, number, object, owned, require_finite, shown, vector, whole};
+use crate::arrays::{ArrayArgument, adopted, flag, nonnegative_integer, number, object, owned, require_finite, shown, vector};
 use crate::errors::{Failure, input_error};
 use crate::interrupts::long;
 use crate::law::Law;
@@ -26,13 +26,13 @@ pub fn _select_samples<'py>(a: Option<&Bound<'py, PyAny>>) -> Result<Bound<'py, 
     let n = spec.parameter_sizes().0;
     let mut shape: Option<Vec<usize>> = None;
     let mut read = |name: &str, value: &Bound<'py, PyAny>| -> Result<Vec<f64>, Failure> {
-        let looked = Looked::at(NAME, name, value)?;
-        let given = looked.shape.clone();
+        let argument = ArrayArgument::new(NAME, name, value)?;
+        let given = argument.shape.clone();
         if given.len() != 2 || given[0] == 0 || given[1] != n || shape.as_ref().is_some_and(|first| *first != given) {
             let wanted = shape.as_ref().map_or(format!("(K, {n}), K > 0"), |first| shown(first));
             return Err(input_error(py, NAME, name, format!("has the wrong shape: expected {wanted}, got {}", shown(&given))).into());
         }
-        let (given, values) = looked.values()?;
+        let (given, values) = argument.values()?;
         require_finite(py, NAME, name, &given, &values)?;
         shape = Some(given);
         owned(values)
@@ -40,7 +40,7 @@ pub fn _select_samples<'py>(a: Option<&Bound<'py, PyAny>>) -> Result<Bound<'py, 
     let [q, v, tau] = [read("q", &q)?, read("v", &v)?, read("tau", &tau)?];
     let a = a.map(|a| read("a", a)).transpose()?;
     let held = flag(NAME, "held", &held)?;
-    let count = whole(NAME, "count", count)?;
+    let count = nonnegative_integer(NAME, "count", count)?;
     let windows = match (&a, t, window) {
         (Some(_), None, None) if !held => None,
         (Some(_), t, window) => {

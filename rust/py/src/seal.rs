@@ -78,9 +78,9 @@ pub fn seal_call<'py>(py: Python<'py>, function: &str, arguments: Bound<'py, PyT
 pub fn bytes<'py>(py: Python<'py>, parts: &[&[u8]]) -> PyResult<Bound<'py, PyBytes>> {
     PyBytes::new_with(py, parts.iter().map(|part| part.len()).sum(), |mut out| {
         for piece in parts.iter().flat_map(|part| part.chunks(PIECE)) {
-            let (to, rest) = out.split_at_mut(piece.len());
+            let (to, unread) = out.split_at_mut(piece.len());
             to.copy_from_slice(piece);
-            out = rest;
+            out = unread;
             pause_in_turn(py)?;
         }
         Ok(())
@@ -194,13 +194,13 @@ impl Reading {
     fn next(&mut self, py: Python<'_>, most: Option<usize>) -> Option<(Py<PyBytes>, Range<usize>)> {
         loop {
             let part = self.parts.front()?;
-            let rest = part.as_bytes(py).get(self.at..).unwrap_or_default();
-            if rest.is_empty() {
+            let unread = part.as_bytes(py).get(self.at..).unwrap_or_default();
+            if unread.is_empty() {
                 (self.at, _) = (0, self.parts.pop_front());
                 continue;
             }
-            let line = || rest.iter().position(|&byte| byte == b'\n').map_or(rest.len(), |end| end + 1);
-            let taken = self.at..self.at + most.unwrap_or_else(line).min(rest.len());
+            let line = || unread.iter().position(|&byte| byte == b'\n').map_or(unread.len(), |end| end + 1);
+            let taken = self.at..self.at + most.unwrap_or_else(line).min(unread.len());
             self.at = taken.end;
             return Some((part.clone_ref(py), taken));
         }

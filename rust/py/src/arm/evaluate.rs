@@ -166,10 +166,10 @@ impl Arm {
         let count = inputs.count;
         let all = slices.each_mut().map(|slice| &mut **slice);
         let parts = move |chunk: usize| {
-            let mut rest = all;
+            let mut remaining = all;
             let cut = |first: usize| {
                 let size = chunk.min(count - first);
-                let heads: [&mut [f64]; M] = std::array::from_fn(|m| rest[m].split_off_mut(..size * lengths[m]).unwrap_or_default());
+                let heads: [&mut [f64]; M] = std::array::from_fn(|m| remaining[m].split_off_mut(..size * lengths[m]).unwrap_or_default());
                 (first, size, heads)
             };
             (0..count).step_by(chunk.max(1)).map(cut).collect()

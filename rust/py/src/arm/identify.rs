@@ -2,7 +2,7 @@
 
 use super::Arm;
 use crate::arrays::{
-    Looked, adopted, any_vector, copied, flag_or_false, index_of, number, owned, per_entry, require_finite, shown, vector,
+    ArrayArgument, adopted, any_vector, copied, flag_or_false, index_of, number, owned, per_entry, require_finite, shown, vector,
 };
 use crate::errors::{Failure, input_error};
 use crate::interrupts::long;
@@ -160,14 +160,14 @@ impl Arm {
         let n = arm.n();
         let mut shape: Option<Vec<usize>> = None;
         let mut record = |name: &str, value: &Bound<'py, PyAny>| -> Result<Vec<f64>, Failure> {
-            let looked = Looked::at(NAME, name, value)?;
-            let given = looked.shape.clone();
+            let argument = ArrayArgument::new(NAME, name, value)?;
+            let given = argument.shape.clone();
             if given.len() < 2 || given.last() != Some(&n) || shape.as_ref().is_some_and(|first| *first != given) {
                 let wanted = shape.as_ref().map_or(format!("(samples, {n})"), |first| shown(first));
                 let problem = format!("has the wrong shape: expected {wanted}, got {}", shown(&given));
                 return Err(input_error(py, NAME, name, problem).into());
             }
-            let (given, values) = looked.values()?;
+            let (given, values) = argument.values()?;
             require_finite(py, NAME, name, &given, &values)?;
             shape = Some(given);
             owned(values)

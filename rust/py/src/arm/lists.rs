@@ -1,6 +1,6 @@
 //! The joints of `Arm.from_chain`, each a dict, and the rows of `Arm.from_dh`, each a dict or four numbers.
 
-use crate::arrays::{Looked, items, number as scalar, quoted, require_finite, shown, text};
+use crate::arrays::{ArrayArgument, items, number as scalar, quoted, require_finite, shown, text};
 use crate::errors::{Failure, input_error};
 use armlet_core::arm::{ChainJoint, DhRow, Follows, JointKind, JointType, Limits};
 use pyo3::prelude::*;
@@ -152,13 +152,13 @@ pub fn dh_row(function: &str, row: &Bound<'_, PyAny>, i: usize) -> Result<DhRow,
         return Ok(DhRow { kind, a: get("a")?, alpha: get("alpha")?, d: get("d")?, theta: get("theta")?, phi });
     }
     let name = format!("rows[{i}]");
-    let looked = Looked::at(function, &name, row)?;
-    if looked.shape != [4] {
-        let shape = &looked.shape;
+    let argument = ArrayArgument::new(function, &name, row)?;
+    if argument.shape != [4] {
+        let shape = &argument.shape;
         let problem = format!("has the wrong shape: expected (4,) (a, alpha, d, theta) or a dict, got {}", shown(shape));
         return Err(input_error(py, function, &name, problem).into());
     }
-    let (shape, x) = looked.values()?;
+    let (shape, x) = argument.values()?;
     require_finite(py, function, &name, &shape, &x)?;
     Ok(DhRow { kind: JointKind::Revolute, a: x[0], alpha: x[1], d: x[2], theta: x[3], phi: [0.0; 10] })
 }

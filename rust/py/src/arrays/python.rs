@@ -1,9 +1,9 @@
 //! The validation of array arguments for functions that are written in Python.
 
-use super::read::Looked;
+use super::read::ArrayArgument;
 use super::sequence::items;
 use super::shape::{Axis, Form, WHATEVER};
-use super::single::{name as text, whole};
+use super::single::{name as text, nonnegative_integer};
 use super::write::copied;
 use crate::errors::{Failure, to_python};
 use armlet_macros::entered;
@@ -43,11 +43,11 @@ pub fn numbers<'py>(
         shapes.iter().map(|shape| shape.iter().map(axis).collect::<Result<_, _>>()).collect::<Result<_, Failure>>()?;
     let forms: Vec<Form<'_>> = if axes.is_empty() { vec![WHATEVER] } else { axes.iter().map(|axes| Form(axes)).collect() };
     let read = || -> Result<Bound<'py, PyAny>, Failure> {
-        let looked = Looked::at(function, name, value)?.of(&forms)?;
-        if looked.is_in_place() {
+        let argument = ArrayArgument::new(function, name, value)?.of(&forms)?;
+        if argument.is_in_place() {
             return Ok(value.clone());
         }
-        let (shape, values) = looked.values()?;
+        let (shape, values) = argument.values()?;
         copied(py, &shape, &values)
     };
     // The message of a memory error starts with the name of the calling function.
@@ -59,7 +59,7 @@ pub fn numbers<'py>(
 
 fn axis<'a>(given: &'a Bound<'_, PyAny>) -> Result<Axis<'a>, Failure> {
     if !given.is_instance_of::<PyString>() {
-        return Ok(Axis::Is(whole("numbers", "shapes", given)?));
+        return Ok(Axis::Is(nonnegative_integer("numbers", "shapes", given)?));
     }
     let name = text("numbers", "shapes", given)?;
     Ok(if name == "..." { Axis::Leading } else { Axis::Any(name) })

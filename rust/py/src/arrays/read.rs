@@ -22,7 +22,7 @@ pub type Converted<'a> = Result<(Vec<usize>, Cow<'a, [f64]>), Failure>;
 
 /// Read the shape and the numbers of an argument. Its shape must match one of `forms`.
 pub fn numbers<'a>(function: &str, name: &str, value: &'a Bound<'_, PyAny>, forms: &[Form<'_>]) -> Converted<'a> {
-    Looked::at(function, name, value)?.of(forms)?.values()
+    ArrayArgument::new(function, name, value)?.of(forms)?.values()
 }
 
 /// Read and copy a finite vector of length `n`.
@@ -99,7 +99,7 @@ pub fn spread(shape: &[usize], values: Cow<'_, [f64]>, n: usize) -> Result<Vec<f
 }
 
 /// An array argument whose type and shape are known, before its elements are read.
-pub struct Looked<'n, 'a, 'py> {
+pub struct ArrayArgument<'n, 'a, 'py> {
     function: &'n str,
     name: &'n str,
     value: &'a Bound<'py, PyAny>,
@@ -114,10 +114,10 @@ enum Source<'py> {
     Sequence,
 }
 
-impl<'n, 'a, 'py> Looked<'n, 'a, 'py> {
-    pub fn at(function: &'n str, name: &'n str, value: &'a Bound<'py, PyAny>) -> Result<Self, Failure> {
+impl<'n, 'a, 'py> ArrayArgument<'n, 'a, 'py> {
+    pub fn new(function: &'n str, name: &'n str, value: &'a Bound<'py, PyAny>) -> Result<Self, Failure> {
         let (shape, source) = kind(value).map_err(|wrong| wrong.refusal(value.py(), function, name, ""))?;
-        Ok(Looked { function, name, value, shape, source })
+        Ok(ArrayArgument { function, name, value, shape, source })
     }
 
     /// Return the argument if its shape matches one of `forms`. Otherwise the result is an error.

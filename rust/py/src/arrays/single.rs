@@ -1,6 +1,6 @@
 //! Arguments that are not arrays: numbers, flags, names and objects.
 
-use super::Looked;
+use super::ArrayArgument;
 use crate::errors::{Failure, input_error};
 use pyo3::prelude::*;
 use pyo3::types::{PyBool, PyFloat, PyString};
@@ -17,8 +17,8 @@ pub fn number(function: &str, name: &str, value: &Bound<'_, PyAny>) -> Result<f6
     if let Ok(number) = value.cast::<PyFloat>() {
         return Ok(number.value());
     }
-    match Looked::at(function, name, value) {
-        Ok(looked) if looked.shape.is_empty() => Ok(looked.values()?.1[0]),
+    match ArrayArgument::new(function, name, value) {
+        Ok(argument) if argument.shape.is_empty() => Ok(argument.values()?.1[0]),
         Err(Failure::Python(error)) if !error.is_instance_of::<pyo3::exceptions::PyValueError>(value.py()) => Err(error.into()),
         _ => Err(input_error(value.py(), function, name, format!("is not a number: expected a real number, got {}", quoted(value))).into()),
     }
@@ -36,7 +36,7 @@ pub fn count(function: &str, name: &str, value: &Bound<'_, PyAny>) -> Result<usi
 }
 
 /// Read an integer that is at least zero.
-pub fn whole(function: &str, name: &str, value: &Bound<'_, PyAny>) -> Result<usize, Failure> {
+pub fn nonnegative_integer(function: &str, name: &str, value: &Bound<'_, PyAny>) -> Result<usize, Failure> {
     let problem = || format!("is not a count: expected an integer >= 0, got {}", quoted(value));
     Ok(integer(value).ok_or_else(|| input_error(value.py(), function, name, problem()))?)
 }

@@ -57,10 +57,10 @@ pub struct Lent(Option<Py<PyArray1<f64>>>);
 impl Lent {
     /// Return an array that contains `values`, in reused memory if possible.
     pub fn array<'py>(&mut self, py: Python<'py>, values: &[f64]) -> Result<Bound<'py, PyAny>, Failure> {
-        if let Some(kept) = self.0.as_ref().map(|kept| kept.bind(py))
-            && overwrite_unseen(kept, values)
+        if let Some(reused) = self.0.as_ref().map(|reused| reused.bind(py))
+            && overwrite_unseen(reused, values)
         {
-            return Ok(kept.clone().into_any());
+            return Ok(reused.clone().into_any());
         }
         let made = copied(py, &[values.len()], values)?;
         self.0 = Some(made.clone().cast_into::<PyArray1<f64>>().map_err(PyErr::from)?.unbind());

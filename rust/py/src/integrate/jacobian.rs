@@ -66,7 +66,7 @@ impl Jacobian {
             Jacobian::Callable(_) if slope.error.is_some() => j.fill(f64::NAN),
             Jacobian::Callable(jac) => {
                 let result = Python::attach(|py| {
-                    let value = slope.beside(py, jac.bind(py), s, x)?;
+                    let value = slope.call_other(py, jac.bind(py), s, x)?;
                     read(py, slope.function, &value, j, n)
                 });
                 if let Err(error) = result {

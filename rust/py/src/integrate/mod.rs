@@ -8,7 +8,7 @@ mod stepper;
 
 pub use stepper::Stepper;
 
-use crate::arrays::{any_vector, copied, flag, items, number, require_finite, whole};
+use crate::arrays::{any_vector, copied, flag, items, nonnegative_integer, number, require_finite};
 use crate::errors::{Failure, input_error};
 use armlet_core::error::Result as CoreResult;
 use armlet_core::integrate::Work;
@@ -121,7 +121,7 @@ fn watched_events<'py>(events: &Bound<'py, PyAny>) -> Result<Vec<(Bound<'py, PyA
     let events = items(NAME, "events", "a list: expected tuples (g, direction, stop_after)", events, MOST_EVENTS)?;
     let of = |event: &Bound<'py, PyAny>| {
         let (g, direction, stop_after): (Bound<'py, PyAny>, Bound<'py, PyAny>, Bound<'py, PyAny>) = event.extract()?;
-        Ok((g, number(NAME, "events", &direction)?, whole(NAME, "events", &stop_after)?))
+        Ok((g, number(NAME, "events", &direction)?, nonnegative_integer(NAME, "events", &stop_after)?))
     };
     events.iter().map(of).collect()
 }
@@ -187,7 +187,7 @@ pub fn integrate<'py>(
         let kind = f.get_type().name()?;
         return Err(input_error(py, NAME, "f", format!("is not callable: expected f(t, y), got {kind}")).into());
     }
-    let positions = whole(NAME, "positions", positions)?;
+    let positions = nonnegative_integer(NAME, "positions", positions)?;
     let span = span_of(t0, t1, events.iter().any(|(_, _, stop_after)| *stop_after > 0))?;
     let dense = flag(NAME, "dense_output", dense)?;
     let states = states_of(py, lists, vectorized)?;

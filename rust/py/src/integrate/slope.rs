@@ -67,7 +67,7 @@ impl Slope {
     }
 
     /// Call a Jacobian or an event function for one state: `callable(t, y, *arguments)`.
-    pub fn beside<'py>(&self, py: Python<'py>, callable: &Bound<'py, PyAny>, s: f64, y: &[f64]) -> PyResult<Bound<'py, PyAny>> {
+    pub fn call_other<'py>(&self, py: Python<'py>, callable: &Bound<'py, PyAny>, s: f64, y: &[f64]) -> PyResult<Bound<'py, PyAny>> {
         with(py, callable, self.arguments.as_ref(), self.states, self.direction * s, y)
     }
 }

@@ -2,7 +2,7 @@
 
 use super::{Arguments, Law};
 use crate::arguments::require_partner;
-use crate::arrays::{Axis, Form, Looked, WHATEVER, flag, name, numbers, owned, shown, text};
+use crate::arrays::{ArrayArgument, Axis, Form, WHATEVER, flag, name, numbers, owned, shown, text};
 use crate::errors::{Failure, input_error};
 use armlet_core::error::positive;
 use armlet_core::law::{Adaptation, AdaptiveSpec, Base, JointColumn, JointColumns, LawSpec, LeakageForm, Projection, StoredRows};
@@ -101,7 +101,7 @@ fn base_of<'py>(given: &mut Arguments<'py>, base: &Bound<'py, PyAny>, p: usize) 
             format!("is of another arm or has columns of friction: expected a projection ({}, {p}), got {}", columns.len(), shown(&shape));
         return Err(input_error(base.py(), "Adaptive", "base", problem).into());
     }
-    given.plain("base", base);
+    given.store("base", base);
     Ok(Base { columns, projection })
 }
 
@@ -110,8 +110,8 @@ fn base_of<'py>(given: &mut Arguments<'py>, base: &Bound<'py, PyAny>, p: usize) 
 const LENGTH: f64 = 0.1;
 
 /// Read the lower bounds of the projection: one mass, kg, for all bodies, or the `p` inertial parameters of the bounds.
-fn least_bodies<'py>(given: &mut Arguments<'py>, projection: &Bound<'py, PyAny>, p: usize) -> Result<Projection, Failure> {
-    if Looked::at("Adaptive", "projection", projection)?.shape.is_empty() {
+fn projection_of<'py>(given: &mut Arguments<'py>, projection: &Bound<'py, PyAny>, p: usize) -> Result<Projection, Failure> {
+    if ArrayArgument::new("Adaptive", "projection", projection)?.shape.is_empty() {
         let mass = given.number("projection", projection)?;
         return Ok(Projection::of_mass(p, mass, LENGTH)?);
     }
@@ -168,12 +168,12 @@ fn columns_of<'py>(
 ) -> Result<JointColumns, Failure> {
     let mut kinds = friction.map(kinds_of).transpose()?.unwrap_or_default();
     if let (Some(friction), false) = (friction, kinds.is_empty()) {
-        let kept = if friction.is_instance_of::<PyBool>() || friction.is_instance_of::<PyString>() {
+        let stored = if friction.is_instance_of::<PyBool>() || friction.is_instance_of::<PyString>() {
             friction.clone()
         } else {
             PyTuple::new(friction.py(), friction.try_iter()?.collect::<PyResult<Vec<_>>>()?)?.into_any()
         };
-        given.plain("friction", &kept);
+        given.store("friction", &stored);
     }
     if given.flag("armature", armature)? {
         kinds.push(JointColumn::Armature);
@@ -186,7 +186,7 @@ fn columns_of<'py>(
 }
 
 /// Add leakage and the dead zone to the law.
-fn restrained<'py>(
+fn with_leakage_and_dead_zone<'py>(
     given: &mut Arguments<'py>,
     spec: AdaptiveSpec,
     leakage: Option<&Bound<'py, PyAny>>,
@@ -209,7 +209,7 @@ fn restrained<'py>(
                     return Err(input_error(value.py(), "Adaptive", "leakage_form", problem).into());
                 }
             };
-            given.plain("leakage_form", value);
+            given.store("leakage_form", value);
             form
         }
     };
@@ -223,7 +223,7 @@ fn restrained<'py>(
 const COMPOSITE_RATE: f64 = 10.0;
 
 /// Add composite adaptation to the law, if there is a weight.
-fn filtered<'py>(
+fn with_composite<'py>(
     given: &mut Arguments<'py>,
     spec: AdaptiveSpec,
     weight: Option<&Bound<'py, PyAny>>,
@@ -241,7 +241,7 @@ fn filtered<'py>(
 }
 
 /// Add concurrent learning to the law, if there are samples.
-fn remembering<'py>(
+fn with_concurrent_learning<'py>(
     given: &mut Arguments<'py>,
     spec: AdaptiveSpec,
     stored: Option<&Bound<'py, PyAny>>,
@@ -259,7 +259,7 @@ fn remembering<'py>(
     let (w, tau) = (field("W")?, field("tau")?);
     let (shape, rows) = numbers("Adaptive", "concurrent", &w, &[Form(&[Axis::Any("N"), Axis::Is(n), Axis::Is(p)])])?;
     let (_, torques) = numbers("Adaptive", "concurrent", &tau, &[Form(&[Axis::Is(shape[0]), Axis::Is(n)])])?;
-    given.plain("concurrent", stored);
+    given.store("concurrent", stored);
     Ok(spec.concurrent(StoredRows { rows: owned(rows)?, torques: owned(torques)? }, &value)?)
 }
 
@@ -280,28 +280,28 @@ impl Adaptive {
         let (kp, kd) = (given.gain("kp", kp, n)?, given.gain("kd", kd, n)?);
         let base = base.map(|base| base_of(&mut given, base, p)).transpose()?;
         let columns = columns_of(&mut given, n, friction, armature, friction_speed)?;
-        let beside = columns.count();
-        let estimated = base.as_ref().map_or(p, |base| base.columns.len()) + beside;
+        let joint_parameters = columns.count();
+        let estimated = base.as_ref().map_or(p, |base| base.columns.len()) + joint_parameters;
         let adaptation = if given.flag("natural", natural)? {
             let bodies = p / 10;
-            let gamma = given.gain("gamma", gamma, bodies + beside)?;
+            let gamma = given.gain("gamma", gamma, bodies + joint_parameters)?;
             if !gamma.is_diagonal() {
-                let wanted = bodies + beside;
+                let wanted = bodies + joint_parameters;
                 let problem = format!("is a matrix: expected a scalar or ({wanted},), one number per body, for natural adaptation");
                 return Err(input_error(arm.py(), NAME, "gamma", problem).into());
             }
-            Adaptation::Natural((0..bodies + beside).map(|i| gamma.at(i, i)).collect())
+            Adaptation::Natural((0..bodies + joint_parameters).map(|i| gamma.at(i, i)).collect())
         } else {
             Adaptation::Euclidean(given.gain("gamma", gamma, estimated)?)
         };
         let start = estimate.map(|estimate| given.vector("estimate", estimate, estimated)).transpose()?;
         let mut spec = AdaptiveSpec::with_columns(model, motion, [kp, kd], adaptation, base, columns, start)?;
         if let Some(projection) = projection {
-            spec = spec.projected(least_bodies(&mut given, projection, p)?)?;
+            spec = spec.projected(projection_of(&mut given, projection, p)?)?;
         }
-        spec = restrained(&mut given, spec, leakage, [leakage_form, leakage_centre], dead_zone)?;
-        spec = filtered(&mut given, spec, composite, composite_rate)?;
-        spec = remembering(&mut given, spec, concurrent, concurrent_weight)?;
+        spec = with_leakage_and_dead_zone(&mut given, spec, leakage, [leakage_form, leakage_centre], dead_zone)?;
+        spec = with_composite(&mut given, spec, composite, composite_rate)?;
+        spec = with_concurrent_learning(&mut given, spec, concurrent, concurrent_weight)?;
         Ok(given.law(spec).add_subclass(Adaptive))
     }
 

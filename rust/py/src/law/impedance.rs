@@ -42,7 +42,7 @@ impl<'py> OptionArguments<'_, 'py> {
         let mut options = ImpedanceOptions::default();
         if let Some(value) = self.nullspace {
             options.null_space = Some(null_space(given.function(), value, n)?);
-            given.plain("nullspace", value);
+            given.store("nullspace", value);
         }
         if let Some(value) = self.feedforward {
             options.feedforward = Some(given.vector("feedforward", value, m)?);
@@ -57,7 +57,7 @@ impl<'py> OptionArguments<'_, 'py> {
         }
         if let Some(value) = self.integral_gain {
             options.integral_gain = Some(gain_or_zero(given.function(), "integral_gain", value, m)?);
-            given.keep("integral_gain", value)?;
+            given.store_copy("integral_gain", value)?;
         }
         for (name, value, count) in [("wrench_max", self.wrench_max, m), ("tau_max", self.tau_max, n)] {
             let Some(value) = value else { continue };
@@ -68,7 +68,7 @@ impl<'py> OptionArguments<'_, 'py> {
             } else {
                 options.wrench_max = limits;
             }
-            given.keep(name, value)?;
+            given.store_copy(name, value)?;
         }
         Ok(options)
     }
@@ -103,8 +103,8 @@ pub(super) fn target<'py>(given: &mut Arguments<'py>, value: &Bound<'py, PyAny>,
     };
     require_finite(value.py(), given.function(), "target", &shape, &pose)?;
     let values = rows_of_pose(&pose, &rows)?;
-    let kept = copied(value.py(), &[values.len()], &values)?;
-    given.plain("target", &kept);
+    let stored = copied(value.py(), &[values.len()], &values)?;
+    given.store("target", &stored);
     Ok(Motion::Hold(values))
 }
 

@@ -17,9 +17,9 @@ pub use rigid::*;
 use crate::arguments::Arguments;
 use crate::arm::Arm;
 use crate::arrays::{adopted, copied, new_vector, number, of_shape, require_finite, vector};
+use crate::constructor_call::{NamedValues, defined_by_arguments};
 use crate::errors::{Failure, entry, input_error};
 use crate::interrupts::long;
-use crate::kept::{Kept, stands_on_arm};
 use crate::motion::Motion;
 use armlet_core::error::all_finite;
 use armlet_core::law::{JointReference, LawEvaluator, LawSpec};
@@ -40,10 +40,10 @@ pub struct Law {
     #[pyo3(get)]
     arm: Py<Arm>,
     /// The other arguments of the constructor, for `repr` and pickling.
-    arguments: Kept,
+    arguments: NamedValues,
 }
 
-stands_on_arm!(Law);
+defined_by_arguments!(Law, arm);
 
 impl Arguments<'_> {
     /// Make the Python object of a law from its arguments and its specification.

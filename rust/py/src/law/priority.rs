@@ -26,13 +26,13 @@ impl<'py> Arguments<'py> {
         let method = method_name(function, method)?;
         let model = self.model();
         let arm = model.tree("arm")?;
-        let (kept, levels) = each(function, tasks, |task| task.level(arm))?;
-        self.plain("tasks", &kept.into_bound(tasks.py()).into_any());
-        self.plain("method", &pyo3::types::PyString::new(tasks.py(), method).into_any());
+        let (stored, levels) = each(function, tasks, |task| task.level(arm))?;
+        self.store("tasks", &stored.into_bound(tasks.py()).into_any());
+        self.store("method", &pyo3::types::PyString::new(tasks.py(), method).into_any());
         let keywords = Keywords { method, eps, rounding: None, weight: None, v_min: None, v_max: None };
         let options = keywords.options(function, model.n(), levels.len())?;
         if let Some(eps) = eps {
-            self.keep("eps", eps)?;
+            self.store_copy("eps", eps)?;
         }
         let mut given = LimitOverrides::default();
         for &(name, value) in limits {
@@ -49,7 +49,7 @@ impl<'py> Arguments<'py> {
                 _ => &mut given.a_max,
             };
             *limit = Some(per_joint(function, name, value, model.n())?);
-            self.keep(name, value)?;
+            self.store_copy(name, value)?;
         }
         Ok((levels, options, given))
     }
@@ -152,7 +152,7 @@ impl PriorityAcceleration {
         let (levels, options, limits) = given.levels(NAME, tasks, method, eps, &limits)?;
         let damping = optional_number(NAME, "joint_damping", joint_damping)?.unwrap_or(JOINT_DAMPING);
         if let Some(value) = joint_damping {
-            given.plain("joint_damping", value);
+            given.store("joint_damping", value);
         }
         let spec = PriorityAccelerationSpec::new(given.model(), levels, options, damping, &limits)?;
         Ok(given.law(spec).add_subclass(PriorityAcceleration))

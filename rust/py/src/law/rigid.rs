@@ -141,7 +141,7 @@ impl PID {
         let kp = given.gain("kp", kp, n)?;
         let integral = if ki.is_none() { None } else { Some(given.gain("ki", ki, n)?) };
         if integral.is_none() {
-            given.plain("ki", ki);
+            given.store("ki", ki);
         }
         let kd = given.gain("kd", kd, n)?;
         let friction = given.flag("friction", friction)?;

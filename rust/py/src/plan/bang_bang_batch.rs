@@ -171,7 +171,7 @@ impl BangBangBatch {
 
     fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Sealed<'py>> {
         let shape = &self.problems.shape;
-        let mut kept = Vec::new();
+        let mut columns = Vec::new();
         for k in 0..6 {
             let column = self.problems.column(k);
             // The first column is stored with the full shape. Another column with one number for all problems is stored as this number.
@@ -185,8 +185,8 @@ impl BangBangBatch {
                 }
                 Ok(())
             };
-            kept.push(entry(py, "BangBangBatch", || new_array(py, axes, fill))?);
+            columns.push(entry(py, "BangBangBatch", || new_array(py, axes, fill))?);
         }
-        seal_call(py, "_restore_plan", ("bang_bang_time", PyTuple::new(py, kept)?).into_pyobject(py)?)
+        seal_call(py, "_restore_plan", ("bang_bang_time", PyTuple::new(py, columns)?).into_pyobject(py)?)
     }
 }

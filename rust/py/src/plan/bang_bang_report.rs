@@ -1,6 +1,6 @@
 //! The results of `armlet.bang_bang_time` for one problem: `BangBangReport` and `Bind`.
 
-use super::link::{LinkProblem, again, float, link_report, part, scalar, truth};
+use super::link::{LinkProblem, float, link_report, part, pickled_call, scalar, truth};
 use crate::errors::{Failure, input_error};
 use crate::seal::Sealed;
 use armlet_core::error::Error;
@@ -98,7 +98,7 @@ impl BangBangReport {
     }
 
     fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Sealed<'py>> {
-        again(py, "bang_bang_time", &self.problem)
+        pickled_call(py, "bang_bang_time", &self.problem)
     }
 }
 

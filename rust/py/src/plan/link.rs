@@ -117,7 +117,7 @@ pub fn truth(x: bool) -> &'static str {
 }
 
 /// The pickled form of a result: the name of its function, and the numbers of the call.
-pub fn again<'py>(py: Python<'py>, function: &str, arguments: &[f64]) -> PyResult<Sealed<'py>> {
+pub fn pickled_call<'py>(py: Python<'py>, function: &str, arguments: &[f64]) -> PyResult<Sealed<'py>> {
     seal_call(py, "_restore_plan", (function, PyTuple::new(py, arguments)?).into_pyobject(py)?)
 }
 

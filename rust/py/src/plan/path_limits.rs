@@ -3,7 +3,7 @@
 //! A *knot* is a path position at which pieces of the path meet. A path of P pieces has P + 1 knots.
 
 use crate::arm::ArmModel;
-use crate::arrays::{Axis, Form, Looked, SCALAR, number, numbers, require_finite, require_no_nan, spread, text};
+use crate::arrays::{ArrayArgument, Axis, Form, SCALAR, number, numbers, require_finite, require_no_nan, spread, text};
 use crate::errors::{Failure, input_error};
 use armlet_core::error::Error;
 use armlet_core::motion::Path;
@@ -116,7 +116,7 @@ impl Along<'_> {
         if value.is_callable() {
             return self.path.knots().iter().map(|&s| number(NAME, name, &value.call1((s,))?)).collect();
         }
-        if self.knot.is_empty() || Looked::at(NAME, name, value)?.shape.is_empty() {
+        if self.knot.is_empty() || ArrayArgument::new(NAME, name, value)?.shape.is_empty() {
             return Ok(vec![number(NAME, name, value)?]);
         }
         let (shape, values) = numbers(NAME, name, value, &[SCALAR, Form(&[Axis::Is(self.knot.len())])])?;

@@ -1,6 +1,6 @@
 //! `armlet.trapezoid_time` and `armlet.minimum_jerk_time`: the feasible durations of two rest-to-rest profiles.
 
-use super::link::{LinkProblem, again, float, link_report, scalar, single, truth};
+use super::link::{LinkProblem, float, link_report, pickled_call, scalar, single, truth};
 use crate::errors::Failure;
 use crate::seal::Sealed;
 use armlet_core::error::Error;
@@ -155,6 +155,6 @@ impl ProfileReport {
     fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Sealed<'py>> {
         let mut all = self.problem.to_vec();
         all.extend(self.ramp);
-        again(py, if self.ramp.is_some() { "trapezoid_time" } else { "minimum_jerk_time" }, &all)
+        pickled_call(py, if self.ramp.is_some() { "trapezoid_time" } else { "minimum_jerk_time" }, &all)
     }
 }

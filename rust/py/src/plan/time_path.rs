@@ -4,7 +4,10 @@ use super::path_limits::{Along, NAME, limit};
 use super::timed_path::TimedPath;
 use crate::arguments::require_partner;
 use crate::arm::{Arm, ArmModel};
-use crate::arrays::{Axis, Form, Looked, copied, count, items, number, numbers, object, owned, require_finite, shown, text, vector, whole};
+use crate::arrays::{
+    ArrayArgument, Axis, Form, copied, count, items, nonnegative_integer, number, numbers, object, owned, require_finite, shown, text,
+    vector,
+};
 use crate::errors::{Failure, entry, input_error};
 use crate::interrupts::long;
 use crate::warnings::LimitCheck;
@@ -72,13 +75,13 @@ fn sampled(
         }
         parts = given.len();
         for (column, value) in columns.iter_mut().zip(&given) {
-            let looked = Looked::at(NAME, "path", value)?;
-            if looked.shape != [n] {
-                let shape = shown(&looked.shape);
+            let argument = ArrayArgument::new(NAME, "path", value)?;
+            if argument.shape != [n] {
+                let shape = shown(&argument.shape);
                 let problem = format!("returns the wrong shape: expected ({n},) or three of ({n},), got {shape} at s = {at}");
                 return Err(input_error(py, NAME, "path", problem).into());
             }
-            let (_, values) = looked.values()?;
+            let (_, values) = argument.values()?;
             if let Some(j) = values.iter().position(|x| !x.is_finite()) {
                 let problem = format!("is not finite: expected finite numbers, got {} at s = {at} (first bad index {j})", values[j]);
                 return Err(input_error(py, NAME, "path", problem).into());
@@ -253,7 +256,7 @@ pub fn time_path<'py>(py: Python<'py>, refine: bool) -> PyResult<Bound<'py, Time
         let (core, knot) = path_of(path, n, [knots, spline, stops, samples], within)?;
         if let Some(value) = stops {
             for stop in items(NAME, "stops", "a list: expected indices of waypoints", value, knot.len())? {
-                let k = whole(NAME, "stops", &stop).ok().and_then(|k| knot.get(k).copied());
+                let k = nonnegative_integer(NAME, "stops", &stop).ok().and_then(|k| knot.get(k).copied());
                 let problem = || format!("is out of range: expected indices of waypoints below {}, got {stop}", knot.len());
                 options.stops.push(k.ok_or_else(|| input_error(py, NAME, "stops", problem()))?);
             }

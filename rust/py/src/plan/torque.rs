@@ -1,6 +1,6 @@
 //! `armlet.torque_optimal_time`: the fastest rest-to-rest motion of one link under torque limits, and its results in Python.
 
-use super::link::{LinkProblem, again, float, part, scalar, single, truth};
+use super::link::{LinkProblem, float, part, pickled_call, scalar, single, truth};
 use crate::arrays::{WHATEVER, numbers, owned, require_finite, written_arrays};
 use crate::broadcast::number_or_array;
 use crate::errors::{Failure, input_error};
@@ -211,7 +211,7 @@ impl TorqueOptimum {
     }
 
     fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Sealed<'py>> {
-        again(py, "torque_optimal_time", &[&self.problem[..], &self.friction].concat())
+        pickled_call(py, "torque_optimal_time", &[&self.problem[..], &self.friction].concat())
     }
 }
 

@@ -61,14 +61,14 @@ pub fn for_arm(arm: &Bound<'_, PyAny>, tasks: &Bound<'_, PyAny>, keywords: Keywo
     let (tasks, functions) = each(NAME, tasks, |task| task.function(tree))?;
     let options = with_limits(&model, keywords.options(NAME, model.n(), functions.len())?)?;
     let core = Core::new(tree, functions, &options)?;
-    let mut kept = vec![("method", keywords.method.into_pyobject(py).map_err(PyErr::from)?.into_any().unbind())];
+    let mut named = vec![("method", keywords.method.into_pyobject(py).map_err(PyErr::from)?.into_any().unbind())];
     for (name, value) in [("eps", keywords.eps), ("weight", keywords.weight), ("v_min", keywords.v_min), ("v_max", keywords.v_max)] {
         if let Some(value) = value {
-            kept.push((name, value.clone().unbind()));
+            named.push((name, value.clone().unbind()));
         }
     }
     let (n, rows) = (core.n(), core.rows().to_vec());
-    Ok(ArmPrioritySolver { n, rows, arm: arm.unbind(), tasks, keywords: kept, state: Mutex::new(core) })
+    Ok(ArmPrioritySolver { n, rows, arm: arm.unbind(), tasks, keywords: named, state: Mutex::new(core) })
 }
 
 impl ArmPrioritySolver {

@@ -1,8 +1,8 @@
 //! The result of `armlet.solve_priority`, and results that the solvers share.
 
 use crate::arrays::copied;
+use crate::constructor_call::short_repr;
 use crate::errors::{Failure, entry};
-use crate::kept::brief;
 use crate::seal::{Sealed, seal};
 use armlet_core::priority::PrioritySolver as Core;
 use armlet_core::status::Status;
@@ -122,7 +122,7 @@ impl PrioritySolution {
     }
 
     fn __repr__(&self, py: Python<'_>) -> PyResult<String> {
-        let show = |value: &Py<PyAny>| brief(value.bind(py));
+        let show = |value: &Py<PyAny>| short_repr(value.bind(py));
         let (v, ranks, status) = (self.v(py)?, self.ranks(py)?, self.status(py)?);
         Ok(format!("PrioritySolution(v={}, ranks={}, status={})", show(&v)?, show(&ranks)?, show(&status)?))
     }

@@ -15,7 +15,7 @@ use std::cell::RefCell;
 use std::sync::Arc;
 
 /// The solver of a call that set no other keywords than `method` and `rounding`, and the number of rows of each level.
-struct Kept {
+struct LastSolver {
     solver: Core,
     rows: Arc<[usize]>,
 }
@@ -23,12 +23,12 @@ struct Kept {
 thread_local! {
     /// The solver of the last single solve on this thread that set no other keywords than `method` and `rounding`. A loop over single stacks
     /// of equal sizes with one method therefore allocates the solver's buffers once.
-    static LAST: RefCell<Option<Kept>> = const { RefCell::new(None) };
+    static LAST: RefCell<Option<LastSolver>> = const { RefCell::new(None) };
 }
 
 fn solver(function: &str, n: usize, rows: &[usize], keywords: &Keywords) -> Result<Core, Failure> {
     if keywords.plain()
-        && let Some(Kept { solver: mut last, .. }) = LAST.take()
+        && let Some(LastSolver { solver: mut last, .. }) = LAST.take()
         && last.n() == n
         && last.rows() == rows
         && last.method().name() == keywords.method
@@ -94,7 +94,7 @@ fn solve_row(solver: &mut Core, stack: &Stack) -> Result<Status, Error> {
 pub fn solve_priority() -> Result<PrioritySolution, Failure> {
     let (method, rounding) = (method_name(NAME, method)?, optional_number(NAME, "rounding", rounding)?);
     let keywords = Keywords { method, eps, rounding, weight, v_min, v_max };
-    if let Some(solution) = again(jacobians, velocities, &keywords) {
+    if let Some(solution) = solve_with_last(jacobians, velocities, &keywords) {
         return Ok(solution);
     }
     let (jacobians, velocities) = (items(NAME, "jacobians", jacobians)?, items(NAME, "velocities", velocities)?);
@@ -125,14 +125,14 @@ fn length(items: &Bound<'_, PyAny>) -> Option<usize> {
 
 /// Solve a single stack of contiguous arrays with the solver of the last call, if the sizes and the method are equal. The result is `None`
 /// for other stacks, and for errors, which the general path reports.
-fn again(jacobians: &Bound<'_, PyAny>, velocities: &Bound<'_, PyAny>, keywords: &Keywords) -> Option<PrioritySolution> {
+fn solve_with_last(jacobians: &Bound<'_, PyAny>, velocities: &Bound<'_, PyAny>, keywords: &Keywords) -> Option<PrioritySolution> {
     if !keywords.plain() {
         return None;
     }
     // No Python code runs in this closure, so `LAST` is not borrowed twice.
     LAST.with(|last| {
         let mut last = last.try_borrow_mut().ok()?;
-        let Kept { solver, rows } = last.as_mut()?;
+        let LastSolver { solver, rows } = last.as_mut()?;
         if solver.method().name() != keywords.method || [length(jacobians)?, length(velocities)?] != [rows.len(); 2] {
             return None;
         }
@@ -152,15 +152,15 @@ fn again(jacobians: &Bound<'_, PyAny>, velocities: &Bound<'_, PyAny>, keywords: 
     })
 }
 
-fn single(py: Python<'_>, mut solver: Core, stack: &Stack, keep: bool) -> Result<PrioritySolution, Failure> {
+fn single(py: Python<'_>, mut solver: Core, stack: &Stack, reusable: bool) -> Result<PrioritySolution, Failure> {
     if let Err(error) = solve_row(&mut solver, stack) {
         stack.require_finite(py, "solve_priority")?;
         return Err(error.into());
     }
     let rows: Arc<[usize]> = solver.rows().into();
     let solution = PrioritySolution::of(&solver, rows.clone());
-    if keep {
-        LAST.set(Some(Kept { solver, rows }));
+    if reusable {
+        LAST.set(Some(LastSolver { solver, rows }));
     }
     Ok(solution)
 }

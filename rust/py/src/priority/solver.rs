@@ -3,7 +3,7 @@
 use super::arm_solver::{ArmPrioritySolver, for_arm};
 use super::solution::{residual_list, status_member};
 use super::stack::{Keywords, Stack, items, method_name, per_joint, require_size};
-use crate::arrays::{self, copied, count, new_vector, number, of_shape, optional_number, out_slice, shown, whole};
+use crate::arrays::{self, copied, count, new_vector, nonnegative_integer, number, of_shape, optional_number, out_slice, shown};
 use crate::errors::{Failure, input_error};
 use crate::seal::{Sealed, seal_new};
 use crate::task::MOST_LEVELS;
@@ -269,7 +269,8 @@ fn row_counts(function: &str, rows: &Bound<'_, PyAny>) -> Result<Vec<usize>, Fai
     sizes
         .iter()
         .map(|size| {
-            whole(function, "rows", size).map_err(|_| input_error(rows.py(), function, "rows", format!("is not {what}, got {size}")).into())
+            nonnegative_integer(function, "rows", size)
+                .map_err(|_| input_error(rows.py(), function, "rows", format!("is not {what}, got {size}")).into())
         })
         .collect()
 }

@@ -4,7 +4,7 @@
 //! level.
 
 use crate::arguments::require_partner;
-use crate::arrays::{self, Axis, Form, Looked, PIECE, SCALAR, numbers, of_shape, owned, require_finite, shown, spread};
+use crate::arrays::{self, ArrayArgument, Axis, Form, PIECE, SCALAR, numbers, of_shape, owned, require_finite, shown, spread};
 use crate::broadcast::{common_shape, stretch};
 use crate::errors::{Failure, input_error};
 use crate::interrupts::long;
@@ -44,9 +44,9 @@ impl Part<'_> {
 impl<'a> Part<'a> {
     /// Read one array. Its last `axes` axes belong to one stack, and the others are leading axes. With `lend`, a large array with leading
     /// axes is not copied.
-    fn new(value: &'a Bound<'a, PyAny>, looked: Looked<'_, 'a, '_>, axes: usize, lend: bool) -> Result<Self, Failure> {
-        let lent = lend && looked.is_in_place() && looked.shape.len() > axes && looked.shape.iter().product::<usize>() > PIECE;
-        let (shape, values) = if lent { (looked.shape, Cow::Borrowed(&[][..])) } else { looked.values()? };
+    fn new(value: &'a Bound<'a, PyAny>, argument: ArrayArgument<'_, 'a, '_>, axes: usize, lend: bool) -> Result<Self, Failure> {
+        let lent = lend && argument.is_in_place() && argument.shape.len() > axes && argument.shape.iter().product::<usize>() > PIECE;
+        let (shape, values) = if lent { (argument.shape, Cow::Borrowed(&[][..])) } else { argument.values()? };
         let (lead, last) = shape.split_at(shape.len() - axes);
         Ok(Part { values, lent: lent.then_some(value), lead: lead.to_vec(), width: last.iter().product(), shape })
     }
@@ -111,12 +111,13 @@ impl<'a> Stack<'a> {
         let (mut blocks, mut commands, mut rows) = (Vec::new(), Vec::new(), Vec::new());
         for (i, jacobian) in jacobians.iter().enumerate() {
             let name = format!("{}[{i}]", names[0]);
-            let looked = Looked::at(function, &name, jacobian)?.of(&[Form(&[Axis::Leading, Axis::Any("rows"), Axis::Any("n")])])?;
-            let [m, columns] = looked.shape.last_chunk().copied().unwrap_or_default();
+            let argument =
+                ArrayArgument::new(function, &name, jacobian)?.of(&[Form(&[Axis::Leading, Axis::Any("rows"), Axis::Any("n")])])?;
+            let [m, columns] = argument.shape.last_chunk().copied().unwrap_or_default();
             if i == 0 {
                 n = columns;
                 if n == 0 {
-                    return Err(refuse(&name, format!("has no columns: expected at least one joint, got {}", shown(&looked.shape))));
+                    return Err(refuse(&name, format!("has no columns: expected at least one joint, got {}", shown(&argument.shape))));
                 }
             }
             if columns != n {
@@ -124,17 +125,17 @@ impl<'a> Stack<'a> {
             }
             rows.push(m);
             require_size(py, function, n, &rows)?;
-            blocks.push(Part::new(jacobian, looked, 2, lend)?);
+            blocks.push(Part::new(jacobian, argument, 2, lend)?);
         }
         for (i, velocity) in velocities.unwrap_or_default().iter().enumerate() {
             let name = format!("{}[{i}]", names[1]);
-            let looked = Looked::at(function, &name, velocity)?;
-            if looked.shape.last() != Some(&rows[i]) {
+            let argument = ArrayArgument::new(function, &name, velocity)?;
+            if argument.shape.last() != Some(&rows[i]) {
                 // If the Jacobian has no leading axes, the message about a wrong shape expects `(rows_i,)`.
                 let form = if blocks[i].lead.is_empty() { &[Axis::Is(rows[i])][..] } else { &[Axis::Leading, Axis::Is(rows[i])] };
-                return Err(looked.of_another_shape(&[Form(form)]));
+                return Err(argument.of_another_shape(&[Form(form)]));
             }
-            commands.push(Part::new(velocity, looked, 1, lend)?);
+            commands.push(Part::new(velocity, argument, 1, lend)?);
         }
         let leads: Vec<Vec<usize>> = blocks.iter().chain(&commands).map(|part| part.lead.clone()).collect();
         let lead = common_shape(&leads).ok_or_else(|| {

@@ -3,9 +3,9 @@
 pub mod kinds;
 
 use crate::arguments::axes_of;
-use crate::arrays::{Axis, Form, Looked, SCALAR, copied, items, owned, require_finite, shown, text};
+use crate::arrays::{ArrayArgument, Axis, Form, SCALAR, copied, items, owned, require_finite, shown, text};
+use crate::constructor_call::{NamedValues, defined_by_arguments, short_repr};
 use crate::errors::{Failure, input_error};
-use crate::kept::{Kept, brief, made_of_arguments};
 use crate::motion::Motion;
 use armlet_core::arm::Arm;
 use armlet_core::error::Error;
@@ -64,10 +64,10 @@ impl Blueprint {
     /// Convert poses `(..., 4, 4)` to targets `(..., rows)`. The result is `None` if the argument has another shape.
     fn targets_of_poses<'py>(&self, function: &str, value: &Bound<'py, PyAny>) -> Result<Option<Bound<'py, PyAny>>, Failure> {
         let Some(rows) = &self.of_pose else { return Ok(None) };
-        let looked = Looked::at(function, "target", value)?;
-        let [lead @ .., 4, 4] = looked.shape.as_slice() else { return Ok(None) };
+        let argument = ArrayArgument::new(function, "target", value)?;
+        let [lead @ .., 4, 4] = argument.shape.as_slice() else { return Ok(None) };
         let shape = [lead, &[rows.len()]].concat();
-        let (_, values) = looked.values()?;
+        let (_, values) = argument.values()?;
         let mut targets = memory::reserved(values.len() / 16 * rows.len())?;
         for (k, pose) in values.chunks_exact(16).enumerate() {
             // As in any batch of targets, a row that is not finite makes a row of NaN.
@@ -125,10 +125,10 @@ pub struct Task {
     gain: Raw,
     damping: Option<Raw>,
     /// The arguments, for `repr` and pickling.
-    arguments: Kept,
+    arguments: NamedValues,
 }
 
-made_of_arguments!(Task);
+defined_by_arguments!(Task);
 
 /// The common arguments of the tasks.
 struct Common<'a, 'py> {
@@ -141,11 +141,11 @@ struct Common<'a, 'py> {
 
 fn raw(function: &str, name: &str, value: &Bound<'_, PyAny>) -> Result<Raw, Failure> {
     let forms = [SCALAR, Form(&[Axis::Any("rows")]), Form(&[Axis::Any("rows"), Axis::Any("rows")])];
-    let looked = Looked::at(function, name, value)?.of(&forms)?;
-    if looked.shape.len() == 2 && looked.shape[0] != looked.shape[1] {
-        return Err(looked.of_another_shape(&forms));
+    let argument = ArrayArgument::new(function, name, value)?.of(&forms)?;
+    if argument.shape.len() == 2 && argument.shape[0] != argument.shape[1] {
+        return Err(argument.of_another_shape(&forms));
     }
-    let (shape, values) = looked.values()?;
+    let (shape, values) = argument.values()?;
     require_finite(value.py(), function, name, &shape, &values)?;
     if let Some(&k) = values.iter().find(|&&k| k < 0.0).filter(|_| shape.len() < 2) {
         return Err(input_error(value.py(), function, name, format!("is negative: expected >= 0, got {k}")).into());
@@ -168,7 +168,7 @@ impl Raw {
 }
 
 /// Copy an argument for `repr` and pickling. An array becomes a list, and an object without a copy is returned unchanged.
-fn kept(value: &Bound<'_, PyAny>) -> PyResult<Py<PyAny>> {
+fn stored_form(value: &Bound<'_, PyAny>) -> PyResult<Py<PyAny>> {
     match value.call_method0("tolist") {
         Ok(list) => Ok(list.unbind()),
         Err(_) => Ok(value.call_method0("copy").unwrap_or_else(|_| value.clone()).unbind()),
@@ -177,7 +177,7 @@ fn kept(value: &Bound<'_, PyAny>) -> PyResult<Py<PyAny>> {
 
 impl Common<'_, '_> {
     /// Make the task of a blueprint. The common arguments are appended to `arguments`.
-    fn task(self, blueprint: Blueprint, mut arguments: Kept) -> Result<Task, Failure> {
+    fn task(self, blueprint: Blueprint, mut arguments: NamedValues) -> Result<Task, Failure> {
         let given = match (self.target, self.motion) {
             (Some(target), Some(_)) => {
                 return Err(input_error(target.py(), self.name, "motion", "is given twice: expected either target or motion").into());
@@ -194,11 +194,11 @@ impl Common<'_, '_> {
                         let given = of_pose.as_ref().unwrap_or(given);
                         let single = Form(&[Axis::Any("rows")]);
                         // The last axis of a batch must have the length of the target. This is checked before the numbers are read.
-                        let looked = Looked::at(self.name, "target", given)?;
+                        let argument = ArrayArgument::new(self.name, "target", given)?;
                         let width = [Axis::Leading, blueprint.target_size.map_or(Axis::Any("rows"), Axis::Is)];
                         let forms = [single, Form(&width)];
-                        let count = if looked.shape.len() > 1 { 2 } else { 1 };
-                        let (mut shape, values) = looked.of(&forms[..count])?.values()?;
+                        let count = if argument.shape.len() > 1 { 2 } else { 1 };
+                        let (mut shape, values) = argument.of(&forms[..count])?.values()?;
                         if shape.len() == 1 {
                             require_finite(given.py(), self.name, "target", &shape, &values)?;
                             Aim::Motion(CoreMotion::Hold(owned(values)?))
@@ -208,23 +208,23 @@ impl Common<'_, '_> {
                         }
                     }
                 };
-                // The argument is copied after the check of its shape. A batch is kept as an array.
-                let kept = match &target {
-                    Aim::Motion(_) => kept(given)?,
+                // The argument is copied after the check of its shape. A batch is stored as an array.
+                let stored = match &target {
+                    Aim::Motion(_) => stored_form(given)?,
                     Aim::Rows(lead, values) => {
                         let shape: Vec<usize> =
                             lead.iter().copied().chain([values.len() / lead.iter().product::<usize>().max(1)]).collect();
                         copied(given.py(), &shape, values)?.unbind()
                     }
                 };
-                arguments.push(("target", kept));
+                arguments.push(("target", stored));
                 Some(target)
             }
         };
         let gain = match self.gain {
             Some(gain) => {
                 let read = raw(self.name, "gain", gain)?;
-                arguments.push(("gain", kept(gain)?));
+                arguments.push(("gain", stored_form(gain)?));
                 read
             }
             None => Raw { shape: Vec::new(), values: vec![1.0] },
@@ -232,7 +232,7 @@ impl Common<'_, '_> {
         let damping = match self.damping {
             Some(damping) => {
                 let read = raw(self.name, "damping", damping)?;
-                arguments.push(("damping", kept(damping)?));
+                arguments.push(("damping", stored_form(damping)?));
                 Some(read)
             }
             None => None,
@@ -340,7 +340,7 @@ impl Task {
         let mut parts = Vec::new();
         let of_frame = slf.get().arguments.get(1).is_some_and(|(name, _)| *name == "axes");
         for (i, (name, value)) in slf.get().arguments.iter().enumerate() {
-            let shown = brief(value.bind(py))?;
+            let shown = short_repr(value.bind(py))?;
             // Arguments are shown by position until one is missing, and then by name.
             let plain = i < 2 || (i == 2 && *name == "target") || (i == 3 && *name == "gain" && slf.get().arguments[2].0 == "target");
             let keyword = !plain || *name == "damping" || !of_frame;

@@ -1,23 +1,25 @@
-//! The arguments that an object keeps from the call of its constructor. They determine its `repr` and its pickle.
+//! The arguments of the call of a constructor, which the object stores. They determine its `repr` and its pickle.
 
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 
 /// The names and values of arguments.
-pub type Kept = Vec<(&'static str, Py<PyAny>)>;
+pub type NamedValues = Vec<(&'static str, Py<PyAny>)>;
 
-/// Define `repr` and pickling for a base class with the fields `arm` and `arguments`.
-macro_rules! stands_on_arm {
-    ($class:ident) => {
+/// Define pickling for a base class with the field `arguments`. A class with an arm names the field of the arm, and also receives `repr`.
+macro_rules! defined_by_arguments {
+    ($class:ident $(, $arm:ident)?) => {
         #[entered]
         #[pymethods]
         impl $class {
-            fn __repr__(slf: &Bound<'_, Self>) -> PyResult<String> {
-                $crate::kept::shown_as(slf.as_any(), Some(slf.get().arm.bind(slf.py()).as_any()), &slf.get().arguments)
-            }
+            $(fn __repr__(slf: &Bound<'_, Self>) -> PyResult<String> {
+                let arm = slf.get().$arm.bind(slf.py());
+                $crate::constructor_call::constructor_repr(slf.as_any(), Some(arm.as_any()), &slf.get().arguments)
+            })?
 
-            fn __getnewargs_ex__<'py>(&self, py: Python<'py>) -> PyResult<$crate::kept::Call<'py>> {
-                $crate::kept::call(py, Some(self.arm.bind(py).as_any()), &self.arguments)
+            fn __getnewargs_ex__<'py>(&self, py: Python<'py>) -> PyResult<$crate::constructor_call::NewArguments<'py>> {
+                let arm: Option<&Bound<'py, PyAny>> = None $(.or(Some(self.$arm.bind(py).as_any())))?;
+                $crate::constructor_call::new_arguments(py, arm, &self.arguments)
             }
 
             fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<$crate::seal::Sealed<'py>> {
@@ -26,27 +28,14 @@ macro_rules! stands_on_arm {
         }
     };
 }
-
-/// Define pickling for a base class with the field `arguments`.
-macro_rules! made_of_arguments {
-    ($class:ident) => {
-        #[entered]
-        #[pymethods]
-        impl $class {
-            fn __getnewargs_ex__<'py>(&self, py: Python<'py>) -> PyResult<$crate::kept::Call<'py>> {
-                $crate::kept::call(py, None, &self.arguments)
-            }
-
-            fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<$crate::seal::Sealed<'py>> {
-                $crate::seal::seal_new(slf.as_any())
-            }
-        }
-    };
-}
-pub(crate) use {made_of_arguments, stands_on_arm};
+pub(crate) use defined_by_arguments;
 
 /// The `repr` of an object: `Name(arm, argument=value, ..)`, without an arm if the object has none.
-pub fn shown_as(object: &Bound<'_, PyAny>, arm: Option<&Bound<'_, PyAny>>, arguments: &[(&'static str, Py<PyAny>)]) -> PyResult<String> {
+pub fn constructor_repr(
+    object: &Bound<'_, PyAny>,
+    arm: Option<&Bound<'_, PyAny>>,
+    arguments: &[(&'static str, Py<PyAny>)],
+) -> PyResult<String> {
     let (py, mut parts) = (object.py(), Vec::new());
     if let Some(arm) = arm {
         // The `repr` of an arm with links is a table. Only its first line is used here.
@@ -55,7 +44,7 @@ pub fn shown_as(object: &Bound<'_, PyAny>, arm: Option<&Bound<'_, PyAny>>, argum
     for (name, value) in arguments {
         let value = value.bind(py);
         let value = value.call_method0("tolist").unwrap_or_else(|_| value.clone());
-        parts.push(format!("{name}={}", brief(&value)?));
+        parts.push(format!("{name}={}", short_repr(&value)?));
     }
     Ok(format!("{}({})", object.get_type().name()?, parts.join(", ")))
 }
@@ -64,7 +53,7 @@ pub fn shown_as(object: &Bound<'_, PyAny>, arm: Option<&Bound<'_, PyAny>>, argum
 const LONGEST: usize = 240;
 
 /// The `repr` of a value. A long one is cut off, and a large array is only named with its shape.
-pub fn brief(value: &Bound<'_, PyAny>) -> PyResult<String> {
+pub fn short_repr(value: &Bound<'_, PyAny>) -> PyResult<String> {
     let many = value.getattr("size").and_then(|size| size.extract::<usize>()).is_ok_and(|size| size > LONGEST / 6);
     if let (true, Ok(shape)) = (many, value.getattr("shape")) {
         return Ok(format!("an array {}", shape.repr()?));
@@ -77,10 +66,14 @@ pub fn brief(value: &Bound<'_, PyAny>) -> PyResult<String> {
 }
 
 /// The positional and keyword arguments of a call.
-pub type Call<'py> = (Bound<'py, PyTuple>, Bound<'py, PyDict>);
+pub type NewArguments<'py> = (Bound<'py, PyTuple>, Bound<'py, PyDict>);
 
 /// The arguments of the constructor call that makes an equal object, with the arm if the object has an arm.
-pub fn call<'py>(py: Python<'py>, arm: Option<&Bound<'py, PyAny>>, arguments: &[(&'static str, Py<PyAny>)]) -> PyResult<Call<'py>> {
+pub fn new_arguments<'py>(
+    py: Python<'py>,
+    arm: Option<&Bound<'py, PyAny>>,
+    arguments: &[(&'static str, Py<PyAny>)],
+) -> PyResult<NewArguments<'py>> {
     let keywords = PyDict::new(py);
     if let Some(arm) = arm {
         keywords.set_item("arm", arm)?;
