@@ -55,7 +55,7 @@ impl<S: Real> System<S> for Loop {
     }
 }
 
-/// The loop with its recorded right-hand side, which runs as machine code.
+/// The loop with its recorded right-hand side, which runs as machine code after the first evaluations.
 struct Compiled {
     rates: Jacobian,
 }
@@ -68,7 +68,7 @@ impl Compiled {
             dx
         };
         let recorded = recorded(8, || plant, record).expect("it does not branch");
-        Compiled { rates: Jacobian::new(recorded, 8).compiled() }
+        Compiled { rates: Jacobian::new(recorded, 8) }
     }
 }
 

@@ -14,7 +14,7 @@ use crate::plant::PlantSpec;
 use crate::scalar::trig::REDUCTION_LIMIT;
 use crate::status::Status;
 use crate::trace::rows::{self, Rows};
-use crate::trace::{Engine, Frame, form};
+use crate::trace::{Engine, Frame, engine, form};
 use std::sync::Arc;
 
 /// The number of rows that a thread computes as one piece of work. The calling thread computes a batch of at most this number of rows,
@@ -43,7 +43,6 @@ pub struct BatchStepper {
     options: Options,
     /// The program of a step, and the loop parameters, which are its first inputs. `None` for joints that stick and slip.
     recorded: Option<(Arc<Recorded>, Vec<f64>)>,
-    lanes: usize,
 }
 
 impl BatchStepper {
@@ -66,7 +65,7 @@ impl BatchStepper {
             state_limit: f64::INFINITY,
         };
         let packed = count > 1;
-        let mut made = BatchStepper { plant: plant.clone(), law, options, recorded: None, lanes: form(packed).lanes() };
+        let mut made = BatchStepper { plant: plant.clone(), law, options, recorded: None };
         let problem = made.problem();
         problem.validate()?;
         let recorded = (!plant.sticks()).then(|| recorded_step(&problem, Common::of(&problem, packed)));
@@ -107,15 +106,15 @@ impl BatchStepper {
 
     fn chunk(&self, tau: &[f64], steps: usize, x: &mut [f64]) {
         match &self.recorded {
-            Some(recorded) => self.run(recorded, self.lanes, (tau, steps), x),
+            Some(recorded) => self.run(recorded, engine(), (tau, steps), x),
             None => self.stick_and_slip(tau, steps, x),
         }
     }
 
-    /// Advance rows by a program for `lanes` rows.
-    fn run(&self, program: &(Arc<Recorded>, Vec<f64>), lanes: usize, (tau, steps): (&[f64], usize), x: &mut [f64]) {
-        let (states, n, (recorded, values)) = (self.states(), self.plant.n(), program);
-        let (slots, programs) = (&recorded.slots, &recorded.programs);
+    /// Advance rows by a program.
+    fn run(&self, (recorded, values): &(Arc<Recorded>, Vec<f64>), engine: Engine, (tau, steps): (&[f64], usize), x: &mut [f64]) {
+        let (states, n, lanes) = (self.states(), self.plant.n(), form(recorded.lanes).lanes());
+        let (slots, programs) = (&recorded.slots, recorded.programs_for(engine));
         let mut frame = Frame::new(programs.slots(), lanes);
         programs.prepare(&mut frame);
         values.iter().enumerate().for_each(|(slot, &value)| frame.fill(slot, value));
@@ -128,9 +127,7 @@ impl BatchStepper {
                 Some(program) => program.run_along(&mut frame, &[], steps),
                 None => (0..steps).for_each(|_| programs.advance(&mut frame, |_, _| ())),
             }
-            if recorded.engine() == Engine::Interpreter
-                || frame.slot_mut(slots.signature.angle()).iter().all(|&reach| reach < REDUCTION_LIMIT)
-            {
+            if engine == Engine::Interpreter || frame.slot_mut(slots.signature.angle()).iter().all(|&reach| reach < REDUCTION_LIMIT) {
                 rows::write(&frame, slots.state.first, states, x);
                 continue;
             }
@@ -148,8 +145,7 @@ impl BatchStepper {
     /// Advance one row by the interpreter.
     fn interpret(&self, tau: &[f64], steps: usize, x: &mut [f64]) {
         let problem = self.problem();
-        let common = Common { engine: Engine::Interpreter, ..Common::of(&problem, false) };
-        self.run(&recorded_step(&problem, common), 1, (tau, steps), x);
+        self.run(&recorded_step(&problem, Common::of(&problem, false)), Engine::Interpreter, (tau, steps), x);
     }
 
     /// Advance rows of a plant whose joints stick and slip.

@@ -7,7 +7,6 @@ use super::problem::Problem;
 use crate::integrate::Method;
 use crate::law::LawSpec;
 use crate::plant::PlantSpec;
-use crate::trace::{Engine, engine};
 
 /// The largest number of stored values of motions in all keys together: 32 MiB.
 pub const MOST_NUMBERS: usize = 1 << 22;
@@ -41,8 +40,6 @@ pub struct Common {
     pub sums: bool,
     /// The number of monitors, if the programs compute records.
     pub notes: Option<usize>,
-    /// The engine that runs the programs.
-    pub engine: Engine,
 }
 
 impl Common {
@@ -53,13 +50,12 @@ impl Common {
             monitored: Monitored::of(problem),
             sums: problem.sums_in_programs(),
             notes: None,
-            engine: engine(),
         }
     }
 
     /// Return the properties for functions and state rates of one run, whose programs compute no metrics and no records.
     pub fn of_functions(problem: &Problem) -> Self {
-        Common { lanes: false, shared: false, monitored: Monitored::of(problem), sums: false, notes: None, engine: engine() }
+        Common { lanes: false, shared: false, monitored: Monitored::of(problem), sums: false, notes: None }
     }
 
     /// Return the metrics that the programs of run `run` compute.

@@ -91,11 +91,6 @@ impl Programs {
         self.all().for_each(|program| program.prepare(frame));
     }
 
-    /// The engine that runs the programs.
-    pub fn engine(&self) -> Engine {
-        self.law.engine()
-    }
-
     /// Compute the plant's input and the rate of the law's state, from the state and the exogenous input in the program's frame.
     pub fn answer(&self, frame: &mut Frame) {
         self.law.run(frame);
@@ -162,8 +157,8 @@ impl Programs {
 }
 
 /// Make the programs of a recording for an engine, for one run or for lanes.
-pub fn make(ops: &[Op], slots: &StepSlots, tracing: Tracing, (lanes, engine): (bool, Engine), watch: Watch) -> Programs {
-    let mut cuts = tracing.cuts;
+pub fn make(ops: &[Op], slots: &StepSlots, tracing: &Tracing, (lanes, engine): (bool, Engine), watch: Watch) -> Programs {
+    let mut cuts = tracing.cuts.clone();
     let outputs = slots.state.outputs(&tracing.next);
     let whole = outputs.clone();
     cuts.push(Cut { end: ops.len() as u32, outputs });
@@ -191,15 +186,15 @@ pub fn make(ops: &[Op], slots: &StepSlots, tracing: Tracing, (lanes, engine): (b
     let mut segments: Vec<Program> =
         segments.map(|(k, (cut, &start))| program(name(k), start, &cut.outputs, &places, repeats.then_some(stream))).collect();
     let law = program("law".into(), 0, &slots.tau.outputs(&tracing.law), &none, None);
-    let step = match tracing.rates {
+    let step = match &tracing.rates {
         Some((rates, tau)) => {
-            let outputs = [slots.tau.outputs(&tau), slots.rates.outputs(&rates)].concat();
+            let outputs = [slots.tau.outputs(tau), slots.rates.outputs(rates)].concat();
             Step::Stages { segments, rates: program("rates".into(), 0, &outputs, &none, None), slots: slots.rates }
         }
         None => Step::Whole(segments.remove(0)),
     };
     let (mut sums, mut along) = (None, None);
-    if let Some(summing) = tracing.sums {
+    if let Some(summing) = &tracing.sums {
         sums = Some(program("sums".into(), 0, &slots.metrics.outputs(&summing.alone), &none, None));
         let kept = |entries: &[u32]| slots.metrics.outputs(&entries[..slots.lasting]);
         along = Some(match step {
@@ -209,7 +204,7 @@ pub fn make(ops: &[Op], slots: &StepSlots, tracing: Tracing, (lanes, engine): (b
         });
     }
     let (mut notes, mut noted_step) = (None, None);
-    if let Some(noting) = tracing.notes {
+    if let Some(noting) = &tracing.notes {
         let alone = [slots.record.outputs(&noting.alone), slots.own_reference.outputs(&noting.firsts)].concat();
         notes = Some(program("notes".into(), 0, &alone, &none, None));
         if let Step::Whole(_) = step {

@@ -2,6 +2,7 @@
 //! in [`super::program_step`] advances this loop by fixed steps.
 
 use super::log::{Log, MOST_LANES};
+use super::loop_programs::Programs;
 use super::recorded::Recorded;
 use super::sampler::Sampler;
 use super::simulated_loop::SimulatedLoop;
@@ -11,12 +12,13 @@ use super::world::{Exogenous, World};
 use crate::integrate::System;
 use crate::scalar::Real;
 use crate::scalar::trig::REDUCTION_LIMIT;
-use crate::trace::{Frame, Slots, form};
+use crate::trace::{Engine, Frame, Slots, form};
 use std::sync::Arc;
 
 /// The loop of one run (`f64`), or of several runs with the same structure, one per lane.
 pub struct ProgramLoop<'a, S: Real> {
     pub(super) recorded: Arc<Recorded>,
+    pub(super) programs: Arc<Programs>,
     pub(super) world: World<'a>,
     /// The frames for all lanes of `S`. The number of lanes of a frame depends on the instruction set.
     pub(super) frames: Vec<Frame>,
@@ -39,7 +41,7 @@ pub struct ProgramLoop<'a, S: Real> {
 impl<'a, S: Real> ProgramLoop<'a, S> {
     /// Create the loop of several runs, one per lane. `given(lane)` are the loop parameters of a lane.
     pub fn new<'b>(
-        recorded: Arc<Recorded>,
+        (recorded, engine): (Arc<Recorded>, Engine),
         world: World<'a>,
         held: bool,
         sampler: Option<Sampler<S>>,
@@ -47,7 +49,7 @@ impl<'a, S: Real> ProgramLoop<'a, S> {
         given: impl Fn(usize) -> &'b [f64],
     ) -> Self {
         let lanes = form(S::LANES > 1).lanes();
-        let programs = &recorded.programs;
+        let programs = recorded.programs_for(engine);
         let slots = programs.slots();
         let frame = |first: usize| {
             let mut frame = Frame::new(slots, lanes);
@@ -73,6 +75,7 @@ impl<'a, S: Real> ProgramLoop<'a, S> {
             acting: answer,
             seen: vec![S::zero(); recorded.slots.carried().count],
             recorded,
+            programs,
             world,
             table,
             log: None,
@@ -115,7 +118,7 @@ impl<'a, S: Real> ProgramLoop<'a, S> {
         write_instant(&mut self.frames, slots.exogenous, &self.now);
         write(&mut self.frames, slots.carried(), x);
         for frame in &mut self.frames {
-            recorded.programs.answer(frame);
+            self.programs.answer(frame);
         }
         read(&self.frames, slots.tau, &mut self.tau);
         read(&self.frames, slots.law_rate, &mut self.dz);
@@ -168,7 +171,7 @@ impl<S: Real> ProgramLoop<'_, S> {
     /// Let `sampler` take a sample at time `t` and state `x`, if one is due. Use the output that acts at `t`.
     fn sample_by(&mut self, sampler: &mut Sampler<S>, t: f64, x: &[S]) {
         let (n, p) = (self.tau.len(), self.dz.len());
-        let states = self.recorded.plant_states();
+        let states = self.recorded.plant_states;
         let (mut tau, mut dz) = std::mem::take(&mut self.acting);
         let mut seen = std::mem::take(&mut self.seen);
         seen.copy_from_slice(x);
@@ -221,13 +224,13 @@ impl<S: Real> SimulatedLoop<S> for ProgramLoop<'_, S> {
         self.answer_in_frames(t, x);
         for frame in &mut self.frames {
             frame.fill(slots.step, h);
-            recorded.programs.sum_up(frame);
+            self.programs.sum_up(frame);
         }
         read(&self.frames, slots.metrics, &mut x[slots.state.count..]);
     }
     fn note(&mut self, i: usize, t: f64, x: &[S]) {
         self.answer_in_frames(t, x);
-        let (slots, programs) = (&self.recorded.slots, &self.recorded.programs);
+        let (slots, programs) = (&self.recorded.slots, &self.programs);
         for frame in &mut self.frames {
             programs.note(frame);
             if i == 0 && slots.reference.count > 0 {

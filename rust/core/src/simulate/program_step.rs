@@ -7,7 +7,7 @@
 use super::log::Log;
 use super::loop_programs::Programs;
 use super::program_loop::ProgramLoop;
-use super::recorded::Recorded;
+use super::schedule::Schedule;
 use super::slots::StepSlots;
 use super::world::World;
 use crate::integrate::FixedStep;
@@ -129,7 +129,7 @@ impl<S: Real> ProgramStep<S> {
 impl<S: Real> ProgramStep<S> {
     /// Compute several steps in parts, while the state remains in the frames.
     fn stride_in_parts(&mut self, system: &mut ProgramLoop<'_, S>, first: usize, count: usize, h: f64, x: &mut [S]) {
-        let recorded = system.recorded.clone();
+        let (recorded, all) = (system.recorded.clone(), system.programs.clone());
         let slots = &recorded.slots;
         for from in (first..first + count).step_by(STREAM_STEPS) {
             let turns = STREAM_STEPS.min(first + count - from);
@@ -140,7 +140,7 @@ impl<S: Real> ProgramStep<S> {
                     self.place(slots, frame, k, turn);
                     let step = from + turn;
                     let mut due = log.as_mut().filter(|log| step.is_multiple_of(log.every));
-                    recorded.programs.advance(frame, |programs, frame| match &mut due {
+                    all.advance(frame, |programs, frame| match &mut due {
                         Some(log) => {
                             let i = step / log.every;
                             programs.note(frame);
@@ -183,13 +183,13 @@ fn run_noting(
     }
 }
 
-/// Evaluate the exogenous inputs of `steps` whole steps of size `h`, s. The result is `None` if runs have different inputs, if the step is
+/// Evaluate the exogenous inputs of all steps of a run. The result is `None` if runs have different inputs, if the step is
 /// in parts, or if the table would be too large.
-pub fn tabulate(recorded: &Recorded, world: &World, steps: usize, h: f64) -> Option<Vec<f64>> {
-    let slots = &recorded.slots;
+pub fn tabulate(slots: &StepSlots, programs: &Programs, world: &World, schedule: &Schedule) -> Option<Vec<f64>> {
+    let (steps, h) = (schedule.steps, schedule.dt);
     let (width, new) = (slots.exogenous.slots.count, slots.new_instants());
     let numbers = width.checked_mul(new)?.checked_mul(steps)?.checked_add(width)?;
-    if !slots.shared || recorded.programs.whole().is_none() || numbers > LARGEST_TABLE {
+    if !slots.shared || programs.whole().is_none() || numbers > LARGEST_TABLE {
         return None;
     }
     let (mut table, mut times) = (memory::zeros(numbers).ok()?, Vec::new());
@@ -203,21 +203,21 @@ pub fn tabulate(recorded: &Recorded, world: &World, steps: usize, h: f64) -> Opt
 
 impl<S: Real> FixedStep<S, ProgramLoop<'_, S>, Vec<S>> for ProgramStep<S> {
     fn step(&mut self, system: &mut ProgramLoop<'_, S>, t: f64, h: f64, end: f64, x: &mut Vec<S>) {
-        let recorded = system.recorded.clone();
+        let (recorded, programs) = (system.recorded.clone(), system.programs.clone());
         self.sample(&recorded.slots, &system.world, std::iter::once([t, h, end]));
         let slots = &recorded.slots;
-        system.advance(h, x, |frame, k| match recorded.programs.whole() {
+        system.advance(h, x, |frame, k| match programs.whole() {
             Some(program) => program.run_along(frame, self.stream(k), 1),
             None => {
                 self.place(slots, frame, k, 0);
-                recorded.programs.advance(frame, |_, _| ());
+                programs.advance(frame, |_, _| ());
             }
         });
     }
 
     fn stride(&mut self, system: &mut ProgramLoop<'_, S>, first: usize, count: usize, h: f64, x: &mut Vec<S>) -> bool {
-        let recorded = system.recorded.clone();
-        let Some(program) = recorded.programs.repeated() else {
+        let (recorded, programs) = (system.recorded.clone(), system.programs.clone());
+        let Some(program) = programs.repeated() else {
             self.stride_in_parts(system, first, count, h, x);
             return true;
         };
@@ -234,7 +234,7 @@ impl<S: Real> FixedStep<S, ProgramLoop<'_, S>, Vec<S>> for ProgramStep<S> {
                 let stream = table.map_or_else(|| self.stream(k), |table| &table[from * width..]);
                 let lanes = if recorded.slots.shared { 1 } else { frame.lanes() };
                 match &mut log {
-                    Some(log) => run_noting(&recorded.programs, width * lanes, log, (frame, k), stream, (from, turns)),
+                    Some(log) => run_noting(&programs, width * lanes, log, (frame, k), stream, (from, turns)),
                     None => program.run_along(frame, stream, turns),
                 }
             });

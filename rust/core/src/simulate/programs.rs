@@ -17,7 +17,7 @@ use super::recorded::{self, Recorded, SeenLoop};
 use super::schedule::Within;
 use super::sink::Sink;
 use crate::scalar::{Array8, Real};
-use crate::trace::Engine;
+use crate::trace::{Engine, engine};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -49,21 +49,19 @@ impl Structures {
         // A program requires the same sample times in all lanes. With random jitter, each run has different sample times.
         let lanes = batch && problem.options.sampling.as_ref().is_none_or(|sampling| sampling.jitter == 0.0);
         let notes = problem.notes_in_programs().then(|| monitors::names(problem).len());
-        let mut common = Common { notes, ..Common::of(problem, lanes) };
+        let common = Common { notes, ..Common::of(problem, lanes) };
         let parameters = recorded::loop_parameters(problem, 0, common);
         let evaluations = problem.options.method.evaluations_per_step().unwrap_or(1) as usize * fixed.schedule.steps * problem.runs();
-        common.engine = recorded::engine_for(problem, common, &parameters, evaluations);
         let seen = recorded::of_run(problem, 0, common, &parameters);
-        let first = seen.recorded.clone();
-        first.count(evaluations);
-        let engine = first.engine();
-        let world = world(problem, 1, |_| 0);
-        let table = if lanes { tabulate(&first, &world, fixed.schedule.steps, fixed.schedule.dt) } else { None };
+        let first = &seen.recorded;
+        let engine = if lanes || first.programs.count(evaluations) || first.programs.repays() { engine() } else { Engine::Interpreter };
+        let table = || tabulate(&first.slots, &first.programs_for(engine), &world(problem, 1, |_| 0), &fixed.schedule);
+        let table = if lanes { table() } else { None };
         let same = problem.plants.len() == 1 && problem.laws.len() == 1;
         Some(Structures {
-            seen: Mutex::new(vec![seen]),
             shared: same.then_some(parameters.values),
             table,
+            seen: Mutex::new(vec![seen]),
             common,
             engine,
             repeated: AtomicUsize::new(0),
@@ -141,7 +139,7 @@ pub fn run<S: Real>(structures: &Structures, group: General, fixed: &Fixed) -> E
         // size. The results of this lane are ignored.
         let row = |lane: usize| at(if same(lane).is_some() { lane } else { lead });
         let given = |lane: usize| same(lane).map_or(own.as_slice(), |(_, values)| values.as_slice());
-        let mut closed = loop_of::<S>(problem, recorded, row, structures.table.as_deref(), given);
+        let mut closed = loop_of::<S>(problem, (recorded, structures.engine), row, structures.table.as_deref(), given);
         let method = ProgramStep::new(&closed);
         let mut chosen = SelectedLanes { sink: &mut *sink, lanes: lanes.clone() };
         let group = General { problem, division, first, stop, sink: &mut chosen, observer: None };
@@ -188,22 +186,22 @@ fn kept<S: Real>(problem: &Problem, common: Common, run: impl Fn(usize) -> usize
 /// Create the loop of a recording, for the runs `row(lane)` with the loop parameters `given(lane)`.
 fn loop_of<'a, 'b, S: Real>(
     problem: &'a Problem<'a>,
-    recorded: &Arc<Recorded>,
+    (recorded, engine): (&Arc<Recorded>, Engine),
     row: impl Fn(usize) -> usize + Copy,
     table: Option<&'a [f64]>,
     given: impl Fn(usize) -> &'b [f64],
 ) -> ProgramLoop<'a, S> {
     let held = problem.options.sampling.is_some();
-    ProgramLoop::new(recorded.clone(), world(problem, S::LANES, row), held, sampler(problem, row), table, given)
+    ProgramLoop::new((recorded.clone(), engine), world(problem, S::LANES, row), held, sampler(problem, row), table, given)
 }
 
 /// Compute run `run` in lane `lane` of a group with the interpreter of its recording.
 fn interpreted(structures: &Structures, group: General, fixed: &Fixed, (run, lane): (usize, usize), faults: &mut Faults) {
     let General { problem, division, stop, sink, .. } = group;
-    let common = Common { lanes: false, sums: false, notes: None, engine: Engine::Interpreter, ..structures.common };
+    let common = Common { lanes: false, sums: false, notes: None, ..structures.common };
     let parameters = recorded::loop_parameters(problem, run, common);
     let recorded = recorded::of_run(problem, run, common, &parameters).recorded.clone();
-    let mut closed = loop_of::<f64>(problem, &recorded, |_| run, None, |_| &parameters.values);
+    let mut closed = loop_of::<f64>(problem, (&recorded, Engine::Interpreter), |_| run, None, |_| &parameters.values);
     let mut chosen = SelectedLanes { sink, lanes: vec![Some(lane)] };
     let alone = General { problem, division, first: run, stop, sink: &mut chosen, observer: None };
     let method = ProgramStep::new(&closed);

@@ -96,7 +96,7 @@ impl<'a> RatesLoop<'a> {
     pub fn new(problem: &'a Problem, run: usize, rates: &'a Rates) -> (Self, Vec<f64>) {
         let (mut closed, x) = Self::without_programs(problem, run);
         let (recorded, values) = rates.of_run(problem, run, closed.which() == 1);
-        let settled = problem.options.method.is_implicit() || recorded.repays();
+        let settled = problem.options.method.is_implicit() || recorded.programs.repays();
         let engine = if settled { engine() } else { Engine::Interpreter };
         rates.note(engine);
         closed.waiting = Some(Source { rates, problem, run });
@@ -159,7 +159,8 @@ impl<'a> RatesLoop<'a> {
     /// Count an evaluation by the interpreter. If machine code repays, use it from now on.
     fn count(&mut self) {
         let which = self.which();
-        if self.waiting.is_some() && !self.strayed && self.running[which].as_ref().is_some_and(|running| running.recorded.count()) {
+        if self.waiting.is_some() && !self.strayed && self.running[which].as_ref().is_some_and(|running| running.recorded.programs.count(1))
+        {
             self.stop_waiting();
         }
     }

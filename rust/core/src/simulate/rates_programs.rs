@@ -15,14 +15,14 @@ use super::force::Force;
 use super::key::Common;
 use super::loop_programs::Watch;
 use super::problem::Problem;
-use super::recorded::{self, REPAYS, Seen, instant, modes_as_inputs};
+use super::recorded::{self, Seen, instant, modes_as_inputs};
 use super::slots::RatesSlots;
 use crate::motion::Motion;
 use crate::trace::cache::{Cache, MadeOnce};
 use crate::trace::differentiate::Differentiation;
 use crate::trace::tape::Op;
-use crate::trace::{Cut, Engine, Part, Program, Signature, SlotTable, Slots, engine, form, segments, sym};
-use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use crate::trace::{ByEngine, Cut, Engine, Part, Program, Signature, SlotTable, Slots, engine, form, segments, sym};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, OnceLock};
 
 /// The programs of the derivatives of the rates, for lanes.
@@ -120,37 +120,20 @@ pub struct RecordedRates {
     pub held: bool,
     tape: Tape,
     required: RequiredDerivatives,
-    interpreter: MadeOnce<RatesPrograms>,
-    machine: MadeOnce<RatesPrograms>,
+    pub programs: ByEngine<RatesPrograms>,
     attempt: MadeOnce<Option<AttemptProgram>>,
-    /// The number of evaluations by the interpreter so far.
-    work: AtomicUsize,
 }
 
 impl RecordedRates {
     /// Return the programs for an engine. They are made on first use.
-    pub fn programs(&self, engine: Engine) -> Arc<RatesPrograms> {
-        let made = match engine {
-            Engine::Machine => &self.machine,
-            Engine::Interpreter => &self.interpreter,
-        };
-        made.get(|| make(&self.tape, &self.slots, (self.required, engine), &mut |_, _, _, _, _| ()))
+    pub fn programs_for(&self, engine: Engine) -> Arc<RatesPrograms> {
+        self.programs.get(engine, || make(&self.tape, &self.slots, (self.required, engine), &mut |_, _, _, _, _| ()))
     }
 
     /// Return the program of whole attempts of run `run`, if the loop has one.
     pub fn attempt(&self, problem: &Problem, run: usize, common: Common) -> Arc<Option<AttemptProgram>> {
-        let operations = self.programs(engine()).rates.program.operations();
+        let operations = self.programs_for(engine()).rates.program.operations();
         self.attempt.get(|| AttemptProgram::of(problem, run, common, self.held, (&self.slots, operations)))
-    }
-
-    /// Whether machine code repays: it exists already, or the interpreter has computed many evaluations.
-    pub fn repays(&self) -> bool {
-        self.work.load(Ordering::Relaxed) >= REPAYS || self.machine.known().is_some()
-    }
-
-    /// Count one evaluation by the interpreter, and return whether machine code repays.
-    pub fn count(&self) -> bool {
-        self.work.fetch_add(1, Ordering::Relaxed) + 1 >= REPAYS
     }
 }
 
@@ -174,8 +157,7 @@ pub fn of_run(problem: &Problem, run: usize, common: Common, held: bool) -> Rate
     let (parameters, required) = (recorded::loop_parameters(problem, run, common), RequiredDerivatives::of(problem, run));
     let record = || {
         let (tape, slots) = record(problem, run, common, held, true);
-        let (interpreter, machine, attempt) = Default::default();
-        RecordedRates { slots, held, tape, required, interpreter, machine, attempt, work: AtomicUsize::new(0) }
+        RecordedRates { slots, held, tape, required, programs: ByEngine::default(), attempt: MadeOnce::default() }
     };
     let seen = Seen::of_run(&KNOWN, (problem, run, common), &parameters, (held, required), record);
     (seen.recorded.clone(), parameters.values)

@@ -28,14 +28,9 @@ use crate::linalg::Pairs;
 use crate::scalar::Real;
 use crate::trace::cache::Cache;
 use crate::trace::label::Label;
-#[cfg(debug_assertions)]
 use crate::trace::tape::Op;
-use crate::trace::{Cut, Engine, Signature, Sym, engine, sym};
+use crate::trace::{ByEngine, Cut, Engine, Signature, Sym, engine, sym};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicUsize, Ordering};
-
-/// The number of evaluations of the rates by the interpreter after which machine code repays its compilation.
-pub const REPAYS: usize = 256;
 
 /// Rates with at most this number of operations are part of the program of a step.
 const LARGE: u32 = 700;
@@ -43,13 +38,13 @@ const LARGE: u32 = 700;
 /// The recorded loop of all runs with one structure.
 pub struct Recorded {
     pub slots: StepSlots,
-    pub programs: Programs,
-    plant_states: usize,
-    /// The number of evaluations of the rates by the interpreter so far.
-    work: AtomicUsize,
-    /// The recording. Debug builds check that loops with the same key have the same recording.
-    #[cfg(debug_assertions)]
+    pub programs: ByEngine<Programs>,
+    /// The number of states of the plant, which are the first states.
+    pub plant_states: usize,
+    /// Whether programs compute one run per lane.
+    pub lanes: bool,
     ops: Vec<Op>,
+    tracing: Tracing,
 }
 
 /// The loop parameters of a run, and the indices of their operations in the recording. Runs with different indices have different
@@ -61,19 +56,13 @@ pub struct LoopParameters {
 }
 
 impl Recorded {
-    /// The number of states of the plant, which are the first states.
-    pub fn plant_states(&self) -> usize {
-        self.plant_states
+    /// Return the programs for an engine. They are made on first use.
+    pub fn programs_for(&self, engine: Engine) -> Arc<Programs> {
+        self.programs.get(engine, || self.make(engine, &mut |_, _, _, _, _| ()))
     }
 
-    /// Count evaluations of the rates by the interpreter.
-    pub fn count(&self, evaluations: usize) {
-        self.work.fetch_add(evaluations, Ordering::Relaxed);
-    }
-
-    /// The engine that runs the programs.
-    pub fn engine(&self) -> Engine {
-        self.programs.engine()
+    fn make(&self, engine: Engine, watch: Watch) -> Programs {
+        loop_programs::make(&self.ops, &self.slots, &self.tracing, (self.lanes, engine), watch)
     }
 }
 
@@ -125,30 +114,30 @@ impl<R, T: PartialEq> Seen<R, T> {
 
     /// Return the structure of run `run` if it is stored.
     pub fn known(
-        kept: &Cache<Arc<Self>>,
+        cache: &Cache<Arc<Self>>,
         (problem, run, common): (&Problem, usize, Common),
         parameters: &LoopParameters,
         tag: &T,
     ) -> Option<Arc<Self>> {
-        kept.find(|seen| seen.tag == *tag && seen.fits(problem, run, common, parameters))
+        cache.find(|seen| seen.tag == *tag && seen.fits(problem, run, common, parameters))
     }
 
     /// Return the stored structure of run `run`, or record a new one.
     pub fn of_run(
-        kept: &Cache<Arc<Self>>,
+        cache: &Cache<Arc<Self>>,
         of: (&Problem, usize, Common),
         parameters: &LoopParameters,
         tag: T,
         record: impl FnOnce() -> R,
     ) -> Arc<Self> {
-        if let Some(seen) = Self::known(kept, of, parameters, &tag) {
+        if let Some(seen) = Self::known(cache, of, parameters, &tag) {
             return seen;
         }
         let (problem, run, common) = of;
         let (key, structure) = (Key::of(problem, run, common), parameters.structure.clone());
         let seen = Arc::new(Seen { key, tag, structure, recorded: Arc::new(record()) });
         if seen.key.numbers() <= MOST_NUMBERS {
-            kept.keep(seen.clone(), |all| all.iter().map(|seen| seen.key.numbers()).sum::<usize>() <= MOST_NUMBERS);
+            cache.keep(seen.clone(), |all| all.iter().map(|seen| seen.key.numbers()).sum::<usize>() <= MOST_NUMBERS);
         }
         seen
     }
@@ -161,29 +150,21 @@ static KNOWN: Cache<Arc<SeenLoop>> = Cache::new();
 
 /// Return the stored structure of run `run`, or record a new one.
 pub fn of_run(problem: &Problem, run: usize, common: Common, parameters: &LoopParameters) -> Arc<SeenLoop> {
-    let seen = Seen::of_run(&KNOWN, (problem, run, common), parameters, (), || record(problem, run, common));
+    let seen = Seen::of_run(&KNOWN, (problem, run, common), parameters, (), || record(problem, run, common, None));
     #[cfg(debug_assertions)]
-    assert!(record(problem, run, common).ops == seen.recorded.ops, "two loops of one key differ");
+    assert!(record(problem, run, common, None).ops == seen.recorded.ops, "two loops of one key differ");
     seen
 }
 
-/// Return the engine for the loop of run 0 and `evaluations` more evaluations of its rates. It is the interpreter until machine code repays.
-pub fn engine_for(problem: &Problem, common: Common, parameters: &LoopParameters, evaluations: usize) -> Engine {
-    let known = |engine: Engine| Seen::known(&KNOWN, (problem, 0, Common { engine, ..common }), parameters, &());
-    if common.lanes || engine() == Engine::Interpreter || evaluations >= REPAYS || known(Engine::Machine).is_some() {
-        return engine();
-    }
-    let work = known(Engine::Interpreter).map_or(0, |seen| seen.recorded.work.load(Ordering::Relaxed));
-    if work + evaluations < REPAYS { Engine::Interpreter } else { engine() }
-}
-
-fn record(problem: &Problem, run: usize, common: Common) -> Recorded {
-    record_watched(problem, run, common, None, &mut |_, _, _, _, _| ())
-}
-
-/// Record the loop of run `run` for a listing. If `plain` is `None`, the operations are simplified. If it is `Some(in_parts)`, every
-/// operation is kept, and `in_parts` selects whether the step is divided into parts.
+/// Record the loop of run `run` for a listing, and pass its programs to `watch`. If `plain` is `None`, the operations are simplified. If it
+/// is `Some(in_parts)`, every operation remains, and `in_parts` selects whether the step is divided into parts.
 pub fn record_watched(problem: &Problem, run: usize, common: Common, plain: Option<bool>, watch: Watch) -> Recorded {
+    let recorded = record(problem, run, common, plain);
+    recorded.make(engine(), watch);
+    recorded
+}
+
+fn record(problem: &Problem, run: usize, common: Common, plain: Option<bool>) -> Recorded {
     sym::begin_that(plain.is_none());
     let (closed, extras) = set_up(problem, run, common);
     let given = sym::end_set_up();
@@ -198,14 +179,13 @@ pub fn record_watched(problem: &Problem, run: usize, common: Common, plain: Opti
     debug_assert_eq!(sym::recorded().1 as usize, slots.signature.angle(), "all inputs have slots");
     let recording = sym::finish();
     assert!(!recording.failed, "a recorded law or plant does not branch on data");
-    let programs = loop_programs::make(&recording.ops, &slots, tracing, (common.lanes, common.engine), watch);
     Recorded {
         slots,
-        programs,
+        programs: ByEngine::default(),
         plant_states: problem.plant(run).states(),
-        work: AtomicUsize::new(0),
-        #[cfg(debug_assertions)]
+        lanes: common.lanes,
         ops: recording.ops,
+        tracing,
     }
 }
 

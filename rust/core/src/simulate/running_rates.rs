@@ -36,7 +36,7 @@ impl Running {
     /// Create the frames for a run with the loop parameters `values`.
     pub fn new(recorded: Arc<RecordedRates>, values: &[f64], engine: Engine) -> Self {
         let slots = &recorded.slots;
-        let programs = recorded.programs(engine);
+        let programs = recorded.programs_for(engine);
         let still = Exogenous { t: f64::NAN, desired: vec![0.0; slots.exogenous.desired], wrench: [0.0; 6] };
         let lanes = form(true).lanes();
         let in_lanes: Vec<f64> = values.iter().flat_map(|&value| std::iter::repeat_n(value, lanes)).collect();
@@ -53,7 +53,7 @@ impl Running {
 
     /// Continue with the programs for `engine`.
     pub fn use_engine(&mut self, engine: Engine) {
-        self.programs = self.recorded.programs(engine);
+        self.programs = self.recorded.programs_for(engine);
         let inputs = self.recorded.slots.signature.angle();
         self.frame = frame(self.programs.of_one_run(), 1, &self.frame.numbers()[..inputs]);
         if let (Some(all), Some(old)) = (&self.programs.derivatives, &self.lanes) {

@@ -116,12 +116,6 @@ impl Evaluation {
         evaluation
     }
 
-    /// Return this evaluation with other set-up parameters.
-    pub(super) fn with(mut self, given: &[f64]) -> Self {
-        self.set_up(given);
-        self
-    }
-
     /// Write the set-up parameters, in every lane.
     pub fn set_up(&mut self, given: &[f64]) {
         for (slot, &x) in given.iter().enumerate() {
@@ -193,6 +187,11 @@ impl Evaluation {
     /// whether every number is finite. Negative zeros become positive.
     pub fn write(&self, first: usize, length: usize, out: &mut [f64]) -> bool {
         length == 0 || rows::write(&self.frame, self.function.results.first + first, length, out)
+    }
+
+    /// Whether the results of all lanes are valid ([`Evaluation::is_near`]).
+    pub fn is_valid(&self) -> bool {
+        (0..self.lanes()).all(|lane| self.is_near(lane))
     }
 
     /// Whether the results of lane `lane` are valid. Those of machine code are not if an angle has at least the magnitude

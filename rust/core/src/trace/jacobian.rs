@@ -1,11 +1,11 @@
-//! A recorded function `y = f(x)` with its Jacobian `dy/dx`. The interpreter runs it, unless machine code is requested. For functions that
-//! are evaluated a few times, machine code would not repay its compilation. The results are valid for angles of any magnitude.
+//! A recorded function `y = f(x)` with its Jacobian `dy/dx`. The results are valid for angles of any magnitude.
 //!
-//! Differentiation and the preparation of the interpreter take longer than the recording. So recordings with equal operations share both
+//! Differentiation and the preparation of the engines take longer than the recording. So recordings with equal operations share both
 //! if the cache still contains them.
 
+use super::by_engine::{Evaluator, SharedFunction};
 use super::cache::{Cache, MadeOnce};
-use super::function::{Evaluation, KEPT_OPERATIONS, Recorded};
+use super::function::{KEPT_OPERATIONS, Recorded};
 use super::tangents::{Tangents, tangents};
 use crate::interrupt;
 use std::sync::Arc;
@@ -14,17 +14,20 @@ use std::sync::Arc;
 /// two to four times as many operations.
 pub const STORED_OPERATIONS: usize = KEPT_OPERATIONS / 8;
 
-/// A recorded function, prepared for the interpreter. Recordings with equal operations share it. The values of their set-up parameters may
-/// differ, so that a user of an evaluation sets them.
+/// The largest number of operations for which machine code is made. Its compilation cannot be interrupted.
+const LONGEST: usize = 20_000;
+
+/// A recorded function. Recordings with equal operations share it. The values of their set-up parameters may differ, so that a user of an
+/// evaluation sets them.
 struct Prepared {
-    recorded: Recorded,
     /// The number of inputs that have no derivatives. They are the first inputs.
     fixed: usize,
     /// The number of results that have derivatives.
     moved: usize,
-    function: MadeOnce<Evaluation>,
-    /// The function with its derivatives. Its inputs are `x`, then a direction.
-    tangent: MadeOnce<Evaluation>,
+    function: Arc<SharedFunction>,
+    /// The function with its derivatives, with one direction per lane. Its inputs are `x`, then a direction. Its results are the first
+    /// `moved` results, then their derivatives.
+    tangent: MadeOnce<SharedFunction>,
 }
 
 static KNOWN: Cache<Arc<Prepared>> = Cache::new();
@@ -32,27 +35,26 @@ static KNOWN: Cache<Arc<Prepared>> = Cache::new();
 impl Prepared {
     /// Return the stored function with the operations of a recording, or store a new one.
     fn of(recorded: Recorded, fixed: usize, moved: usize) -> Arc<Self> {
-        let is = |known: &Arc<Prepared>| (known.fixed, known.moved) == (fixed, moved) && known.recorded.has_operations_of(&recorded);
+        let is =
+            |known: &Arc<Prepared>| (known.fixed, known.moved) == (fixed, moved) && known.function.recorded.has_operations_of(&recorded);
         KNOWN.find(is).unwrap_or_else(|| {
-            let prepared = Arc::new(Prepared { recorded, fixed, moved, function: MadeOnce::default(), tangent: MadeOnce::default() });
-            KNOWN.keep(prepared.clone(), |all| all.iter().map(|known| known.recorded.ops.len()).sum::<usize>() <= STORED_OPERATIONS);
+            let function = Arc::new(SharedFunction::new(recorded, false).up_to(LONGEST));
+            let prepared = Arc::new(Prepared { fixed, moved, function, tangent: MadeOnce::default() });
+            KNOWN.keep(prepared.clone(), |all| all.iter().map(|known| known.operations()).sum::<usize>() <= STORED_OPERATIONS);
             prepared
         })
     }
 
-    /// The function, without derivatives.
-    fn function(&self, compiled: bool) -> Evaluation {
-        let recorded = || self.recorded.clone();
-        if compiled { recorded().program(false) } else { (*self.function.get(|| recorded().interpreted(false))).clone() }
+    fn operations(&self) -> usize {
+        self.function.recorded.ops.len()
     }
 
-    /// The function with the derivatives of its first `moved` results. Its results are these results, then their derivatives.
-    fn tangent(&self, compiled: bool) -> Evaluation {
-        if compiled { self.derived().program(true) } else { (*self.tangent.get(|| self.derived().interpreted(true))).clone() }
+    fn tangent(&self) -> Arc<SharedFunction> {
+        self.tangent.get(|| SharedFunction::new(self.derived(), true).up_to(LONGEST))
     }
 
     fn derived(&self) -> Recorded {
-        let Prepared { recorded: Recorded { ops, values, inputs, answer }, fixed, moved, .. } = self;
+        let (Recorded { ops, values, inputs, answer }, Prepared { fixed, moved, .. }) = (&self.function.recorded, self);
         let (first, end) = (values.len() + fixed, values.len() + inputs);
         let moving: Vec<u32> = (first as u32..end as u32).collect();
         let Tangents { ops, values: results, rates } = tangents(ops, end, &answer[..*moved], *moved, &moving, 1);
@@ -80,10 +82,9 @@ pub struct Jacobian {
     prepared: Arc<Prepared>,
     /// The set-up parameters.
     values: Vec<f64>,
-    compiled: bool,
-    function: Option<Evaluation>,
+    function: Option<Evaluator>,
     /// Each lane has another direction.
-    tangent: Option<Evaluation>,
+    tangent: Option<Evaluator>,
 }
 
 impl Jacobian {
@@ -96,29 +97,26 @@ impl Jacobian {
     /// first `fixed` inputs.
     pub fn with_fixed(recorded: Recorded, fixed: usize, moved: usize) -> Self {
         let values = recorded.values.clone();
-        Jacobian { prepared: Prepared::of(recorded, fixed, moved), values, compiled: false, function: None, tangent: None }
+        Jacobian { prepared: Prepared::of(recorded, fixed, moved), values, function: None, tangent: None }
     }
 
     /// The number of recorded operations of the function, without derivatives.
     pub fn operations(&self) -> usize {
-        self.prepared.recorded.ops.len()
-    }
-
-    /// Run the function as machine code. This repays its compilation after some hundred evaluations.
-    pub fn compiled(self) -> Self {
-        Jacobian { compiled: true, function: None, tangent: None, ..self }
+        self.prepared.operations()
     }
 
     /// Compute all results at `x`.
     pub fn value(&mut self, x: &[f64]) -> &[f64] {
-        let function = self.function.get_or_insert_with(|| self.prepared.function(self.compiled).with(&self.values));
-        function.inputs(0, x.len()).copy_from_slice(x);
+        let Jacobian { prepared, values, function, .. } = self;
+        let function = function.get_or_insert_with(|| Evaluator::new(prepared.function.clone(), values));
+        function.inputs().copy_from_slice(x);
         function.run();
-        if self.compiled && !function.is_near(0) {
-            self.interpret();
-            return self.value(x);
-        }
-        self.function.as_ref().map_or(&[], |function| function.outputs(0, self.prepared.recorded.answer.len()))
+        function.outputs(0, prepared.function.recorded.answer.len())
+    }
+
+    fn tangent(&mut self) -> &mut Evaluator {
+        let Jacobian { prepared, values, tangent, .. } = self;
+        tangent.get_or_insert_with(|| Evaluator::new(prepared.tangent(), values))
     }
 
     /// Write the rates of the results along the direction `x_dot`, at `x`, to `y_dot`.
@@ -136,42 +134,29 @@ impl Jacobian {
     /// ```
     pub fn along(&mut self, x: &[f64], x_dot: &[f64], y_dot: &mut [f64]) {
         let moved = self.prepared.moved;
-        let tangent = self.tangent.get_or_insert_with(|| self.prepared.tangent(self.compiled).with(&self.values));
+        let tangent = self.tangent();
         let lanes = tangent.lanes();
-        tangent.all_inputs().chunks_exact_mut(lanes).zip(x.iter().chain(x_dot)).for_each(|(to, &x)| to.fill(x));
+        tangent.inputs().chunks_exact_mut(lanes).zip(x.iter().chain(x_dot)).for_each(|(to, &x)| to.fill(x));
         tangent.run();
-        if self.compiled && !tangent.is_near(0) {
-            self.interpret();
-            return self.along(x, x_dot, y_dot);
-        }
         y_dot.iter_mut().zip(tangent.outputs(moved, moved).chunks_exact(lanes)).for_each(|(y_dot, rates)| *y_dot = rates[0]);
     }
 
     /// Call `put(i, j, dy_i/dx_j)` for all entries of the Jacobian at `x`, column by column. `j` does not count the fixed inputs.
     pub fn slopes<F: FnMut(usize, usize, f64)>(&mut self, x: &[f64], mut put: F) {
         let Prepared { fixed, moved, .. } = *self.prepared;
-        let tangent = self.tangent.get_or_insert_with(|| self.prepared.tangent(self.compiled).with(&self.values));
+        let tangent = self.tangent();
         let lanes = tangent.lanes();
         for first in (0..x.len() - fixed).step_by(lanes) {
             interrupt::check();
-            let (at, direction) = tangent.all_inputs().split_at_mut(x.len() * lanes);
+            let (at, direction) = tangent.inputs().split_at_mut(x.len() * lanes);
             at.chunks_exact_mut(lanes).zip(x).for_each(|(at, &x)| at.fill(x));
             direction.fill(0.0);
             let columns = first..(first + lanes).min(x.len() - fixed);
             columns.clone().for_each(|j| direction[j * lanes + (j - first)] = 1.0);
             tangent.run();
-            if self.compiled && !tangent.is_near(0) {
-                self.interpret();
-                return self.slopes(x, put);
-            }
             let rates = tangent.outputs(moved, moved);
             columns.for_each(|j| (0..moved).for_each(|i| put(i, j, rates[i * lanes + (j - first)])));
         }
-    }
-
-    /// Use the interpreter from now on, because machine code is not valid for large angles.
-    fn interpret(&mut self) {
-        (self.compiled, self.function, self.tangent) = (false, None, None);
     }
 }
 
@@ -191,11 +176,14 @@ mod tests {
         };
         let (mut first, mut second) = (f(0.25), f(1.5));
         assert!(Arc::ptr_eq(&first.prepared, &second.prepared));
-        for (f, k) in [(&mut first, 0.25), (&mut second, 1.5), (&mut f(0.25).compiled(), 0.25)] {
-            let mut slopes = Vec::new();
-            f.slopes(&[3.0, 2.0], |i, j, rate| slopes.push((i, j, rate)));
-            assert_eq!(slopes, [(0, 0, 2.0 * k * 3.0 * 2.0)]);
-            assert_eq!(f.value(&[3.0, 2.0]), [k * 12.0]);
+        // Machine code continues after some evaluations.
+        for _ in 0..300 {
+            for (f, k) in [(&mut first, 0.25), (&mut second, 1.5)] {
+                let mut slopes = Vec::new();
+                f.slopes(&[3.0, 2.0], |i, j, rate| slopes.push((i, j, rate)));
+                assert_eq!(slopes, [(0, 0, 2.0 * k * 3.0 * 2.0)]);
+                assert_eq!(f.value(&[3.0, 2.0]), [k * 12.0]);
+            }
         }
         assert!(!Arc::ptr_eq(&first.prepared, &f(1.0).prepared), "a one is structure");
     }

@@ -8,16 +8,17 @@
 //! Files: `sym`, `tape`, `operation` and `memo` record and fold. `segments` divides a recording, and `pieces` divides its parts at
 //! cuts, where native code may replace results (`decision`). `differentiate`, `tangents` and `adjoint` compute derivatives of a recording, and
 //! `branches` finds its comparisons. `interpreter` computes a recording, with the steps that `steps` makes. `jacobian` computes a recording
-//! and its Jacobian with the interpreter.
+//! and its Jacobian.
 //! `straight` and `lower` have the straight-line instructions. `lifetimes`, `emit`, `instruction`, `opcode`, `x86`, `aarch64` and `memory`
 //! make machine code. `c` prints a recording as C code. `frame` is the memory of a running program, and `pages` requests large pages.
 //! `signature` has the groups of slots in a frame. `rows`
-//! copies between the caller's rows and a frame. `function` makes programs of recorded functions, and `cache` stores them. `program` is the
+//! copies between the caller's rows and a frame. `function` makes programs of recorded functions, and `cache` stores them. `by_engine` decides when machine code repays. `program` is the
 //! common interface of machine code and `interpreter`. `label`, `listing` and `listing_code` produce text for readers.
 
 pub mod aarch64;
 pub mod adjoint;
 pub mod branches;
+pub mod by_engine;
 pub mod c;
 pub mod cache;
 #[cfg(test)]
@@ -66,6 +67,7 @@ mod trials;
 #[cfg(any(test, not(target_arch = "aarch64")))]
 pub mod x86;
 
+pub use by_engine::ByEngine;
 pub use frame::Frame;
 pub use function::Evaluation;
 pub use jacobian::Jacobian;

@@ -6,6 +6,7 @@ use super::straight::{Part, SlotTable};
 use super::tape::Op;
 
 /// The end of a segment.
+#[derive(Clone)]
 pub struct Cut {
     /// The number of recorded operations before the end of the segment.
     pub end: u32,
