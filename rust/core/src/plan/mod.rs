@@ -44,6 +44,6 @@ pub use bang_bang::{BangBangReport, BangBangTimes, bang_bang_time, bang_bang_tim
 pub use friction::torque_optimal_time_with_friction;
 pub use profiles::{ProfileReport, minimum_jerk_time, trapezoid_time};
 pub use report::{Bind, Limit, MonotoneReason, Place, Reason};
-pub use time_path::{FINE, Friction, LimitKind, Mover, PathLimits, PathReason, Shortfall, TimePath, TimePathOptions, TipLimits, time_path};
+pub use time_path::{Friction, LimitKind, Mover, PathLimits, PathReason, Shortfall, TimePath, TimePathOptions, TipLimits, time_path};
 pub use torque_optimal::{Best, Family, TorqueOptimum, torque_optimal_time};
 pub use trajectory::{Sample, TorqueProfile};

@@ -10,17 +10,14 @@
 //! from the cap between grid points only by a term of order `h^3`. With a constant `u`, `x` would equal the cap only at grid points, and
 //! `u` would jump at each of them.
 
-use super::magnitudes::FASTEST;
-use super::reach::Profile;
-use super::setup::PathProblem;
-
-/// The largest relative distance to a cap at which `x` counts as equal to the cap.
-const ON: f64 = 1e-12;
+use super::passes::Profile;
+use super::problem::PathProblem;
+use super::tuning::{FASTEST, ON_CAP, PRESCRIBED_EXCESS};
 
 impl PathProblem<'_> {
     /// The strictest speed limit at grid point `i`: its row in `limits`, and the largest path speed that it allows, infinite without a
     /// limit.
-    pub fn fastest(&self, i: usize) -> (usize, f64) {
+    pub fn strictest_speed_limit(&self, i: usize) -> (usize, f64) {
         let mut most = (self.speeds.unwrap_or(0), f64::INFINITY);
         for j in 0..self.n {
             let slope = self.slopes[i * self.stride + j].abs();
@@ -38,13 +35,13 @@ impl PathProblem<'_> {
         most
     }
 
-    /// Set `widest`: the bounds of `x` at the grid points from the speed limits without reduction.
-    pub fn set_widest(&mut self) {
+    /// Set `speed_caps`: the bounds of `x` at the grid points from the speed limits without reduction.
+    pub fn set_speed_caps(&mut self) {
         let bound = |i: usize| {
-            let (row, speed) = self.fastest(i);
+            let (row, speed) = self.strictest_speed_limit(i);
             (row, speed.powi(2).min(FASTEST))
         };
-        self.widest = (0..self.rows.s.len()).map(bound).collect();
+        self.speed_caps = (0..self.rows.s.len()).map(bound).collect();
     }
 
     /// Set the caps at the grid points from the reduced speed limits and the stops. At an end of the path, the reduced cap is at least the
@@ -53,12 +50,10 @@ impl PathProblem<'_> {
         let points = self.rows.s.len();
         self.rows.cap.resize(points, FASTEST);
         for i in 0..points {
-            let cap = self.widest[i].1;
+            let cap = self.speed_caps[i].1;
             let mut narrow = cap / (1.0 + self.cap_tight[i]);
             for (at, x) in [(0, self.rows.x_start), (points - 1, self.rows.x_end)] {
-                // The planner accepts a prescribed speed that exceeds its limit by a relative 4e-10. That is a relative 8e-10 of the
-                // squared speed.
-                if i == at && x <= cap * (1.0 + 8e-10) {
+                if i == at && x <= cap * (1.0 + PRESCRIBED_EXCESS) {
                     narrow = narrow.max(x);
                 }
             }
@@ -74,12 +69,12 @@ impl PathProblem<'_> {
     /// `(N,)`: the slope `du/ds` on each segment where `x` follows the cap of one speed limit at both ends. It is NaN on other segments,
     /// and where there are too few grid points to interpolate.
     pub fn cap_slopes(&self, profile: &Profile) -> Vec<f64> {
-        let on = |i: usize| profile.x[i] >= self.widest[i].1 * (1.0 - ON);
+        let on = |i: usize| profile.x[i] >= self.speed_caps[i].1 * (1.0 - ON_CAP);
         let mut slopes = vec![f64::NAN; self.pieces.len()];
         for &(first, last) in &self.spans {
             for i in first..last {
-                let (row, from) = self.widest[i];
-                let (other, to) = self.widest[i + 1];
+                let (row, from) = self.speed_caps[i];
+                let (other, to) = self.speed_caps[i + 1];
                 if row == other && from.max(to) < FASTEST && on(i) && on(i + 1) {
                     let h = self.rows.s[i + 1] - self.rows.s[i];
                     slopes[i] = 2.0 * ((from + to) - 2.0 * self.between(row, i, first, last)) / (h * h);
@@ -94,11 +89,11 @@ impl PathProblem<'_> {
     fn between(&self, row: usize, i: usize, first: usize, last: usize) -> f64 {
         let Some((start, [weights])) = self.stencils.0.of(i, first, last) else { return f64::NAN };
         let (joint, limit) = match self.norms {
-            Some(norms) if row == norms + 1 => (self.n, self.limits.hi[row]),
+            Some(norms) if row == norms + 1 => (self.n, self.rows.limits.hi[row]),
             _ => {
                 let joint = row - self.speeds.unwrap_or(0);
                 let middle = 0.5 * (self.rows.s[i] + self.rows.s[i + 1]);
-                (joint, self.limits.hi[row] * self.along.limit(&self.path, 2, joint, self.pieces[i], middle))
+                (joint, self.rows.limits.hi[row] * self.along.limit(&self.path, 2, joint, self.pieces[i], middle))
             }
         };
         let slope: f64 = (0..4).map(|k| weights[k] * self.slopes[(start + k) * self.stride + joint]).sum();

@@ -16,24 +16,11 @@
 //! polynomials through the rows at six grid points. Before a profile is accepted, interpolated torques are compared with the dynamics in
 //! the middle of every interpolated segment.
 
-use super::along::Along;
 use super::lines::LimitRows;
-use super::mover::Mover;
-use super::rows::{Friction, Points, Request};
-use super::stencil::Stencil;
-use super::tip::TIP;
-use crate::motion::Path;
+use super::problem::PathProblem;
+use super::rows::{Points, Request};
+use super::tuning::CHECK_STEPS;
 use crate::scalar::sign;
-
-/// The number of steps of a segment in the check; it has `FINE + 1` samples.
-pub const FINE: usize = 10;
-/// The largest allowed relative excess of a row over its limit: half of 1e-9, the documented tolerance.
-pub(super) const TOLERANCE: f64 = 5e-10;
-/// The largest allowed error of interpolated torques near their limits, relative to the limit: a fifth of the difference between 1e-9 and
-/// `TOLERANCE`. Far from the limits, a tenth of the relative distance to the limit is allowed.
-pub(super) const INTERPOLATION: f64 = 1e-10;
-/// Number of grid points in one interpolation.
-pub(super) const WINDOW: usize = 6;
 
 /// The limits of all rows, in blocks of `BLOCK`. First are torques and accelerations of joints and frame, as in [`LimitRows`]. Then follow
 /// speeds and norms if they are limited.
@@ -73,42 +60,6 @@ pub(super) struct LimitCheck {
     pub at: (usize, usize),
 }
 
-/// The data of a problem that the check requires.
-pub(super) struct Course<'a> {
-    pub mover: Mover<'a>,
-    pub path: &'a Path,
-    pub n: usize,
-    /// `(N,)`: the index of the piece of each segment.
-    pub pieces: &'a [usize],
-    /// The groups of consecutive segments of equal length within a piece, as first index and end index.
-    pub spans: &'a [(usize, usize)],
-    /// Whether there are rows of torques, and rows of accelerations.
-    pub kinds: [bool; 2],
-    /// `(N + 1, stride)`: `dq/ds` at the grid points; then `|dp/ds|` of the frame's origin `p`, divided by the frame's speed limit if that
-    /// varies.
-    pub slopes: &'a [f64],
-    pub stride: usize,
-    pub friction: Option<&'a Friction>,
-    /// Limits that vary along the path. With such limits of joints, no row is interpolated.
-    pub along: &'a Along,
-    /// The frame whose origin is limited. With such a frame, no row is interpolated.
-    pub tip: Option<usize>,
-    /// The index in `limits` of the first row that limits a joint's speed; `None` without speed limits.
-    pub speeds: Option<usize>,
-    /// The index in `limits` of the norm of the frame's acceleration. The norm of the frame's speed is the next row. `None` without tip
-    /// limits.
-    pub norms: Option<usize>,
-    pub limits: &'a Limits,
-    pub stencil: &'a Stencil<WINDOW>,
-}
-
-impl Course<'_> {
-    /// Number of values per sample that the dynamics computes.
-    pub fn measured(&self) -> usize {
-        3 * self.n + if self.tip.is_some() { TIP } else { 0 }
-    }
-}
-
 /// Squared path speed and path acceleration at the fraction `z` of segment `i`.
 #[inline(always)]
 pub(super) fn state(rows: &LimitRows, x: &[f64], i: usize, z: f64) -> (f64, f64) {
@@ -123,8 +74,9 @@ pub(super) fn state(rows: &LimitRows, x: &[f64], i: usize, z: f64) -> (f64, f64)
 /// Each listed segment has `per` places. One place is the middle of the segment. Several places are samples at equal time steps of a motion
 /// with constant `u`. Equal steps in `s` would not suffice near rest, because viscous friction is proportional to `sqrt(x)`, which is not a
 /// parabola in `s`.
-pub(super) fn measure(course: &Course, rows: &LimitRows, x: &[f64], list: &[usize], per: usize, values: &mut Vec<f64>) {
-    let (n, stride) = (course.n, course.measured());
+pub(super) fn measure(problem: &PathProblem, x: &[f64], list: &[usize], per: usize, values: &mut Vec<f64>) {
+    let PathProblem { n, mover, path, rows, along, pieces, .. } = problem;
+    let (n, stride) = (*n, problem.measured());
     let count = list.len() * per;
     values.clear();
     values.resize(count * stride, 0.0);
@@ -133,7 +85,7 @@ pub(super) fn measure(course: &Course, rows: &LimitRows, x: &[f64], list: &[usiz
     }
     let s = &rows.s;
     let place = |k: usize| {
-        let (i, t) = (list[k / per], (k % per) as f64 / FINE as f64);
+        let (i, t) = (list[k / per], (k % per) as f64 / CHECK_STEPS as f64);
         let (from, to) = (x[i].sqrt(), x[i + 1].sqrt());
         // If the speed is zero at both ends of the segment, no motion has constant `u`. Then the places have equal steps in `s`.
         let even = if from + to > 0.0 { t * (2.0 * from + t * (to - from)) / (from + to) } else { t };
@@ -141,26 +93,16 @@ pub(super) fn measure(course: &Course, rows: &LimitRows, x: &[f64], list: &[usiz
     };
     let at = |k: usize| {
         let (i, z) = place(k);
-        (course.pieces[i], if z == 1.0 { s[i + 1] } else { s[i] + z * (s[i + 1] - s[i]) })
+        (pieces[i], if z == 1.0 { s[i + 1] } else { s[i] + z * (s[i + 1] - s[i]) })
     };
     let rate = |k: usize| {
         let (i, z) = place(k);
         let (x, u) = state(rows, x, i, z);
         (x.sqrt(), u)
     };
-    let request = Request::Motion { rate: &rate };
-    Points {
-        mover: course.mover,
-        path: course.path,
-        at: &at,
-        count,
-        stride,
-        out: values,
-        request,
-        tip: course.tip.map(|frame| (frame, course.along)),
-    }
-    .run();
-    if let Some(friction) = course.friction {
+    let (request, tip) = (Request::Motion { rate: &rate }, problem.tip.as_ref().map(|tip| (tip.frame, along)));
+    Points { mover: *mover, path, at: &at, count, stride, out: values, request, tip }.run();
+    if let Some(friction) = &problem.friction {
         for row in values.chunks_exact_mut(stride) {
             for j in 0..n {
                 let v = row[2 * n + j];
@@ -168,21 +110,21 @@ pub(super) fn measure(course: &Course, rows: &LimitRows, x: &[f64], list: &[usiz
             }
         }
     }
-    if course.along.any() {
+    if along.any() {
         for (k, row) in values.chunks_exact_mut(stride).enumerate() {
             let (piece, s) = at(k);
             for kind in 0..3 {
-                (0..n).for_each(|j| row[kind * n + j] /= course.along.limit(course.path, kind, j, piece, s));
+                (0..n).for_each(|j| row[kind * n + j] /= along.limit(path, kind, j, piece, s));
             }
         }
     }
 }
 
-fn places() -> [f64; FINE + 1] {
-    std::array::from_fn(|k| k as f64 / FINE as f64)
+fn places() -> [f64; CHECK_STEPS + 1] {
+    std::array::from_fn(|k| k as f64 / CHECK_STEPS as f64)
 }
 
 /// The places, as fractions of a segment, at which a check interpolates.
 pub(super) fn inner_places() -> Vec<f64> {
-    places()[1..FINE].to_vec()
+    places()[1..CHECK_STEPS].to_vec()
 }

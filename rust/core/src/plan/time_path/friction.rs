@@ -8,18 +8,21 @@
 //! `d` is the viscous coefficient of a joint, `q' = dq/ds`, `r = ds/dt`, and `x0` is the value of `x` in an earlier profile.
 
 use super::lines::LimitRows;
-use super::setup::PathProblem;
+use super::passes::Infeasible;
+use super::problem::PathProblem;
+use super::search::Search;
+use super::tuning::{CHORD_PASSES, CHORD_SHORTENING, FRICTION_CONVERGED, TANGENT_PASSES, TANGENTS_FROM};
 
 /// The line in `x` that replaces `sqrt(x)`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Line {
+enum Line {
     Chord,
     Tangent,
 }
 
 impl PathProblem<'_> {
     /// Remove viscous friction from the rows of the limits, `A u + B x + g`.
-    pub fn forget_friction(&mut self) {
+    pub fn remove_friction(&mut self) {
         if self.friction.is_none() {
             return;
         }
@@ -38,14 +41,14 @@ impl PathProblem<'_> {
     ///
     /// `x`: the squared path speeds at the grid points, `(N + 1,)`, at which the line is exact. With `Line::Chord`, low speeds remain
     /// feasible. The error of `Line::Tangent` is of second order in the change of `x`.
-    pub fn linearise_friction(&mut self, x: &[f64], line: Line) {
+    fn linearise_friction(&mut self, x: &[f64], line: Line) {
         if self.friction.is_none() {
             return;
         }
-        self.forget_friction();
+        self.remove_friction();
         let Some(friction) = &self.friction else { return };
         let (n, w, last) = (self.n, self.rows.width, x.len() - 1);
-        let (slope, rest) = match line {
+        let (slope, constant) = match line {
             Line::Chord => (1.0, 0.0),
             Line::Tangent => (0.5, 0.5),
         };
@@ -68,8 +71,61 @@ impl PathProblem<'_> {
                 let along = |i: usize| self.slopes[i * self.stride + j] / limit(i, j);
                 let push = friction.viscous[j] * if between { 0.5 * (along(i) + along(i + 1)) } else { along(i) };
                 c[w + j] += slope * push / root;
-                part[j] = rest * push * root;
+                part[j] = constant * push * root;
             }
         }
+    }
+}
+
+/// The largest relative change of an entry from `old` to `new`.
+fn change(new: &[f64], old: &[f64]) -> f64 {
+    new.iter().zip(old).map(|(new, old)| (new - old).abs() / new.max(*old).max(f64::MIN_POSITIVE)).fold(0.0, f64::max)
+}
+
+impl Search<'_> {
+    /// Compute the profile with viscous friction. Chords come first, because low speeds remain feasible under a chord. When the profile
+    /// changes little, or after `CHORD_PASSES` passes, tangents follow. The error of a tangent is proportional to the square of the change.
+    pub fn iterate_friction(&mut self) -> Result<(), Infeasible> {
+        if self.problem.friction.is_none() {
+            return Ok(());
+        }
+        let mut x = self.profile.x.clone();
+        for _ in 0..CHORD_PASSES {
+            if self.passes_with_friction(&x, Line::Chord).is_err() {
+                // No profile is feasible with this chord. Try a chord at smaller `x`.
+                x.iter_mut().for_each(|x| *x *= CHORD_SHORTENING);
+                continue;
+            }
+            let change = change(&self.profile.x, &x);
+            x.copy_from_slice(&self.profile.x);
+            if change < TANGENTS_FROM {
+                break;
+            }
+        }
+        self.profile.x.copy_from_slice(&x);
+        self.iterate_tangents()
+    }
+
+    /// Compute the profile with tangents of viscous friction. Repeat until the profile converges, at most `TANGENT_PASSES` times. The
+    /// repetition is necessary, because the check of the limits counts the error of a tangent as an excess.
+    pub fn iterate_tangents(&mut self) -> Result<(), Infeasible> {
+        for _ in 0..TANGENT_PASSES {
+            let x = self.profile.x.clone();
+            if self.passes_with_friction(&x, Line::Tangent).is_err() {
+                // With this tangent no speed is feasible. Return to the chord.
+                return self.passes_with_friction(&x, Line::Chord);
+            }
+            if change(&self.profile.x, &x) < FRICTION_CONVERGED {
+                break;
+            }
+        }
+        Ok(())
+    }
+
+    /// Repeat the passes with viscous friction replaced by lines that are exact at `x`.
+    fn passes_with_friction(&mut self, x: &[f64], line: Line) -> Result<(), Infeasible> {
+        self.problem.linearise_friction(x, line);
+        self.profile.recompute_all = true;
+        self.passes()
     }
 }

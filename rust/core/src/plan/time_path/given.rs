@@ -1,18 +1,12 @@
 //! The arguments of the planner, and their validation.
 
 use super::along::Along;
-use super::magnitudes::FASTEST;
 use super::mover::Mover;
 use super::rows::Friction;
 use super::tip::{Tip, TipLimits};
+use super::tuning::{FASTEST, FIRST_GRID, MOST_POINTS};
 use crate::error::{Error, Result, finite, positive};
 use crate::motion::Path;
-
-/// The approximate number of points of the first automatic grid.
-const FIRST_GRID: usize = 201;
-
-/// The largest number of grid points.
-const MOST: usize = 1_000_000;
 
 /// Limits of every joint, `(n,)` each: `tau_min <= tau <= tau_max`, `|v| <= v_max`, `|a| <= a_max`.
 ///
@@ -244,8 +238,8 @@ pub(super) fn checked(mover: Mover, path: &Path, limits: &PathLimits, options: &
     limits.check_positions(n)?;
     limits.check_tip(mover)?;
     let points = options.points();
-    if !(2..=MOST).contains(&points) {
-        return Err(Error::input("grid", format!("is out of range: expected 2 to {MOST} points, got {points}")));
+    if !(2..=MOST_POINTS).contains(&points) {
+        return Err(Error::input("grid", format!("is out of range: expected 2 to {MOST_POINTS} points, got {points}")));
     }
     let bounds = limits.bounds(n, path.knots().len())?;
     let jumps = options.friction.as_ref().is_some_and(|friction| friction.coulomb.iter().any(|c| *c != 0.0));

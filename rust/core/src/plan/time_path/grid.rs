@@ -1,9 +1,12 @@
-//! The grid of path positions: equal steps within each piece of the path. `refine` halves segments.
+//! The grid of path positions: equal steps within each piece of the path, and segments that are halved.
 
+use super::problem::PathProblem;
+use super::tuning::{CHECK_NODES, FEWEST_SEGMENTS, MOST_HALVINGS};
 use crate::motion::Path;
 
-/// The smallest number of segments of a piece, unless the path has too many pieces.
-pub(super) const PIECE: usize = 5;
+/// The smallest number of neighbouring segments that are halved together, unless the group of equal segments has fewer. A run of this
+/// length has enough points for an interpolation.
+const RUN: usize = CHECK_NODES - 1;
 
 /// Find the groups of consecutive segments with equal length within each piece, as first index and end index.
 pub(super) fn spans(s: &[f64], pieces: &[usize], spans: &mut Vec<(usize, usize)>) {
@@ -24,7 +27,7 @@ pub(super) fn grid(path: &Path, points: usize) -> (Vec<f64>, Vec<usize>) {
     let knots = path.knots();
     let total = knots[knots.len() - 1] - knots[0];
     let (mut s, mut pieces) = (Vec::new(), Vec::new());
-    let fewest = if PIECE * (knots.len() - 1) < points { PIECE } else { 1 };
+    let fewest = if FEWEST_SEGMENTS * (knots.len() - 1) < points { FEWEST_SEGMENTS } else { 1 };
     for p in 0..knots.len() - 1 {
         let (a, b) = (knots[p], knots[p + 1]);
         let segments = (((b - a) / total * (points - 1) as f64).round() as usize).max(fewest);
@@ -38,4 +41,39 @@ pub(super) fn grid(path: &Path, points: usize) -> (Vec<f64>, Vec<usize>) {
     }
     s.push(knots[knots.len() - 1]);
     (s, pieces)
+}
+
+impl PathProblem<'_> {
+    /// Halve every segment `i` at least `times(i)` times, but at most `MOST_HALVINGS` times. All segments of a run are halved equally
+    /// often, so that their rows can be interpolated. This number is the largest of `times` in the run and in the two segments next to it.
+    /// Return whether any segment was halved.
+    pub fn refine(&mut self, times: impl Fn(usize) -> u32) -> bool {
+        let (mut points, mut pieces) = (Vec::new(), Vec::new());
+        let s = &self.rows.s;
+        for &(first, last) in &self.spans {
+            let runs = ((last - first) / RUN).max(1);
+            let end = |run: usize| first + (last - first) * run / runs;
+            for run in 0..runs {
+                // The neighbours of a run may require halvings as well.
+                let near = end(run).saturating_sub(1).max(first)..(end(run + 1) + 1).min(last);
+                let parts = 1_usize << near.map(&times).max().unwrap_or(0).min(MOST_HALVINGS);
+                for i in end(run)..end(run + 1) {
+                    for k in 0..parts {
+                        let at = if k == 0 { s[i] } else { s[i] + (s[i + 1] - s[i]) * (k as f64 / parts as f64) };
+                        if k == 0 || (at > points[points.len() - 1] && at < s[i + 1]) {
+                            points.push(at);
+                            pieces.push(self.pieces[i]);
+                        }
+                    }
+                }
+            }
+        }
+        points.push(s[s.len() - 1]);
+        let more = points.len() > s.len();
+        (self.rows.s, self.pieces) = (points, pieces);
+        if more {
+            self.compute_rows();
+        }
+        more
+    }
 }

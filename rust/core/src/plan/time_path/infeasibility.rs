@@ -4,17 +4,22 @@
 //! acceleration is widened by `w` times its size. The missing amount is the smallest `w` for which a feasible speed exists. Bisection finds
 //! `w`.
 
-use super::check::{LimitCheck, TOLERANCE};
-use super::reach::{Profile, Stuck, widened};
+use super::check::Limits;
+use super::passes::{Infeasible, widened};
+use super::problem::PathProblem;
 use super::reason::{LimitKind, PathReason, Shortfall};
-use super::setup::PathProblem;
+use super::search::{GridState, Search};
 use super::timing::TimePath;
+use super::tuning::TOLERANCE;
 use crate::error::Result;
 use crate::motion::TimedPath;
 
+/// The kinds of limits of rows; the lower limits of torques have the same kind as the upper ones.
+const KINDS: [LimitKind; 5] =
+    [LimitKind::TorqueMax, LimitKind::Acceleration, LimitKind::Velocity, LimitKind::TipAcceleration, LimitKind::TipSpeed];
+
 impl PathProblem<'_> {
-    /// The kind and the joint of a row. The kinds are 0 torque, 1 acceleration, 2 speed of a joint; 3 acceleration, 4 speed of the frame's
-    /// origin.
+    /// The index in `KINDS` and the joint of a row.
     fn kind(&self, row: usize) -> (usize, usize) {
         let n = self.n;
         if let Some(first) = self.norms.filter(|first| row >= *first) {
@@ -31,19 +36,14 @@ impl PathProblem<'_> {
     }
 
     fn reason(&self, what: Shortfall, row: usize, upper: bool, s: f64, missing: f64) -> PathReason {
-        self.reason_of(what, self.kind(row), upper, s, missing)
+        let (kind, joint) = self.kind(row);
+        let limit = if kind == 0 && !upper { LimitKind::TorqueMin } else { KINDS[kind] };
+        self.reason_of(what, (limit, joint), s, missing)
     }
 
-    /// The reason for a violated limit, from its kind and joint.
-    pub(super) fn reason_of(&self, what: Shortfall, (kind, joint): (usize, usize), upper: bool, s: f64, missing: f64) -> PathReason {
-        let limit = match kind {
-            0 if upper => LimitKind::TorqueMax,
-            0 => LimitKind::TorqueMin,
-            1 => LimitKind::Acceleration,
-            2 => LimitKind::Velocity,
-            3 => LimitKind::TipAcceleration,
-            _ => LimitKind::TipSpeed,
-        };
+    /// The reason for a violated limit of a joint, or of the frame.
+    pub(super) fn reason_of(&self, what: Shortfall, (limit, joint): (LimitKind, usize), s: f64, missing: f64) -> PathReason {
+        let kind = KINDS.iter().position(|kind| *kind == limit).unwrap_or(0);
         let (speed, position) = (f64::NAN, f64::NAN);
         if let (3.., Some(tip)) = (kind, &self.tip) {
             let varying = self.along.of_tip(&self.path, self.path.piece(s), s)[kind.min(4) - 3];
@@ -53,7 +53,7 @@ impl PathProblem<'_> {
         }
         let varying = self.along.limit(&self.path, kind, joint, self.path.piece(s), s);
         let (lo, hi) = (varying * self.lo[kind * self.n + joint].abs(), varying * self.hi[kind * self.n + joint].abs());
-        let (near, far) = if upper { (hi, lo) } else { (lo, hi) };
+        let (near, far) = if limit == LimitKind::TorqueMin { (lo, hi) } else { (hi, lo) };
         let size = if near > 0.0 { near } else { far };
         let joint_name = self.mover.joint_names().get(joint).cloned().unwrap_or_default();
         PathReason { what, joint: Some(joint), joint_name, s, limit, missing, missing_units: missing * size, speed, position }
@@ -68,8 +68,8 @@ impl PathProblem<'_> {
         for k in 0..self.n * (usize::from(self.kinds[0]) + usize::from(self.kinds[1])) {
             let moving = if x > 0.0 { self.rows.moving[0].get(i * w + k).copied().unwrap_or(0.0) } else { 0.0 };
             let value = c[k] * u + c[w + k] * x + c[2 * w + k] + moving;
-            let over = (value - self.rows.hi[k]) / self.rows.scale_hi[k];
-            let under = (self.rows.lo[k] - value) / self.rows.scale_lo[k];
+            let Limits { lo, hi, scale_lo, scale_hi, .. } = &self.rows.limits;
+            let (over, under) = ((value - hi[k]) / scale_hi[k], (lo[k] - value) / scale_lo[k]);
             if over.max(under) > worst.2 {
                 worst = (k, over >= under, over.max(under));
             }
@@ -87,7 +87,7 @@ impl PathProblem<'_> {
     pub fn hold(&self) -> Result<TimePath> {
         let (row, upper, beyond) = self.tightest(0, 0.0, 0.0);
         if beyond > TOLERANCE {
-            return self.refuse(PathReason::holding(self, row, upper, beyond));
+            return self.refuse(self.reason(Shortfall::NoSpeed, row, upper, self.rows.s[0], beyond));
         }
         Ok(TimePath { motion: TimedPath::still(self.path.clone()), margin: -beyond, reason: None })
     }
@@ -101,68 +101,73 @@ impl PathProblem<'_> {
     }
 }
 
-impl PathReason {
-    pub(super) fn find(problem: &PathProblem, profile: &Profile, stuck: Stuck) -> PathReason {
-        let s = &problem.rows.s;
-        match stuck {
-            Stuck::Start(low, high) => {
-                let wanted = problem.rows.x_start;
-                let nearest = if wanted > high { high } else { low };
-                // A speed limit that the start speed exceeds is the simplest reason.
-                let (fastest, cap) = problem.widest[0];
-                let (row, upper, allowed) = if wanted > cap {
-                    (fastest, true, cap)
-                } else {
-                    let (row, upper, _) = problem.tightest(0, 0.0, wanted);
-                    (row, upper, nearest)
-                };
-                let missing = (wanted / allowed.max(f64::MIN_POSITIVE)).sqrt() - 1.0;
-                let reason = problem.reason(Shortfall::StartSpeed, row, upper, s[0], missing);
-                PathReason { speed: nearest.sqrt(), ..reason }
+impl Search<'_> {
+    /// Why this grid has no timing.
+    pub fn reason(&self, state: &GridState) -> PathReason {
+        let Search { problem, profile, .. } = self;
+        let (s, x) = (&problem.rows.s, &profile.x);
+        match *state {
+            GridState::Feasible(_) => {
+                let i = (0..s.len() - 1).find(|&i| x[i] == 0.0 && x[i + 1] == 0.0).unwrap_or(0);
+                let (row, upper, _) = problem.tightest(i, 0.0, 0.0);
+                problem.reason(Shortfall::Standstill, row, upper, s[i], 0.0)
             }
-            Stuck::End(cap) => {
-                let (row, _) = problem.fastest(problem.rows.s.len() - 1);
+            GridState::Inaccurate(check) | GridState::Exceeding(check) => {
+                let (i, row) = check.at;
+                problem.reason(Shortfall::Unresolved, row, true, s[i], check.excess)
+            }
+            GridState::Infeasible(Infeasible::StartSpeed(low, high)) => problem.start_speed_reason(low, high),
+            GridState::Infeasible(Infeasible::EndSpeed(cap)) => {
+                let (row, _) = problem.strictest_speed_limit(s.len() - 1);
                 let missing = (problem.rows.x_end / cap.max(f64::MIN_POSITIVE)).sqrt() - 1.0;
                 let reason = problem.reason(Shortfall::EndSpeed, row, true, s[s.len() - 1], missing);
                 PathReason { speed: cap.sqrt(), ..reason }
             }
-            Stuck::Empty(i) => {
-                let next = [profile.low[i + 1], profile.high[i + 1]];
-                // Test static torques first: a limit that cannot hold the arm's weight is the simplest reason.
-                for at in [i, i + 1] {
-                    let (row, upper, beyond) = problem.tightest(at, 0.0, 0.0);
-                    if beyond > 0.0 {
-                        return problem.reason(Shortfall::NoSpeed, row, upper, s[at], beyond);
-                    }
-                }
-                let (mut few, mut many) = (0.0, 1.0);
-                while widened(&problem.rows, i, many, next).is_none() && many < 1e12 {
-                    (few, many) = (many, many * 4.0);
-                }
-                for _ in 0..60 {
-                    let middle = 0.5 * (few + many);
-                    if widened(&problem.rows, i, middle, next).is_some() { many = middle } else { few = middle }
-                }
-                let x = widened(&problem.rows, i, many, next).map_or(0.0, |(_, high)| high);
-                let u = (next[1].min(next[0].max(x)) - x) / (2.0 * (s[i + 1] - s[i]));
-                let (row, upper, _) = problem.tightest(i, u, x);
-                problem.reason(Shortfall::NoSpeed, row, upper, s[i], many)
-            }
+            GridState::Infeasible(Infeasible::EmptySet(i)) => problem.empty_set_reason(i, [profile.low[i + 1], profile.high[i + 1]]),
         }
     }
+}
 
-    pub(super) fn holding(problem: &PathProblem, row: usize, upper: bool, beyond: f64) -> PathReason {
-        problem.reason(Shortfall::NoSpeed, row, upper, problem.rows.s[0], beyond)
+impl PathProblem<'_> {
+    /// The limit that excludes the start speed, if `x` at the start is controllable from `low` to `high`.
+    fn start_speed_reason(&self, low: f64, high: f64) -> PathReason {
+        let wanted = self.rows.x_start;
+        let nearest = if wanted > high { high } else { low };
+        // A speed limit that the start speed exceeds is the simplest reason.
+        let (fastest, cap) = self.speed_caps[0];
+        let (row, upper, allowed) = if wanted > cap {
+            (fastest, true, cap)
+        } else {
+            let (row, upper, _) = self.tightest(0, 0.0, wanted);
+            (row, upper, nearest)
+        };
+        let missing = (wanted / allowed.max(f64::MIN_POSITIVE)).sqrt() - 1.0;
+        let reason = self.reason(Shortfall::StartSpeed, row, upper, self.rows.s[0], missing);
+        PathReason { speed: nearest.sqrt(), ..reason }
     }
 
-    pub(super) fn standstill(problem: &PathProblem, profile: &Profile) -> PathReason {
-        let i = (0..problem.rows.s.len() - 1).find(|&i| profile.x[i] == 0.0 && profile.x[i + 1] == 0.0).unwrap_or(0);
-        let (row, upper, _) = problem.tightest(i, 0.0, 0.0);
-        problem.reason(Shortfall::Standstill, row, upper, problem.rows.s[i], 0.0)
-    }
-
-    pub(super) fn unresolved(problem: &PathProblem, found: &LimitCheck) -> PathReason {
-        let (i, row) = found.at;
-        problem.reason(Shortfall::Unresolved, row, true, problem.rows.s[i], found.excess)
+    /// The limit that leaves no controllable `x` at the start of segment `i`. `next` is the controllable set at its end.
+    fn empty_set_reason(&self, i: usize, next: [f64; 2]) -> PathReason {
+        let s = &self.rows.s;
+        // Test static torques first: a limit that cannot hold the arm's weight is the simplest reason.
+        for at in [i, i + 1] {
+            let (row, upper, beyond) = self.tightest(at, 0.0, 0.0);
+            if beyond > 0.0 {
+                return self.reason(Shortfall::NoSpeed, row, upper, s[at], beyond);
+            }
+        }
+        let controllable = |widen: f64| widened(&self.rows, i, widen, next);
+        let (mut few, mut many) = (0.0, 1.0);
+        while controllable(many).is_none() && many < 1e12 {
+            (few, many) = (many, many * 4.0);
+        }
+        for _ in 0..60 {
+            let middle = 0.5 * (few + many);
+            if controllable(middle).is_some() { many = middle } else { few = middle }
+        }
+        let x = controllable(many).map_or(0.0, |(_, high)| high);
+        let u = (next[1].min(next[0].max(x)) - x) / (2.0 * (s[i + 1] - s[i]));
+        let (row, upper, _) = self.tightest(i, u, x);
+        self.reason(Shortfall::NoSpeed, row, upper, s[i], many)
     }
 }

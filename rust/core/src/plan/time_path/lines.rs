@@ -10,22 +10,14 @@
 //!
 //! `U - L` is a concave function of `x`. So Newton's method on the two active lines, started outside, finds an end of `{x : L(x) <= U(x)}`.
 //! A *lane* is one entry of a SIMD register; here each lane has one row. The lines are stored, and a later pass builds only the lines of
-//! segments whose rows changed. `K_i` is the interval of feasible `x` at the start of segment `i` (`reach`).
+//! segments whose rows changed. `K_i` is the controllable set at the start of segment `i` (`passes`).
 
-use super::magnitudes::{FAR, FASTEST, NONE};
+use super::check::Limits;
 use super::tip::{Ball, Tangent};
+use super::tuning::{FAR, FASTEST, MIDDLE_MARGIN, NEWTON_STEPS, NONE, ROUNDED_COEFFICIENT, ROUNDING, STATIC_EXCESS};
 use crate::scalar::Real;
 use nalgebra::Vector3;
 
-/// In the middle of a segment, a row is raised by this fraction of its rise above the chord between both ends. A parabola that is within
-/// its limit at both ends and, raised, in the middle exceeds the limit by at most 0.141 of that rise.
-const MIDDLE_MARGIN: f64 = 0.25;
-/// The relative tolerance of the test `L <= U`, for rounding errors.
-const ROUNDING: f64 = 1e-13;
-/// A coefficient of `u` below this fraction of the largest coefficient in its row counts as a rounding error.
-const ROUNDED: f64 = 1e-14;
-/// A static torque may exceed its limit by this fraction of the limit.
-pub(super) const STATIC_EXCESS: f64 = 3e-10;
 /// The number of rows is padded to a multiple of this number, which every lane count divides.
 pub(super) const BLOCK: usize = 8;
 
@@ -41,13 +33,8 @@ pub(super) struct LimitRows {
     /// The part of `g` from tangents of viscous friction. It is not part of a static torque. The shapes are `(N + 1, width)` at grid
     /// points, `(N, width)` at midpoints; empty without viscous friction.
     pub moving: [Vec<f64>; 2],
-    /// `(width,)`: the lower limits of the rows.
-    pub lo: Vec<f64>,
-    /// `(width,)`: the upper limits of the rows.
-    pub hi: Vec<f64>,
-    /// `(width,)`: the scales of `STATIC_EXCESS` and of relative excesses, for lower and for upper limits.
-    pub scale_lo: Vec<f64>,
-    pub scale_hi: Vec<f64>,
+    /// The limits of the rows; then the limits of speeds, which are not rows but caps.
+    pub limits: Limits,
     /// `(N, width)`: how much the lower limit of each row is raised on each segment, and how much the upper limit is lowered.
     pub tight_lo: Vec<f64>,
     pub tight_hi: Vec<f64>,
@@ -72,7 +59,7 @@ impl LimitRows {
         let width = self.width;
         let mut least = vec![0.0_f64; width];
         for c in self.coefficients.chunks_exact(3 * width) {
-            least.iter_mut().zip(c).for_each(|(least, a)| *least = least.max(ROUNDED * a.abs()));
+            least.iter_mut().zip(c).for_each(|(least, a)| *least = least.max(ROUNDED_COEFFICIENT * a.abs()));
         }
         for c in self.coefficients.chunks_exact_mut(3 * width) {
             c.iter_mut().zip(&least).filter(|(a, least)| a.abs() < **least).for_each(|(a, _)| *a = 0.0);
@@ -172,16 +159,16 @@ impl Lines {
         let step = rows.s[i + 1] - rows.s[i];
         let (h, turn, dip) = (S::splat(step), S::splat(0.5 * step * rows.u_slope[i]), S::splat(0.25 * step * step * rows.u_slope[i]));
         let (zero, none, far) = (S::zero(), S::splat(NONE), S::splat(FAR));
-        let (standing, widen) = (S::splat(STATIC_EXCESS), S::splat(widen));
+        let (static_excess, widen) = (S::splat(STATIC_EXCESS), S::splat(widen));
         let (mut low, mut high) = (zero, S::splat(FASTEST));
         let (first, last) = (&rows.coefficients[i * 3 * w..(i + 1) * 3 * w], &rows.coefficients[(i + 1) * 3 * w..(i + 2) * 3 * w]);
         let middle = &rows.middles[i * 3 * w..(i + 1) * 3 * w];
         let rubs = !rows.moving[0].is_empty();
         let mut k = 0;
         while k < w {
-            let (scale_hi, scale_lo) = (load::<S>(&rows.scale_hi, k), load::<S>(&rows.scale_lo, k));
-            let limit_hi = widen.mul_add(scale_hi, load::<S>(&rows.hi, k));
-            let limit_lo = widen.neg_mul_add(scale_lo, load::<S>(&rows.lo, k));
+            let (scale_hi, scale_lo) = (load::<S>(&rows.limits.scale_hi, k), load::<S>(&rows.limits.scale_lo, k));
+            let limit_hi = widen.mul_add(scale_hi, load::<S>(&rows.limits.hi, k));
+            let limit_lo = widen.neg_mul_add(scale_lo, load::<S>(&rows.limits.lo, k));
             let (tight_hi, tight_lo) = (load::<S>(&rows.tight_hi, i * w + k), load::<S>(&rows.tight_lo, i * w + k));
             let (b0, b2, bm) = (load::<S>(first, w + k), load::<S>(last, w + k), load::<S>(middle, w + k));
             let (g0, g2, gm) = (load::<S>(first, 2 * w + k), load::<S>(last, 2 * w + k), load::<S>(middle, 2 * w + k));
@@ -203,8 +190,8 @@ impl Lines {
                 let (alpha, beta, still, moving) = points[which];
                 // A torque at rest may equal its limit up to rounding: the tolerance is `STATIC_EXCESS`.
                 let (over, under) = (limit_hi - still, limit_lo - still);
-                let margin_hi = (over - tight_hi).max(over.min(zero) + standing * scale_hi) - moving;
-                let margin_lo = (under + tight_lo).min(under.max(zero) - standing * scale_lo) - moving;
+                let margin_hi = (over - tight_hi).max(over.min(zero) + static_excess * scale_hi) - moving;
+                let margin_lo = (under + tight_lo).min(under.max(zero) - static_excess * scale_lo) - moving;
                 let idle = alpha.abs().lt(none);
                 let inverse = S::select(idle, S::splat(1.0), alpha).recip();
                 let (a, b) = (margin_hi * inverse, margin_lo * inverse);
@@ -312,22 +299,22 @@ impl Lines {
         let (mut upper_tangent, mut lower_tangent) = ((0.0, 0.0), (0.0, 0.0));
         if let Some([least, most]) = self.ball_tangents(i, x) {
             if least.value < up {
-                (up, upper_at, upper_tangent) = (least.value, BALL, (least.rest, least.slope));
+                (up, upper_at, upper_tangent) = (least.value, BALL, (least.intercept, least.slope));
             }
             if most.value > down {
-                (down, lower_at, lower_tangent) = (most.value, BALL, (most.rest, most.slope));
+                (down, lower_at, lower_tangent) = (most.value, BALL, (most.intercept, most.slope));
             }
         }
         Gap { upper: up, upper_at, lower: down, lower_at, upper_tangent, lower_tangent }
     }
 
-    /// Search one end of the interval `K_i`, starting at `from`, never beyond `limit`. `away` = 1 searches the upper end, `away` = -1 the
+    /// Search one end of the controllable set `K_i`, starting at `from`, never beyond `limit`. `away` = 1 searches the upper end, `away` = -1 the
     /// lower end.
     #[inline(always)]
     fn end<S: Real>(&self, i: usize, from: f64, limit: f64, away: f64, target: [f64; 3]) -> Option<f64> {
         let [inverse, low, high] = target;
         let mut x = from;
-        for _ in 0..100 {
+        for _ in 0..NEWTON_STEPS {
             let gap = self.gap::<S>(i, x, target);
             if gap.open() {
                 return Some(x);
@@ -337,15 +324,15 @@ impl Lines {
                 BALL => tangent,
                 at => (list[at], self.slope[at]),
             };
-            let (upper_rest, upper_slope) = line(&self.upper, gap.upper_at, high, gap.upper_tangent);
-            let (lower_rest, lower_slope) = line(&self.lower, gap.lower_at, low, gap.lower_tangent);
+            let (upper_intercept, upper_slope) = line(&self.upper, gap.upper_at, high, gap.upper_tangent);
+            let (lower_intercept, lower_slope) = line(&self.lower, gap.lower_at, low, gap.lower_tangent);
             let slope = upper_slope - lower_slope;
             // No `x` is feasible if the gap `U - L` does not widen inwards, or if the search is already at its limit.
             if !(slope * away < 0.0) || x == limit {
                 return None;
             }
             // Compute the crossing from the values at `x = 0`: a step from a distant `x` would lose all digits.
-            let next = (lower_rest - upper_rest) / slope;
+            let next = (lower_intercept - upper_intercept) / slope;
             // If the crossing is not further inside, up to rounding, then `x` is the end.
             if !((x - next) * away > ROUNDING * x.abs()) {
                 return Some(x);
@@ -355,7 +342,7 @@ impl Lines {
         None
     }
 
-    /// Compute the interval `K_i`: the `x` at the start of segment `i`, at most `cap`, from which the motion can continue. The result is
+    /// Compute the controllable set `K_i`: the `x` at the start of segment `i`, at most `cap`, from which the motion can continue. The result is
     /// `None` if the interval is empty.
     #[inline(always)]
     pub fn controllable<S: Real>(&self, i: usize, cap: f64, target: [f64; 3]) -> Option<(f64, f64)> {

@@ -5,11 +5,9 @@
 
 use super::mover::Mover;
 use super::reason::{LimitKind, PathReason, Shortfall};
+use super::tuning::POSITION_ROUNDING;
 use crate::interrupt;
 use crate::motion::{Path, TERMS};
-
-/// The relative tolerance of a position limit, for rounding errors of the path.
-const ROUNDING: f64 = 1e-12;
 
 type Polynomial = [f64; TERMS];
 
@@ -40,7 +38,7 @@ fn extrema(c: &Polynomial, places: &mut Vec<f64>) {
                 }
                 roots.push(low);
             } else if part[1] < 1.0 {
-                // Without a change of sign, the part has no root inside. Its end is kept, because the polynomial may touch zero there.
+                // Without a change of sign, the part has no root inside. Its end stays in the list, because the polynomial may touch zero there.
                 roots.push(part[1]);
             }
         }
@@ -50,7 +48,7 @@ fn extrema(c: &Polynomial, places: &mut Vec<f64>) {
 }
 
 /// The place where the path exceeds a position limit most; `None` if it exceeds none.
-pub(super) fn beyond(mover: Mover, path: &Path, lower: &[f64], upper: &[f64]) -> Option<PathReason> {
+pub(super) fn largest_violation(mover: Mover, path: &Path, lower: &[f64], upper: &[f64]) -> Option<PathReason> {
     let n = path.dof();
     let (knots, coefficients) = (path.knots(), path.coefficients());
     let (mut places, mut worst): (Vec<f64>, Option<PathReason>) = (Vec::new(), None);
@@ -71,7 +69,7 @@ pub(super) fn beyond(mover: Mover, path: &Path, lower: &[f64], upper: &[f64]) ->
                     let range = upper[j] - lower[j];
                     let size = if range.is_finite() { range } else { limit.abs() };
                     let most = worst.as_ref().map_or(0.0, |worst| worst.missing_units);
-                    if past > most && past > ROUNDING * size.max(q.abs()) {
+                    if past > most && past > POSITION_ROUNDING * size.max(q.abs()) {
                         worst = Some(PathReason {
                             what: Shortfall::Position,
                             joint: Some(j),

@@ -15,33 +15,20 @@
 //! the fastest timing under them. `u` is linear in time between nodes, so `s(t)` is a C2 cubic spline. Torque rates are difference
 //! quotients of samples, plus the largest change from one quotient to the next.
 
-use super::check::TOLERANCE;
 use super::given::TimePathOptions;
+use super::problem::PathProblem;
 use super::reason::{LimitKind, PathReason, Shortfall};
 use super::rows::{Points, Request};
-use super::setup::PathProblem;
 use super::timing::TimePath;
 use super::tip::length;
+use super::tuning::{
+    FACTOR_ACCURACY, NODES, NODES_PER_PIECE, NODES_PER_WINDOW, SLOWEST_FACTOR, STEPS_OF_CHECK, STEPS_OF_SEARCH, TOLERANCE, WINDOW_ACCURACY,
+    WINDOW_EXPONENTS, WINDOW_FACTORS,
+};
 use crate::error::Result;
 use crate::interrupt;
 use crate::motion::TimedPath;
 
-/// Exponents `j`: the search tries windows of `2^j` times the duration of the fastest timing.
-const WINDOWS: std::ops::RangeInclusive<i32> = -8..=1;
-/// Factors for the finer search around the best window.
-const STEPS: [f64; 4] = [1.5, 1.2, 1.1, 1.05];
-/// Least number of nodes per window.
-const PER_WINDOW: f64 = 8.0;
-/// Least number of nodes per piece of the path.
-const PER_PIECE: usize = 40;
-/// The smallest and the largest total number of nodes. The largest number overrides the numbers per window and per piece.
-const NODES: (usize, usize) = (200, 4000);
-/// Steps from one node to the next during the search.
-const ROUGH: usize = 4;
-/// Steps from one node to the next in the final check.
-const FINEST: usize = 20;
-/// The largest factor `k` by which the motion is slowed down.
-const SLOWEST: f64 = 1e6;
 /// Number of node intervals between two checks for an interrupt.
 const CHECK_INTERVAL: usize = 64;
 
@@ -70,9 +57,9 @@ struct RateSamples<'a> {
     step: f64,
     s: Vec<f64>,
     /// `(K, n)`: static torques.
-    held: Vec<f64>,
+    static_torque: Vec<f64>,
     /// `(K, n)`: viscous friction torques.
-    rubbed: Vec<f64>,
+    viscous_torque: Vec<f64>,
     /// `(K, stride)`: inertia torques, joint accelerations and speeds; then acceleration and velocity of the frame's origin.
     all: Vec<f64>,
     stride: usize,
@@ -83,7 +70,7 @@ struct RateSamples<'a> {
 /// The average of `fast` over a time window that ends at each node.
 fn averaged(fast: &TimedPath, window: f64, pieces: usize) -> Nodes {
     let total = fast.duration() + window;
-    let count = ((PER_WINDOW * total / window) as usize).max(PER_PIECE * pieces).clamp(NODES.0, NODES.1);
+    let count = ((NODES_PER_WINDOW * total / window) as usize).max(NODES_PER_PIECE * pieces).clamp(NODES.0, NODES.1);
     let step = total / count as f64;
     let speed = |t: f64| fast.phase(t).map_or(0.0, |(_, _, r, _)| r);
     let t: Vec<f64> = (0..=count).map(|k| step * k as f64).collect();
@@ -124,31 +111,42 @@ impl<'a> RateSamples<'a> {
         };
         let states: Vec<[f64; 3]> = (0..count).map(|k| state(k).0).collect();
         let at = |k: usize| (problem.path.piece(states[k][0]), states[k][0]);
-        let (tip, stride) = (problem.tip.as_ref().map(|tip| (tip.frame, &problem.along)), problem.course().measured());
+        let (tip, stride) = (problem.tip.as_ref().map(|tip| (tip.frame, &problem.along)), problem.measured());
         let request = |rate: &dyn Fn(usize) -> (f64, f64)| {
             let mut out = vec![0.0; count * stride];
             let (mover, path) = (problem.mover, &*problem.path);
             Points { mover, path, at: &at, count, stride, out: &mut out, request: Request::Motion { rate }, tip }.run();
             out
         };
-        let held = request(&|_| (0.0, 0.0));
+        let static_torque = request(&|_| (0.0, 0.0));
         let mut all = request(&|k| (states[k][1], states[k][2]));
-        let held: Vec<f64> = held.chunks_exact(stride).flat_map(|row| row[..n].to_vec()).collect();
-        let mut rubbed = vec![0.0; count * n];
+        let static_torque: Vec<f64> = static_torque.chunks_exact(stride).flat_map(|row| row[..n].to_vec()).collect();
+        let mut viscous_torque = vec![0.0; count * n];
         for k in 0..count {
             for j in 0..n {
-                all[stride * k + j] -= held[n * k + j];
-                rubbed[n * k + j] = viscous[j] * all[stride * k + 2 * n + j];
+                all[stride * k + j] -= static_torque[n * k + j];
+                viscous_torque[n * k + j] = viscous[j] * all[stride * k + 2 * n + j];
             }
         }
         let limit = |k: usize, at_row: usize| problem.along.limit(&problem.path, at_row / n, at_row % n, at(k).0, states[k][0]);
         let along = (0..count * 3 * n).map(|i| limit(i / (3 * n), i % (3 * n))).collect();
-        RateSamples { problem, rates, per, step, s: states.iter().map(|state| state[0]).collect(), held, rubbed, all, stride, along }
+        RateSamples {
+            problem,
+            rates,
+            per,
+            step,
+            s: states.iter().map(|state| state[0]).collect(),
+            static_torque,
+            viscous_torque,
+            all,
+            stride,
+            along,
+        }
     }
 
     /// The largest relative excess over a limit, in a motion slower by the factor `k`. With `any`, the search ends at the first excess.
     fn worst(&self, k: f64, any: bool) -> Beyond {
-        let RateSamples { problem, rates, per, step, s, held, rubbed, all, stride, along } = self;
+        let RateSamples { problem, rates, per, step, s, static_torque, viscous_torque, all, stride, along } = self;
         let (n, per) = (problem.n, *per);
         let (lo, hi) = (&problem.lo, &problem.hi);
         let (by, by2, by_step) = (1.0 / k, 1.0 / (k * k), 1.0 / (k * step));
@@ -158,7 +156,7 @@ impl<'a> RateSamples<'a> {
                 interrupt::check();
             }
             for j in 0..n {
-                let torque = |m: usize| held[n * m + j] + rubbed[n * m + j] * by + all[stride * m + j] * by2;
+                let torque = |m: usize| static_torque[n * m + j] + viscous_torque[n * m + j] * by + all[stride * m + j] * by2;
                 let [_, _, turned, rate] = span(i * per..=(i + 1) * per, torque);
                 let [top, bottom, curvature, _] = span(i * per..=(i + 1) * per, |m| torque(m) / along[3 * n * m + j]);
                 let [high, low, more, _] = span(i * per..=(i + 1) * per, |m| all[stride * m + n + j] * by2 / along[3 * n * m + n + j]);
@@ -182,7 +180,7 @@ impl<'a> RateSamples<'a> {
                     return worst;
                 }
             }
-            self.look_at_tip(i, [by2, by], &mut worst);
+            self.check_tip(i, [by2, by], &mut worst);
             if any && !(worst.excess <= TOLERANCE) {
                 return worst;
             }
@@ -191,7 +189,7 @@ impl<'a> RateSamples<'a> {
     }
 
     /// Compare acceleration and speed of the frame's origin between nodes `i` and `i + 1` with their limits, and update `worst`.
-    fn look_at_tip(&self, i: usize, by: [f64; 2], worst: &mut Beyond) {
+    fn check_tip(&self, i: usize, by: [f64; 2], worst: &mut Beyond) {
         let Some(tip) = &self.problem.tip else { return };
         let first = 3 * self.problem.n;
         for (part, most, limit) in [(0, tip.acceleration, LimitKind::TipAcceleration), (1, tip.speed, LimitKind::TipSpeed)] {
@@ -206,18 +204,18 @@ impl<'a> RateSamples<'a> {
     }
 
     /// The least factor `k` that satisfies all limits, by bisection to the relative accuracy `share`. Bisection assumes that all larger
-    /// factors satisfy them too. `None` beyond `SLOWEST`.
+    /// factors satisfy them too. `None` beyond `SLOWEST_FACTOR`.
     fn slowing(&self, share: f64) -> Option<f64> {
         let fits = |k: f64| self.worst(k, true).excess <= TOLERANCE;
         let mut high = 1.0;
         while !fits(high) {
             high *= 2.0;
-            if high > SLOWEST {
+            if high > SLOWEST_FACTOR {
                 return None;
             }
         }
         let mut low = 0.5 * high;
-        while low > 1.0 / SLOWEST && fits(low) {
+        while low > 1.0 / SLOWEST_FACTOR && fits(low) {
             (high, low) = (low, 0.5 * low);
         }
         while high > low * (1.0 + share) {
@@ -264,36 +262,29 @@ pub(super) fn limit_rate(problem: &PathProblem, fast: TimePath, rates: &[f64], o
         (RateSamples::new(problem, rates, &viscous, &nodes, per), nodes)
     };
     let mut best: Option<(f64, f64, f64)> = None;
-    let attempt = |window: f64, best: &mut Option<(f64, f64, f64)>| {
-        if let Some(k) = sampled(window, ROUGH).0.slowing(1e-3) {
+    let try_window = |window: f64, best: &mut Option<(f64, f64, f64)>| {
+        if let Some(k) = sampled(window, STEPS_OF_SEARCH).0.slowing(WINDOW_ACCURACY) {
             let duration = k * (total + window);
             if best.is_none_or(|(least, ..)| duration < least) {
                 *best = Some((duration, window, k));
             }
         }
     };
-    for power in WINDOWS.rev() {
-        attempt(total * f64::powi(2.0, power), &mut best);
+    for power in WINDOW_EXPONENTS.rev() {
+        try_window(total * f64::powi(2.0, power), &mut best);
     }
-    for step in STEPS {
+    for step in WINDOW_FACTORS {
         let Some((_, window, _)) = best else { break };
-        attempt(window * step, &mut best);
-        attempt(window / step, &mut best);
+        try_window(window * step, &mut best);
+        try_window(window / step, &mut best);
     }
-    let (samples, nodes) = sampled(best.map_or(total, |(_, window, _)| window), FINEST);
-    let Some(k) = best.and_then(|_| samples.slowing(1e-7)) else {
-        let Beyond { excess, joint, limit, s } = samples.worst(SLOWEST, true);
-        let kind = match limit {
-            LimitKind::Acceleration => 1,
-            LimitKind::Velocity => 2,
-            LimitKind::TipAcceleration => 3,
-            LimitKind::TipSpeed => 4,
-            _ => 0,
-        };
-        let reason = problem.reason_of(Shortfall::Slow, (kind, joint.unwrap_or(0)), limit != LimitKind::TorqueMin, s, excess);
+    let (samples, nodes) = sampled(best.map_or(total, |(_, window, _)| window), STEPS_OF_CHECK);
+    let Some(k) = best.and_then(|_| samples.slowing(FACTOR_ACCURACY)) else {
+        let Beyond { excess, joint, limit, s } = samples.worst(SLOWEST_FACTOR, true);
+        let reason = problem.reason_of(Shortfall::Slow, (limit, joint.unwrap_or(0)), s, excess);
         if limit == LimitKind::TorqueRate {
             let missing_units = excess * joint.map_or(0.0, |joint| rates[joint]);
-            return problem.refuse(PathReason { limit, missing_units, ..reason });
+            return problem.refuse(PathReason { missing_units, ..reason });
         }
         return problem.refuse(reason);
     };

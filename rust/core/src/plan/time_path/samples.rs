@@ -1,8 +1,9 @@
 //! The samples of the segments of a grid, and their results. They are stored from one examination to the next (`check`).
 
-use super::check::{Course, INTERPOLATION, WINDOW, measure};
-use super::lines::LimitRows;
-use super::reach::Profile;
+use super::check::measure;
+use super::passes::Profile;
+use super::problem::PathProblem;
+use super::tuning::{CHECK_NODES, INTERPOLATION, INTERPOLATION_SHARE};
 
 /// The result of the last examination of a segment.
 #[derive(Clone, Copy, Debug)]
@@ -19,16 +20,28 @@ pub(super) struct Segment {
     pub proven: bool,
 }
 
+/// A row that exceeds a limit on a segment.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Excess {
+    pub segment: usize,
+    pub row: usize,
+    /// The excess over the lower and over the upper limit, in the unit of the row; zero within the limit.
+    pub below: f64,
+    pub above: f64,
+}
+
 /// The samples and their results, segment by segment.
 #[derive(Default)]
 pub(super) struct Samples {
     pub segments: Vec<Segment>,
     /// The largest relative excess of each segment before any limit was reduced.
-    pub first: Vec<f64>,
+    pub first_excess: Vec<f64>,
     /// The index in `spans` of the group that contains each segment.
     pub span: Vec<usize>,
     /// Whether each segment is sampled by the dynamics, without interpolation.
     pub exact: Vec<bool>,
+    /// The rows that exceeded a limit in the last examination.
+    pub exceeded: Vec<Excess>,
     /// Segments to be examined.
     pub list: Vec<usize>,
     /// Segments to sample by the dynamics.
@@ -40,58 +53,52 @@ pub(super) struct Samples {
 }
 
 impl Samples {
-    /// Discard all results, for a new problem or a new grid.
-    pub fn begin(&mut self, course: &Course) {
-        let count = course.pieces.len();
+    /// Create the samples of a grid, without results.
+    pub fn new(problem: &PathProblem) -> Self {
+        let count = problem.pieces.len();
         let unknown = Segment { margin: f64::NAN, excess: f64::INFINITY, at: 0, torque: f64::INFINITY, proven: false };
-        self.segments.clear();
-        self.first.clear();
-        self.first.resize(count, 0.0);
-        self.segments.resize(count, unknown);
-        self.span.clear();
-        self.exact.clear();
-        for (k, &(first, last)) in course.spans.iter().enumerate() {
-            self.span.resize(last, k);
+        let (segments, middles) = (vec![unknown; count], vec![0.0; count * problem.n]);
+        let mut samples = Samples { segments, middles, ..Samples::default() };
+        for (k, &(first, last)) in problem.spans.iter().enumerate() {
+            samples.span.resize(last, k);
             // With friction, with limits that vary, or with a limited frame, no row is interpolated. If neighbouring segments
             // of equal length have too few points, they cannot be interpolated.
-            let curved = course.friction.is_some() || course.along.any() || course.tip.is_some();
-            self.exact.resize(last, curved || last - first + 1 < WINDOW);
+            let curved = problem.friction.is_some() || problem.along.any() || problem.tip.is_some();
+            samples.exact.resize(last, curved || last - first + 1 < CHECK_NODES);
         }
-        self.middles.clear();
-        self.middles.resize(count * course.n, 0.0);
+        samples
     }
 
-    /// Copy the excess of each segment to `first`, before any limit is reduced.
-    pub fn remember(&mut self) {
-        self.first.clear();
-        self.first.extend(self.segments.iter().map(|segment| segment.excess));
+    /// Copy the excess of each segment to `first_excess`, before any limit is reduced.
+    pub fn store_first_excess(&mut self) {
+        self.first_excess = self.segments.iter().map(|segment| segment.excess).collect();
     }
 
     /// Whether the interpolated torques of the last examination agree with the dynamics. In segments where they disagree, the next
     /// examination computes all rows by the dynamics.
-    pub fn stands(&mut self, course: &Course, rows: &LimitRows, profile: &Profile) -> bool {
-        if !course.kinds[0] {
+    pub fn confirm_interpolation(&mut self, problem: &PathProblem, profile: &Profile) -> bool {
+        if !problem.kinds[0] {
             return true;
         }
-        let n = course.n;
+        let n = problem.n;
         self.evaluated.clear();
         self.evaluated.extend((0..self.segments.len()).filter(|&i| !self.exact[i] && !self.segments[i].proven));
-        measure(course, rows, &profile.x, &self.evaluated, 1, &mut self.values);
-        let mut stands = true;
-        for (&i, measured) in self.evaluated.iter().zip(self.values.chunks_exact(course.measured())) {
+        measure(problem, &profile.x, &self.evaluated, 1, &mut self.values);
+        let mut agrees = true;
+        for (&i, measured) in self.evaluated.iter().zip(self.values.chunks_exact(problem.measured())) {
             // Far from the limits a larger error is allowed.
-            let segment = &mut self.segments[i];
-            let least = INTERPOLATION.max(-0.1 * segment.torque);
+            let (segment, limits) = (&mut self.segments[i], &problem.rows.limits);
+            let least = INTERPOLATION.max(-INTERPOLATION_SHARE * segment.torque);
             segment.proven = (0..n).all(|j| {
-                let scale = course.limits.scale_lo[j].min(course.limits.scale_hi[j]);
+                let scale = limits.scale_lo[j].min(limits.scale_hi[j]);
                 (measured[j] - self.middles[i * n + j]).abs() <= least * scale
             });
             if !segment.proven {
                 self.exact[i] = true;
                 segment.excess = f64::INFINITY;
-                stands = false;
+                agrees = false;
             }
         }
-        stands
+        agrees
     }
 }

@@ -17,8 +17,8 @@
 //! The upper bound is a concave function of `x`, the lower bound a convex one. So Newton's method in `lines` can use their tangents as
 //! lines.
 
-use super::magnitudes::{FAR, FASTEST, NONE};
 use super::mover::Mover;
+use super::tuning::{FAR, FASTEST, NONE, STEEP};
 use crate::dynamics::{Quantity, Query};
 use nalgebra::Vector3;
 
@@ -62,10 +62,6 @@ pub(super) struct Tip {
 /// Numbers per point: three components of the acceleration, then three of the velocity.
 pub(super) const TIP: usize = 6;
 
-/// The slope of the root `sqrt(A^2 - |c x + d|^2)` is infinite where the root is zero. So the slope is computed with a radicand of at least
-/// this fraction of `A^2`.
-const STEEP: f64 = 1e-14;
-
 /// The interval of `u` that satisfies the limit of acceleration at one point of a segment.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Ball {
@@ -80,11 +76,11 @@ pub(super) struct Ball {
     by: f64,
 }
 
-/// A bound of `u`: its value at one `x`, and its tangent `rest + slope x` at this `x`.
+/// A bound of `u`: its value at one `x`, and its tangent `intercept + slope x` at this `x`.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Tangent {
     pub value: f64,
-    pub rest: f64,
+    pub intercept: f64,
     pub slope: f64,
 }
 
@@ -122,7 +118,7 @@ impl Ball {
     #[inline(always)]
     pub fn tangents(&self, x: f64) -> [Tangent; 2] {
         if self.by == 0.0 {
-            return [FAR, -FAR].map(|value| Tangent { value, rest: value, slope: 0.0 });
+            return [FAR, -FAR].map(|value| Tangent { value, intercept: value, slope: 0.0 });
         }
         let [c, d] = self.across;
         let here = c * x + d;
@@ -134,7 +130,7 @@ impl Ball {
         [1.0, -1.0].map(|side| {
             let value = self.middle[0] + self.middle[1] * x + side * half * self.by;
             let slope = self.middle[1] - side * fall * self.by;
-            Tangent { value, rest: value - slope * x, slope }
+            Tangent { value, intercept: value - slope * x, slope }
         })
     }
 }

@@ -6,16 +6,16 @@
 //! u_i = largest u that obeys all rows at x_i,   x_(i+1) = x_i + 2 h u_i                                (forward)
 //! ```
 //!
-//! Each segment has rows (limited quantities) at both ends and in the middle (`lines`). A second pass repeats only the segments whose rows
-//! or bounds have changed.
+//! `K_i` is the controllable set of grid point `i`, an interval. Each segment has rows (limited quantities) at both ends and in the middle
+//! (`lines`). Repeated passes compute only the segments whose rows or sets have changed.
 //!
 //! If a limit changes along a segment, a constant `u` loses time in proportion to `h`. So when the active limits of a profile are known,
 //! `u` gets their slope `b`: `u_i + b (s - s_i - h/2)`. This only adds constants to the rows. For smooth limits the loss is then of order
 //! `h^2`.
 
-use super::lines::{LimitRows, Lines, STATIC_EXCESS, largest, load};
-use super::magnitudes::{FAR, NONE};
+use super::lines::{LimitRows, Lines, largest, load};
 use super::tip::Ball;
+use super::tuning::{ACTIVE_LEVEL, ACTIVE_MEAN, ACTIVE_RISE, FAR, LARGEST_RISE, NONE, STATIC_EXCESS};
 use crate::interrupt;
 use crate::scalar::{GenericKernel, Real, run_lanes};
 use nalgebra::Vector3;
@@ -25,146 +25,148 @@ const CHECK_INTERVAL: usize = 1 << 12;
 
 /// The reason why no profile is feasible on a grid.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Stuck {
-    /// At the start of this segment, no path speed obeys the limits and allows the motion to continue to the next segment.
-    Empty(usize),
-    /// The start speed is infeasible. The fields are the smallest and the largest feasible `x` at the start.
-    Start(f64, f64),
+pub(super) enum Infeasible {
+    /// The controllable set at the start of this segment is empty.
+    EmptySet(usize),
+    /// The start speed is not controllable. The fields are the smallest and the largest controllable `x` at the start.
+    StartSpeed(f64, f64),
     /// The end speed is above its cap. The field is that cap, a bound of `x`.
-    End(f64),
+    EndSpeed(f64),
 }
 
-/// The intervals `K_i` of feasible `x`, from `low` to `high`, and the profile `x`, `(N + 1,)` each.
+/// The controllable sets `K_i`, from `low` to `high`, and the profile `x`, `(N + 1,)` each.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Profile {
     pub low: Vec<f64>,
     pub high: Vec<f64>,
     pub x: Vec<f64>,
     /// A copy of the profile that exceeded its limits least.
-    pub kept: Vec<f64>,
-    /// Points whose `x` changed since these flags were last cleared.
-    pub moved: Vec<bool>,
+    pub least_exceeding: Vec<f64>,
+    /// `(N + 1,)`: points whose `x` changed since these flags were last cleared.
+    pub x_changed: Vec<bool>,
+    /// `(N,)`: segments whose rows changed since their lines were built.
+    pub rows_changed: Vec<bool>,
     lines: Lines,
-    /// Segments whose rows changed since their lines were built.
-    stale: Vec<bool>,
-    /// Points whose interval `K_i` changed in the last pass.
-    led: Vec<bool>,
-    /// The caps of `x` in the last pass.
+    /// `(N + 1,)`: points whose set `K_i` changed in the last backward pass.
+    set_changed: Vec<bool>,
+    /// `(N + 1,)`: the caps of `x` in the last backward pass.
     cap: Vec<f64>,
-    /// Whether the next pass must compute all segments.
-    whole: bool,
+    /// Whether the next passes must compute all segments.
+    pub recompute_all: bool,
 }
 
 impl Profile {
-    /// Discard the results of the last pass: the next pass computes all segments.
-    pub fn forget(&mut self) {
-        self.whole = true;
+    /// Copy `x` to `least_exceeding`, for the case that later passes find no profile.
+    pub fn store_least_exceeding(&mut self) {
+        self.least_exceeding.clone_from(&self.x);
     }
 
-    /// Copy `x` to `kept`, for the case that a later pass finds no profile.
-    pub fn keep(&mut self) {
-        self.kept.clone_from(&self.x);
-    }
-
-    /// Mark the rows of segment `i` as changed.
-    pub fn touch(&mut self, i: usize) {
-        self.stale[i] = true;
-    }
-
+    /// Adapt the sizes to the grid if all segments must be computed.
     fn begin(&mut self, rows: &LimitRows) {
         let count = rows.s.len() - 1;
-        if !self.whole && self.stale.len() == count {
+        if !self.recompute_all && self.rows_changed.len() == count {
             return;
         }
-        self.whole = true;
+        self.recompute_all = true;
         for values in [&mut self.low, &mut self.high, &mut self.x, &mut self.cap] {
             values.resize(count + 1, 0.0);
         }
-        for (flags, length) in [(&mut self.moved, count + 1), (&mut self.led, count + 1), (&mut self.stale, count)] {
+        for (flags, length) in [(&mut self.x_changed, count + 1), (&mut self.set_changed, count + 1), (&mut self.rows_changed, count)] {
             flags.clear();
             flags.resize(length, true);
         }
         self.lines.resize(count, rows.width, rows.ball.is_some());
     }
-}
 
-/// Three numbers of the condition that the next `x` is in `K_(i+1)`: `1 / (2 h)`, and the two ends of the interval `K_(i+1)`.
-#[inline(always)]
-fn target(rows: &LimitRows, i: usize, low: f64, high: f64) -> [f64; 3] {
-    [0.5 / (rows.s[i + 1] - rows.s[i]), low, high]
-}
-
-struct Solve<'a>(&'a LimitRows, &'a mut Profile);
-
-impl GenericKernel for Solve<'_> {
-    type Output = Result<(), Stuck>;
+    /// The backward pass: the controllable sets, from the end of the path to its start.
     #[inline(always)]
-    fn run<S: Real>(self) -> Result<(), Stuck> {
-        let Solve(rows, profile) = self;
-        profile.begin(rows);
-        let whole = std::mem::replace(&mut profile.whole, true);
+    fn backward_pass<S: Real>(&mut self, rows: &LimitRows, all: bool) -> Result<(), Infeasible> {
+        let Profile { low, high, lines, rows_changed, set_changed, cap, .. } = self;
         let count = rows.s.len() - 1;
-        let Profile { low, high, x, moved, lines, stale, led, cap, .. } = profile;
         if !(rows.x_end <= rows.cap[count]) {
-            return Err(Stuck::End(rows.cap[count]));
+            return Err(Infeasible::EndSpeed(rows.cap[count]));
         }
-        (low[count], high[count], led[count]) = (rows.x_end, rows.x_end, whole);
+        (low[count], high[count], set_changed[count]) = (rows.x_end, rows.x_end, all);
         for i in (0..count).rev() {
             if i % CHECK_INTERVAL == 0 {
                 interrupt::check();
             }
-            if stale[i] {
+            if rows_changed[i] {
                 lines.build::<S>(rows, i, i, 0.0);
             }
-            if !(stale[i] || led[i + 1] || rows.cap[i] != cap[i]) {
-                led[i] = false;
+            if !(rows_changed[i] || set_changed[i + 1] || rows.cap[i] != cap[i]) {
+                set_changed[i] = false;
                 continue;
             }
             let target = target(rows, i, low[i + 1], high[i + 1]);
-            let Some((from, to)) = lines.controllable::<S>(i, rows.cap[i], target) else { return Err(Stuck::Empty(i)) };
-            led[i] = whole || (from, to) != (low[i], high[i]);
+            let Some((from, to)) = lines.controllable::<S>(i, rows.cap[i], target) else { return Err(Infeasible::EmptySet(i)) };
+            set_changed[i] = all || (from, to) != (low[i], high[i]);
             (low[i], high[i]) = (from, to);
         }
         if !(rows.x_start >= low[0] * (1.0 - STATIC_EXCESS) && rows.x_start <= high[0] * (1.0 + STATIC_EXCESS)) {
-            return Err(Stuck::Start(low[0], high[0]));
+            return Err(Infeasible::StartSpeed(low[0], high[0]));
         }
-        let mut new = whole;
+        Ok(())
+    }
+
+    /// The forward pass: on each segment, the largest `u` within the limits that leads to the next controllable set.
+    #[inline(always)]
+    fn forward_pass<S: Real>(&mut self, rows: &LimitRows, all: bool) {
+        let Profile { low, high, x, x_changed, lines, rows_changed, set_changed, .. } = self;
+        let mut new = all;
         x[0] = rows.x_start;
-        for i in 0..count {
-            if !(stale[i] || new || led[i + 1]) {
+        for i in 0..rows.s.len() - 1 {
+            if !(rows_changed[i] || new || set_changed[i + 1]) {
                 continue;
             }
             let step = 2.0 * (rows.s[i + 1] - rows.s[i]);
             let next = (x[i] + step * lines.upper::<S>(i, x[i])).max(low[i + 1]).min(high[i + 1]);
             new = next != x[i + 1];
-            moved[i + 1] |= new;
+            x_changed[i + 1] |= new;
             x[i + 1] = next;
         }
-        stale.fill(false);
-        cap.copy_from_slice(&rows.cap);
-        profile.whole = false;
+    }
+}
+
+/// Three numbers of the condition that the next `x` is in `K_(i+1)`: `1 / (2 h)`, and the two ends of the set `K_(i+1)`.
+#[inline(always)]
+fn target(rows: &LimitRows, i: usize, low: f64, high: f64) -> [f64; 3] {
+    [0.5 / (rows.s[i + 1] - rows.s[i]), low, high]
+}
+
+/// The fastest profile on the grid, by the backward and the forward pass.
+pub(super) struct Passes<'a>(pub &'a LimitRows, pub &'a mut Profile);
+
+impl GenericKernel for Passes<'_> {
+    type Output = Result<(), Infeasible>;
+    #[inline(always)]
+    fn run<S: Real>(self) -> Result<(), Infeasible> {
+        let Passes(rows, profile) = self;
+        profile.begin(rows);
+        // After an error, `recompute_all` stays true, because the passes ended early.
+        let all = std::mem::replace(&mut profile.recompute_all, true);
+        profile.backward_pass::<S>(rows, all)?;
+        profile.forward_pass::<S>(rows, all);
+        profile.rows_changed.fill(false);
+        profile.cap.copy_from_slice(&rows.cap);
+        profile.recompute_all = false;
         Ok(())
     }
 }
 
-/// Compute the fastest profile on the grid.
-pub(super) fn solve(rows: &LimitRows, profile: &mut Profile) -> Result<(), Stuck> {
-    run_lanes(Solve(rows, profile))
-}
-
-/// The upper and the lower bound of `u` at grid point `i` for `x = at`.
+/// The upper and the lower bound of `u` at grid point `i` for `x = at`, from the rows at this point alone.
 #[inline(always)]
-fn alone<S: Real>(rows: &LimitRows, i: usize, at: f64) -> [f64; 2] {
+fn acceleration_bounds<S: Real>(rows: &LimitRows, i: usize, at: f64) -> [f64; 2] {
     let w = rows.width;
     let c = &rows.coefficients[i * 3 * w..(i + 1) * 3 * w];
     let x = S::splat(at);
     let (mut upper, mut lower) = (S::splat(FAR), S::splat(-FAR));
     let mut k = 0;
     while k < w {
-        let (alpha, rest) = (load::<S>(c, k), x.mul_add(load::<S>(c, w + k), load::<S>(c, 2 * w + k)));
+        let (alpha, constant) = (load::<S>(c, k), x.mul_add(load::<S>(c, w + k), load::<S>(c, 2 * w + k)));
         let idle = alpha.abs().lt(S::splat(NONE));
         let inverse = S::select(idle, S::splat(1.0), alpha).recip();
-        let (a, b) = ((load::<S>(&rows.hi, k) - rest) * inverse, (load::<S>(&rows.lo, k) - rest) * inverse);
+        let (a, b) = ((load::<S>(&rows.limits.hi, k) - constant) * inverse, (load::<S>(&rows.limits.lo, k) - constant) * inverse);
         upper = upper.min(S::select(idle, S::splat(FAR), a.max(b)));
         lower = lower.max(S::select(idle, S::splat(-FAR), a.min(b)));
         k += S::LANES;
@@ -176,16 +178,18 @@ fn alone<S: Real>(rows: &LimitRows, i: usize, at: f64) -> [f64; 2] {
     [upper.min(most.value), lower.max(least.value)]
 }
 
-struct SegmentSlopes<'a>(&'a mut LimitRows, &'a mut Profile, &'a [f64]);
+/// The slope of `u` on each segment where `u` follows a limit: the slope of that limit. The third field, `(N,)`, has the slopes along speed
+/// limits.
+pub(super) struct SetSlopes<'a>(pub &'a mut LimitRows, pub &'a mut Profile, pub &'a [f64]);
 
-impl GenericKernel for SegmentSlopes<'_> {
+impl GenericKernel for SetSlopes<'_> {
     type Output = ();
     #[inline(always)]
     fn run<S: Real>(self) {
-        let SegmentSlopes(rows, profile, caps) = self;
-        let mut before = alone::<S>(rows, 0, profile.x[0]);
+        let SetSlopes(rows, profile, caps) = self;
+        let mut before = acceleration_bounds::<S>(rows, 0, profile.x[0]);
         for i in 0..rows.u_slope.len() {
-            let after = alone::<S>(rows, i + 1, profile.x[i + 1]);
+            let after = acceleration_bounds::<S>(rows, i + 1, profile.x[i + 1]);
             let h = rows.s[i + 1] - rows.s[i];
             let (x0, x1) = (profile.x[i], profile.x[i + 1]);
             let u = 0.5 * (x1 - x0) / h;
@@ -195,11 +199,11 @@ impl GenericKernel for SegmentSlopes<'_> {
                 let (from, to) = (before[side], after[side]);
                 let (mean, rise) = (0.5 * (from + to), to - from);
                 let least = if side == 0 { from.min(to) } else { from.max(to) };
-                let near = 1e-3 * rise.abs() + 1e-5 * u.abs();
-                let follows = (u - least).abs() <= near || (u - mean).abs() <= near + 0.1 * rise.abs();
+                let near = ACTIVE_RISE * rise.abs() + ACTIVE_LEVEL * u.abs();
+                let follows = (u - least).abs() <= near || (u - mean).abs() <= near + ACTIVE_MEAN * rise.abs();
                 // If this condition is true, `x` is positive within the segment.
                 let sound = x0.min(x1) + h * u.abs() >= 2.0 * h * rise.abs();
-                if follows && sound && rise.abs() <= 0.2 * distance {
+                if follows && sound && rise.abs() <= LARGEST_RISE * distance {
                     u_slope = rise / h;
                 }
             }
@@ -212,24 +216,18 @@ impl GenericKernel for SegmentSlopes<'_> {
             }
             if rows.u_slope[i] != u_slope {
                 rows.u_slope[i] = u_slope;
-                profile.touch(i);
+                profile.rows_changed[i] = true;
             }
             before = after;
         }
     }
 }
 
-/// Set the slope of `u` on each segment where `u` follows a limit, to the slope of that limit. `caps`, `(N,)`, has the slopes along speed
-/// limits.
-pub(super) fn set_slopes(rows: &mut LimitRows, profile: &mut Profile, caps: &[f64]) {
-    run_lanes(SegmentSlopes(rows, profile, caps));
-}
-
 /// Estimate the largest loss of time of each segment, as a fraction of the duration, and write it to `to`, `(N,)`.
 ///
 /// In this profile the active limit changes at a grid point, where `u` jumps. In the optimum the limit changes within a segment. The loss
 /// is the duration of the profile minus the duration of the optimum.
-pub(super) fn losses(rows: &LimitRows, profile: &Profile, to: &mut Vec<f64>) {
+pub(super) fn time_losses(rows: &LimitRows, profile: &Profile, to: &mut Vec<f64>) {
     let count = rows.u_slope.len();
     let x = &profile.x;
     let step = |i: usize| rows.s[i + 1] - rows.s[i];
@@ -262,7 +260,7 @@ impl GenericKernel for Widened<'_> {
     }
 }
 
-/// Compute the interval `K_i` for limits that are wider by `widen` times their scales. `next` is the interval `K_(i+1)`.
+/// Compute the controllable set `K_i` for limits that are wider by `widen` times their scales. `next` is the set `K_(i+1)`.
 pub(super) fn widened(rows: &LimitRows, i: usize, widen: f64, next: [f64; 2]) -> Option<(f64, f64)> {
     run_lanes(Widened(rows, i, widen, next))
 }

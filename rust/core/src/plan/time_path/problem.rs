@@ -1,14 +1,15 @@
 //! The planning problem on a grid: the rows at all grid points, and their limits.
 
 use super::along::Along;
-use super::check::{Course, Limits, WINDOW, inner_places};
+use super::check::{Limits, inner_places};
 use super::given::{Checked, PathLimits, TimePathOptions, checked};
 use super::grid::{grid, spans};
 use super::lines::{BLOCK, LimitRows};
 use super::mover::Mover;
 use super::rows::{Friction, Points, Request};
 use super::stencil::Stencil;
-use super::tip::Tip;
+use super::tip::{TIP, Tip};
+use super::tuning::CHECK_NODES;
 use crate::error::{Error, Result, finite};
 use crate::memory;
 use crate::motion::Path;
@@ -25,12 +26,11 @@ pub(super) struct PathProblem<'a> {
     pub lo: Vec<f64>,
     /// `(3 n,)`: upper limits of torques, accelerations and speeds; `inf` where there is no limit, 1 where a limit varies along the path.
     pub hi: Vec<f64>,
-    pub limits: Limits,
     /// Whether there are rows of torques, and rows of accelerations.
     pub kinds: [bool; 2],
     /// The weights for interpolation between grid points: at the middle of a segment, and at the places inside it where the limits are
     /// checked.
-    pub stencils: (Stencil<4>, Stencil<WINDOW>),
+    pub stencils: (Stencil<4>, Stencil<CHECK_NODES>),
     /// The groups of consecutive segments of equal length within a piece, as first index and end index.
     pub spans: Vec<(usize, usize)>,
     /// The numbers per grid point in `slopes`, padded to a multiple of `BLOCK`.
@@ -55,7 +55,7 @@ pub(super) struct PathProblem<'a> {
     pub cap_tight: Vec<f64>,
     /// `(N + 1,)`: the strictest speed limit at each point. The entries are its row in `limits` and the bound of `x` that the limit gives
     /// without reduction.
-    pub widest: Vec<(usize, f64)>,
+    pub speed_caps: Vec<(usize, f64)>,
     /// Path positions where the motion stops.
     pub stops: Vec<f64>,
 }
@@ -84,7 +84,6 @@ impl<'a> PathProblem<'a> {
             rows,
             lo,
             hi,
-            limits: Limits::default(),
             kinds: [given.torque.is_some(), given.acceleration.is_some()],
             stencils: (Stencil::new(&[0.5]), Stencil::new(&inner_places())),
             spans: Vec::new(),
@@ -98,10 +97,10 @@ impl<'a> PathProblem<'a> {
             slopes: Vec::new(),
             bare: Vec::new(),
             cap_tight: Vec::new(),
-            widest: Vec::new(),
+            speed_caps: Vec::new(),
             stops,
         };
-        problem.fill();
+        problem.compute_rows();
         finite("path", &problem.rows.coefficients).map_err(|_| {
             Error::input(
                 "path, arm",
@@ -112,7 +111,7 @@ impl<'a> PathProblem<'a> {
     }
 
     /// Compute the rows on the present grid.
-    pub fn fill(&mut self) {
+    pub fn compute_rows(&mut self) {
         let n = self.n;
         let mut limits = Limits::default();
         for kind in (0..2).filter(|&kind| self.kinds[kind]) {
@@ -124,19 +123,17 @@ impl<'a> PathProblem<'a> {
             (0..3).for_each(|_| limits.push(-most, most));
         }
         // Padding rows: 0 u + 0 x + 0 is always between -1 and 1.
-        let fill = |limits: &mut Limits| (limits.lo.len()..limits.lo.len().next_multiple_of(BLOCK)).for_each(|_| limits.push(-1.0, 1.0));
-        fill(&mut limits);
+        let pad = |limits: &mut Limits| (limits.lo.len()..limits.lo.len().next_multiple_of(BLOCK)).for_each(|_| limits.push(-1.0, 1.0));
+        pad(&mut limits);
         let width = limits.lo.len();
         let points = self.rows.s.len();
         let rows = &mut self.rows;
         rows.width = width;
         rows.ball = ball;
-        (rows.lo, rows.hi) = (limits.lo.clone(), limits.hi.clone());
-        (rows.scale_lo, rows.scale_hi) = (limits.scale_lo.clone(), limits.scale_hi.clone());
         if self.hi[2 * n] < f64::INFINITY {
             self.speeds = Some(limits.lo.len());
             (2 * n..3 * n).for_each(|k| limits.push(self.lo[k], self.hi[k]));
-            fill(&mut limits);
+            pad(&mut limits);
         }
         if let Some(tip) = &self.tip {
             self.norms = Some(limits.lo.len());
@@ -144,18 +141,16 @@ impl<'a> PathProblem<'a> {
                 let most = most.unwrap_or(f64::MAX);
                 limits.push(-most, most);
             }
-            fill(&mut limits);
+            pad(&mut limits);
         }
-        self.limits = limits;
+        rows.limits = limits;
         spans(&rows.s, &self.pieces, &mut self.spans);
         rows.tight_lo = vec![0.0; (points - 1) * width];
         rows.tight_hi = vec![0.0; (points - 1) * width];
         rows.u_slope = vec![0.0; points - 1];
-        rows.coefficients.clear();
-        rows.coefficients.resize(points * 3 * width, 0.0);
+        rows.coefficients = vec![0.0; points * 3 * width];
         self.cap_tight = vec![0.0; points];
-        self.slopes.clear();
-        self.slopes.resize(points * self.stride, 0.0);
+        self.slopes = vec![0.0; points * self.stride];
         let pieces = &self.pieces;
         let s = &rows.s;
         let at = |k: usize| (pieces[k.min(pieces.len() - 1)], s[k]);
@@ -183,7 +178,7 @@ impl<'a> PathProblem<'a> {
                 }
             }
         }
-        self.set_widest();
+        self.set_speed_caps();
         self.set_middles();
         self.set_caps();
     }
@@ -239,25 +234,18 @@ impl<'a> PathProblem<'a> {
         }
     }
 
-    /// The data of this problem for the check.
-    pub fn course(&self) -> Course<'_> {
-        Course {
-            mover: self.mover,
-            path: &self.path,
-            n: self.n,
-            pieces: &self.pieces,
-            spans: &self.spans,
-            kinds: self.kinds,
-            slopes: &self.slopes,
-            stride: self.stride,
-            friction: self.friction.as_ref(),
-            along: &self.along,
-            tip: self.tip.as_ref().map(|tip| tip.frame),
-            speeds: self.speeds,
-            norms: self.norms,
-            limits: &self.limits,
-            stencil: &self.stencils.1,
+    /// Number of values per sample that the dynamics computes.
+    pub fn measured(&self) -> usize {
+        3 * self.n + if self.tip.is_some() { TIP } else { 0 }
+    }
+
+    /// Undo all reductions of limits, the slopes of `u` and the lines of viscous friction.
+    pub fn remove_reductions(&mut self) {
+        for values in [&mut self.rows.tight_lo, &mut self.rows.tight_hi, &mut self.rows.u_slope, &mut self.cap_tight] {
+            values.fill(0.0);
         }
+        self.set_caps();
+        self.remove_friction();
     }
 
     /// Require that the frame moves on every segment, if neither torque nor joint acceleration is limited. Errors: `Input`.
