@@ -127,7 +127,7 @@ impl ArmFunction {
         for (block, out) in out.chunks_mut(BLOCK * lanes * length).enumerate() {
             let start = block * BLOCK * lanes;
             let mut sound = true;
-            evaluation.forget();
+            evaluation.reset_angle();
             for (group, out) in out.chunks_mut(lanes * length).enumerate() {
                 evaluation.read(inputs, start + group * lanes);
                 evaluation.run_on();

@@ -6,7 +6,7 @@ pub const MAX_STEPS: u64 = 10_000_000;
 /// The numbers of evaluations, steps and decompositions of an adaptive method since the start of the run.
 ///
 /// ```
-/// use armlet_core::integrate::{Adaptive, Dopri5, Tolerance, Work};
+/// use armlet_core::integrate::{Adaptive, Dopri5, Embedded, Tolerance, Work};
 /// # use armlet_core::integrate::System;
 /// # struct Decay;
 /// # impl System<f64> for Decay {
@@ -18,7 +18,7 @@ pub const MAX_STEPS: u64 = 10_000_000;
 /// /// The work for `x' = -x` over 1 s.
 /// fn work(rtol: f64) -> Work {
 ///     let tolerance = Tolerance { rtol, atol: 1e-12, controlled: 1 };
-///     let mut method = Dopri5::new(tolerance, [1.0], ());
+///     let mut method = Embedded::<Dopri5, _, _, _>::new(tolerance, [1.0], ());
 ///     method.begin(&mut Decay, 0.0, 1.0, 1.0).expect("finite");
 ///     while !method.step(&mut Decay).expect("smooth") {}
 ///     Adaptive::<f64, Decay, _>::work(&method)

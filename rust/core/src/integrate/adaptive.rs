@@ -21,7 +21,7 @@ use crate::status::Status;
 /// applied through `x_mut`.
 ///
 /// ```
-/// use armlet_core::integrate::{Adaptive, Dop853, Tolerance};
+/// use armlet_core::integrate::{Adaptive, Dop853, Embedded, Tolerance};
 /// # use armlet_core::integrate::System;
 /// # struct Oscillator;
 /// # impl System<f64> for Oscillator {
@@ -32,7 +32,7 @@ use crate::status::Status;
 ///
 /// // `x'' = -x` from 1 at rest: `x = cos t`.
 /// let tolerance = Tolerance { rtol: 1e-9, atol: 1e-12, controlled: 2 };
-/// let (mut method, mut at) = (Dop853::new(tolerance, [1.0, 0.0], ()), [0.0; 2]);
+/// let (mut method, mut at) = (Embedded::<Dop853, _, _, _>::new(tolerance, [1.0, 0.0], ()), [0.0; 2]);
 /// method.begin(&mut Oscillator, 0.0, 2.0, 2.0).expect("finite");
 /// while !method.step(&mut Oscillator).expect("smooth") {}
 /// // A time within the last step.

@@ -31,7 +31,7 @@ const NOISE: f64 = 10.0;
 #[derive(Clone, Debug)]
 pub(super) struct Chatter<B> {
     /// The number of attempts at which the next check is due.
-    look_at: u64,
+    next_check: u64,
     /// The count of attempts at jumps: each check adds or subtracts `WINDOW`.
     spent: u64,
     slope: B,
@@ -44,26 +44,26 @@ pub(super) struct Chatter<B> {
 impl<B: Clone> Chatter<B> {
     pub fn new(state: &B) -> Self {
         let [slope, low, middle, high, at] = std::array::from_fn(|_| state.clone());
-        Chatter { look_at: WINDOW, spent: 0, slope, low, middle, high, at }
+        Chatter { next_check: WINDOW, spent: 0, slope, low, middle, high, at }
     }
 
     /// Whether the next check is due.
     pub fn due(&self, work: &Work) -> bool {
-        work.steps + work.rejections >= self.look_at
+        work.steps + work.rejections >= self.next_check
     }
 
     /// Check the slope before a step from the state `x`. `u` is memory for the input. The result is an error if the count of attempts at
     /// jumps reaches the budget.
     #[cold]
     #[inline(never)]
-    pub fn look<S, F, T>(&mut self, system: &mut F, controller: &mut StepController<T>, u: &mut F::Input, x: &B) -> Result<(), Status>
+    pub fn check<S, F, T>(&mut self, system: &mut F, controller: &mut StepController<T>, u: &mut F::Input, x: &B) -> Result<(), Status>
     where
         S: Real,
         F: System<S>,
         B: Buffer<S>,
         T: Accuracy,
     {
-        self.look_at = controller.work.steps + controller.work.rejections + WINDOW;
+        self.next_check = controller.work.steps + controller.work.rejections + WINDOW;
         if !self.jumps(system, controller, u, x.as_ref()) {
             self.spent = self.spent.saturating_sub(WINDOW);
             return Ok(());

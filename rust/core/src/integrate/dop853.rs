@@ -6,26 +6,26 @@
 //! by the allowed errors, over the `m` components with error control. A step with an error below 1 is accepted. The step size then changes
 //! by the factor `0.9 error^(-1/8)`, within [0.2, 10].
 
-use super::accuracy::{Accuracy, Tolerance};
+use super::accuracy::Accuracy;
 use super::dop853_tableau as tableau;
 use super::step_controller::{Control, StepController};
-use super::{Buffer, Embedded, Scheme};
+use super::{Buffer, Scheme};
 use crate::scalar::Real;
 
-/// The tableau of DOP853, the method of order 8 of Dormand and Prince.
+/// The tableau of DOP853, the method of order 8 of Dormand and Prince, for [`Embedded`](super::Embedded).
 ///
 /// ```
-/// use armlet_core::integrate::{Order8, Pair54, Scheme};
+/// use armlet_core::integrate::{Dop853, Dopri5, Scheme};
 ///
 /// // The times of the stages are the sums of their weights.
-/// for (weights, c) in Order8::A.iter().zip(Order8::C) {
+/// for (weights, c) in Dop853::A.iter().zip(Dop853::C) {
 ///     assert!((weights.iter().sum::<f64>() - c).abs() < 1e-13);
 /// }
-/// assert!(Order8::STAGES == 12 && Order8::DEGREE > Pair54::DEGREE);
+/// assert!(Dop853::STAGES == 12 && Dop853::DEGREE > Dopri5::DEGREE);
 /// ```
-pub struct Order8;
+pub struct Dop853;
 
-impl Scheme for Order8 {
+impl Scheme for Dop853 {
     const STAGES: usize = 12;
     const C: &'static [f64] = tableau::C;
     const A: &'static [&'static [f64]] = tableau::A;
@@ -57,6 +57,3 @@ impl Scheme for Order8 {
         tail * q + delta
     }
 }
-
-/// The Runge-Kutta method DOP853 of order 8. `B` is the type of the state, `U` that of the input, and `T` that of the tolerances.
-pub type Dop853<B, U, T = Tolerance> = Embedded<Order8, B, U, T>;

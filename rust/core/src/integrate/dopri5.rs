@@ -2,24 +2,24 @@
 //!
 //! See Hairer, Norsett and Wanner, Solving Ordinary Differential Equations I, sections II.4 to II.6.
 
-use super::accuracy::{Accuracy, Tolerance};
+use super::accuracy::Accuracy;
 use super::step_controller::{Control, StepController};
-use super::{Buffer, Embedded, Scheme};
+use super::{Buffer, Scheme};
 use crate::scalar::Real;
 
-/// The tableau of the pair of orders 5 and 4 of Dormand and Prince.
+/// The tableau of the pair of orders 5 and 4 of Dormand and Prince, for [`Embedded`](super::Embedded).
 ///
 /// ```
-/// use armlet_core::integrate::{Pair54, Scheme};
+/// use armlet_core::integrate::{Dopri5, Scheme};
 ///
 /// // Order 2: `sum b_i c_i = 1/2`, with the weights of the last stage.
-/// let weights = Pair54::A[Pair54::STAGES];
-/// let sum: f64 = weights.iter().zip(Pair54::C).map(|(b, c)| b * c).sum();
+/// let weights = Dopri5::A[Dopri5::STAGES];
+/// let sum: f64 = weights.iter().zip(Dopri5::C).map(|(b, c)| b * c).sum();
 /// assert!((sum - 0.5).abs() < 1e-15);
 /// ```
-pub struct Pair54;
+pub struct Dopri5;
 
-impl Scheme for Pair54 {
+impl Scheme for Dopri5 {
     const STAGES: usize = 6;
     const C: &'static [f64] = &[0.0, 0.2, 0.3, 0.8, 8.0 / 9.0, 1.0, 1.0];
     const A: &'static [&'static [f64]] = &[
@@ -58,42 +58,3 @@ impl Scheme for Pair54 {
         tail.mul_add(q, delta)
     }
 }
-
-/// The method of order 5 of Dormand and Prince. `B` is the type of the state, `U` that of the input, and `T` that of the tolerances.
-///
-/// ```
-/// use armlet_core::integrate::events::{Event, Watched};
-/// use armlet_core::integrate::solve::{Recorder, Request, solve};
-/// use armlet_core::integrate::{Dopri5, System, Tolerance};
-/// use armlet_core::scalar::Real;
-/// use armlet_core::status::Status;
-///
-/// /// `x'' = -x`.
-/// struct Oscillator;
-/// impl<S: Real> System<S> for Oscillator {
-///     type Input = ();
-///     fn input(&mut self, _: f64, _: &mut ()) {}
-///     fn rhs(&mut self, _: &(), x: &[S], dx: &mut [S]) {
-///         (dx[0], dx[1]) = (x[1], -x[0]);
-///     }
-/// }
-/// struct Last([f64; 2]);
-/// impl Recorder for Last {
-///     fn state(&mut self, _: f64, x: &[f64]) {
-///         self.0.copy_from_slice(x);
-///     }
-/// }
-/// struct Nothing;
-/// impl Watched for Nothing {
-///     fn value(&mut self, _: usize, _: f64, _: &[f64]) -> f64 {
-///         1.0
-///     }
-/// }
-/// let tolerance = Tolerance { rtol: 1e-10, atol: 1e-12, controlled: 2 };
-/// let (mut method, mut last) = (Dopri5::new(tolerance, [1.0, 0.0], ()), Last([0.0; 2]));
-/// let end = solve(&mut Oscillator, &mut method, (0.0, 1.0), &Request::default(), &mut Nothing, &mut last);
-/// assert_eq!(end.status, Status::Success);
-/// assert!((last.0[0] - 1.0f64.cos()).abs() < 1e-9);
-/// # Ok::<(), armlet_core::error::Error>(())
-/// ```
-pub type Dopri5<B, U, T = Tolerance> = Embedded<Pair54, B, U, T>;

@@ -24,7 +24,7 @@ use std::marker::PhantomData;
 /// The method with tableau `C`. `B` is the type of the state, `U` that of the input, and `T` that of the tolerances.
 ///
 /// ```
-/// use armlet_core::integrate::{Adaptive, Embedded, Order8, Pair54, Scheme, Tolerance};
+/// use armlet_core::integrate::{Adaptive, Embedded, Dop853, Dopri5, Scheme, Tolerance};
 /// # use armlet_core::integrate::System;
 /// # struct Decay;
 /// # impl System<f64> for Decay {
@@ -41,7 +41,7 @@ use std::marker::PhantomData;
 ///     while !method.step(&mut Decay).expect("smooth") {}
 ///     Adaptive::<f64, Decay, _>::work(&method).steps
 /// }
-/// assert!(steps::<Order8>() < steps::<Pair54>());
+/// assert!(steps::<Dop853>() < steps::<Dopri5>());
 /// ```
 pub struct Embedded<C, B, U, T = Tolerance> {
     controller: StepController<T>,
@@ -172,7 +172,7 @@ where
         }
         if self.chatter.due(&self.controller.work) {
             self.u_time = f64::NAN;
-            self.chatter.look(system, &mut self.controller, &mut self.u, &self.x)?;
+            self.chatter.check(system, &mut self.controller, &mut self.u, &self.x)?;
         }
         // From here on, the new step replaces the slopes of the last step, which its dense output uses.
         if self.controller.t > self.controller.t_old {

@@ -10,9 +10,9 @@ use std::marker::PhantomData;
 /// A stage of a method whose stages use only the previous slope.
 ///
 /// ```
-/// use armlet_core::integrate::{EqualSteps, Kutta4};
+/// use armlet_core::integrate::{EqualSteps, Rk4};
 ///
-/// let weights: Vec<f64> = Kutta4::STAGES.iter().map(|stage| stage.weight / Kutta4::DIVISOR).collect();
+/// let weights: Vec<f64> = Rk4::STAGES.iter().map(|stage| stage.weight / Rk4::DIVISOR).collect();
 /// assert_eq!(weights, [1.0 / 6.0, 1.0 / 3.0, 1.0 / 3.0, 1.0 / 6.0]);
 /// ```
 #[derive(Clone, Copy, Debug)]
@@ -60,7 +60,7 @@ pub trait EqualSteps {
 /// The method with tableau `C`. `B` is the type of the state.
 ///
 /// ```
-/// use armlet_core::integrate::{Explicit, FixedStep, Kutta4};
+/// use armlet_core::integrate::{Explicit, FixedStep, Rk4};
 /// # use armlet_core::integrate::System;
 /// # struct Growth;
 /// # impl System<f64> for Growth {
@@ -71,7 +71,7 @@ pub trait EqualSteps {
 ///
 /// // One step of 1 s for `x' = x`: the first five terms of the series of `e`.
 /// let mut x = [1.0];
-/// let mut method = Explicit::<Kutta4, _, _>::new(x, ());
+/// let mut method = Explicit::<Rk4, _, _>::new(x, ());
 /// method.step(&mut Growth, 0.0, 1.0, 1.0, &mut x);
 /// assert!((x[0] - 65.0 / 24.0f64).abs() < 1e-15);
 /// ```

@@ -17,7 +17,7 @@ use crate::status::Status;
 /// use armlet_core::integrate::events::Event;
 /// use armlet_core::integrate::solve::{Request, solve};
 /// # use armlet_core::integrate::solve::Recorder;
-/// # use armlet_core::integrate::{Dopri5, System, Tolerance};
+/// # use armlet_core::integrate::{Dopri5, Embedded, System, Tolerance};
 /// # struct Oscillator;
 /// # impl System<f64> for Oscillator {
 /// #     type Input = ();
@@ -28,7 +28,7 @@ use crate::status::Status;
 /// # impl Recorder for Nothing {
 /// #     fn state(&mut self, _: f64, _: &[f64]) {}
 /// # }
-/// # let mut method = Dopri5::new(Tolerance { rtol: 1e-9, atol: 1e-12, controlled: 2 }, [1.0, 0.0], ());
+/// # let mut method = Embedded::<Dopri5, _, _, _>::new(Tolerance { rtol: 1e-9, atol: 1e-12, controlled: 2 }, [1.0, 0.0], ());
 ///
 /// // `x = cos t` rises through zero at 3 pi/2, and for the second time at 7 pi/2, where the run ends.
 /// let events = [Event { direction: 1.0, stop_after: 2 }];
@@ -76,7 +76,7 @@ impl<G: FnMut(usize, f64, &[f64]) -> f64> Watched for G {
 ///
 /// ```
 /// use armlet_core::integrate::events::{Crossing, Event, Watch};
-/// # use armlet_core::integrate::{Adaptive, Dopri5, System, Tolerance};
+/// # use armlet_core::integrate::{Adaptive, Dopri5, Embedded, System, Tolerance};
 /// # struct Clock;
 /// # impl System<f64> for Clock {
 /// #     type Input = ();
@@ -85,7 +85,7 @@ impl<G: FnMut(usize, f64, &[f64]) -> f64> Watched for G {
 /// # }
 ///
 /// # let tolerance = Tolerance { rtol: 1e-6, atol: 1e-9, controlled: 1 };
-/// # let mut method = Dopri5::new(tolerance, [0.0], ());
+/// # let mut method = Embedded::<Dopri5, _, _, _>::new(tolerance, [0.0], ());
 /// // `x' = 1`, and the event `x = 0.75`.
 /// let mut level = |_: usize, _: f64, x: &[f64]| x[0] - 0.75;
 /// let mut watch = Watch::new(vec![Event::default()], [0.0]);
@@ -114,7 +114,7 @@ pub struct Crossing {
 ///
 /// ```
 /// use armlet_core::integrate::events::{Event, Watch};
-/// # use armlet_core::integrate::{Adaptive, Dopri5, System, Tolerance};
+/// # use armlet_core::integrate::{Adaptive, Dopri5, Embedded, System, Tolerance};
 /// # struct Oscillator;
 /// # impl System<f64> for Oscillator {
 /// #     type Input = ();
@@ -123,7 +123,7 @@ pub struct Crossing {
 /// # }
 ///
 /// # let tolerance = Tolerance { rtol: 1e-9, atol: 1e-12, controlled: 2 };
-/// # let mut method = Dopri5::new(tolerance, [1.0, 0.0], ());
+/// # let mut method = Embedded::<Dopri5, _, _, _>::new(tolerance, [1.0, 0.0], ());
 /// // `x = cos t` ends the run at its first falling zero, pi/2.
 /// let mut zero = |_: usize, _: f64, x: &[f64]| x[0];
 /// let mut watch = Watch::new(vec![Event { direction: -1.0, stop_after: 1 }], [0.0; 2]);

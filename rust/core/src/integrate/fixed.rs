@@ -17,7 +17,7 @@ const LEAST_REMAINDER: f64 = 1e-9;
 /// A method of fixed step size `h` as an adaptive method.
 ///
 /// ```
-/// use armlet_core::integrate::{Adaptive, Rk4, Steps, Work};
+/// use armlet_core::integrate::{Adaptive, Explicit, Rk4, Steps, Work};
 /// # use armlet_core::integrate::System;
 /// # struct Decay;
 /// # impl System<f64> for Decay {
@@ -28,7 +28,7 @@ const LEAST_REMAINDER: f64 = 1e-9;
 ///
 /// // Steps of 0.3 s, and a last step of 0.1 s, for `x' = -x`.
 /// let each = Work { evaluations: 4, ..Work::default() };
-/// let mut method = Steps::new(Rk4::new([0.0], ()), 0.3, each, [1.0], ());
+/// let mut method = Steps::new(Explicit::<Rk4, _, _>::new([0.0], ()), 0.3, each, [1.0], ());
 /// method.begin(&mut Decay, 0.0, 1.0, 1.0).expect("finite");
 /// while !method.step(&mut Decay).expect("finite") {}
 /// # let method: &dyn Adaptive<f64, Decay, [f64; 1]> = &method;

@@ -1,8 +1,8 @@
 //! The table of integration methods by name. Callers distinguish only the four kinds of methods.
 
 use super::{
-    Accuracy, Differentiable, Dop853, Dopri5, EqualSteps, Euler, Forward1, Kutta4, Order8, Pair54, Radau5, Rk4, Rodas4, Ros2, SemiImplicit,
-    System, WithAdaptive, WithExplicitSteps, WithScheme, WithSteps, semi_implicit,
+    Accuracy, Differentiable, Dop853, Dopri5, Embedded, EqualSteps, Euler, Explicit, Radau5, Rk4, Rodas4, Ros2, SemiImplicit, System,
+    WithAdaptive, WithExplicitSteps, WithScheme, WithSteps, semi_implicit,
 };
 use crate::error::{Error, Result};
 use crate::scalar::Real;
@@ -170,18 +170,18 @@ impl ExplicitSteps {
     /// The times of the inputs, as increasing fractions of the step.
     pub fn instants(self) -> &'static [f64] {
         match self {
-            ExplicitSteps::Euler => Forward1::INSTANTS,
+            ExplicitSteps::Euler => Euler::INSTANTS,
             ExplicitSteps::SemiImplicit => semi_implicit::INSTANTS,
-            ExplicitSteps::Rk4 => Kutta4::INSTANTS,
+            ExplicitSteps::Rk4 => Rk4::INSTANTS,
         }
     }
 
     /// The number of evaluations of the right-hand side per step.
     pub fn evaluations(self) -> u64 {
         match self {
-            ExplicitSteps::Euler => Forward1::STAGES.len() as u64,
+            ExplicitSteps::Euler => Euler::STAGES.len() as u64,
             ExplicitSteps::SemiImplicit => 1,
-            ExplicitSteps::Rk4 => Kutta4::STAGES.len() as u64,
+            ExplicitSteps::Rk4 => Rk4::STAGES.len() as u64,
         }
     }
 
@@ -195,12 +195,12 @@ impl ExplicitSteps {
     {
         let state = x.clone();
         Ok(match self {
-            ExplicitSteps::Euler => task.with_explicit(system, x, Euler::new(state, u)),
+            ExplicitSteps::Euler => task.with_explicit(system, x, Explicit::<Euler, _, _>::new(state, u)),
             ExplicitSteps::SemiImplicit => {
                 let method = SemiImplicit::new(&system, state, u)?;
                 task.with_explicit(system, x, method)
             }
-            ExplicitSteps::Rk4 => task.with_explicit(system, x, Rk4::new(state, u)),
+            ExplicitSteps::Rk4 => task.with_explicit(system, x, Explicit::<Rk4, _, _>::new(state, u)),
         })
     }
 }
@@ -251,16 +251,16 @@ impl ExplicitAdaptive {
         T: WithAdaptive<S, F>,
     {
         match self {
-            ExplicitAdaptive::Dopri5 => task.with(system, Dopri5::new(accuracy, x, u)),
-            ExplicitAdaptive::Dop853 => task.with(system, Dop853::new(accuracy, x, u)),
+            ExplicitAdaptive::Dopri5 => task.with(system, Embedded::<Dopri5, _, _, _>::new(accuracy, x, u)),
+            ExplicitAdaptive::Dop853 => task.with(system, Embedded::<Dop853, _, _, _>::new(accuracy, x, u)),
         }
     }
 
     /// Run `task` with the tableau of this method.
     pub fn scheme<T: WithScheme>(self, task: T) -> T::Output {
         match self {
-            ExplicitAdaptive::Dopri5 => task.with::<Pair54>(),
-            ExplicitAdaptive::Dop853 => task.with::<Order8>(),
+            ExplicitAdaptive::Dopri5 => task.with::<Dopri5>(),
+            ExplicitAdaptive::Dop853 => task.with::<Dop853>(),
         }
     }
 }

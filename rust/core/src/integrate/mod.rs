@@ -39,15 +39,15 @@ pub use accuracy::{Accuracy, Tolerance, Tolerances, Work};
 pub use adaptive::Adaptive;
 pub use buffer::Buffer;
 pub use columns::column_groups;
-pub use dop853::{Dop853, Order8};
-pub use dopri5::{Dopri5, Pair54};
+pub use dop853::Dop853;
+pub use dopri5::Dopri5;
 pub use embedded::Embedded;
 pub use equal_steps::{EqualSteps, Explicit, Stage};
-pub use euler::{Euler, Forward1};
+pub use euler::Euler;
 pub use fixed::Steps;
 pub use method::{ExplicitAdaptive, ExplicitSteps, ImplicitAdaptive, ImplicitSteps, Method, MethodKind};
 pub use radau5::Radau5;
-pub use rk4::{Kutta4, Rk4};
+pub use rk4::Rk4;
 pub use rodas4::Rodas4;
 pub use ros2::Ros2;
 pub use scheme::{Attempt, Scheme};
@@ -63,7 +63,7 @@ use crate::scalar::Real;
 /// Unless stated otherwise, states, slopes and other arrays have one entry per state.
 ///
 /// ```
-/// use armlet_core::integrate::{Euler, FixedStep, System};
+/// use armlet_core::integrate::{Euler, Explicit, FixedStep, System};
 /// use armlet_core::scalar::Real;
 ///
 /// /// `x' = -x + u(t)` with the input `u(t) = 2 t`.
@@ -78,7 +78,7 @@ use crate::scalar::Real;
 ///     }
 /// }
 /// let mut x = [1.0];
-/// Euler::new(x, 0.0).step(&mut Lag, 0.5, 0.25, 0.75, &mut x);
+/// Explicit::<Euler, _, _>::new(x, 0.0).step(&mut Lag, 0.5, 0.25, 0.75, &mut x);
 /// assert_eq!(x, [1.0 + 0.25 * (1.0 - 1.0)]);
 /// ```
 pub trait System<S: Real> {
@@ -156,7 +156,7 @@ pub trait Differentiable<S: Real>: System<S> {
 /// A method whose step can be computed with inputs that the caller has set. The step size may differ between lanes.
 ///
 /// ```
-/// use armlet_core::integrate::{Advance, Rk4, System};
+/// use armlet_core::integrate::{Advance, Explicit, Rk4, System};
 /// # struct Integral;
 /// # impl System<f64> for Integral {
 /// #     type Input = f64;
@@ -165,7 +165,7 @@ pub trait Differentiable<S: Real>: System<S> {
 /// # }
 ///
 /// // `x' = u`, with given inputs at the start, the middle and the end of the step: Simpson's rule.
-/// let (mut method, mut x) = (Rk4::new([0.0], 0.0), [0.0]);
+/// let (mut method, mut x) = (Explicit::<Rk4, _, _>::new([0.0], 0.0), [0.0]);
 /// let inputs = [1.0, 4.0, 1.0];
 /// for (k, u) in inputs.into_iter().enumerate() {
 ///     *Advance::<f64, Integral, _>::input(&mut method, k) = u;
@@ -193,7 +193,7 @@ pub trait Advance<S: Real, F: System<S>, B: Buffer<S>> {
 /// A method of fixed step size.
 ///
 /// ```
-/// use armlet_core::integrate::{Euler, FixedStep, Rk4, System};
+/// use armlet_core::integrate::{Euler, Explicit, FixedStep, Rk4, System};
 /// # struct Growth;
 /// # impl System<f64> for Growth {
 /// #     type Input = ();
@@ -209,8 +209,8 @@ pub trait Advance<S: Real, F: System<S>, B: Buffer<S>> {
 ///     }
 ///     x[0]
 /// }
-/// assert!((run(Euler::new([0.0], ())) - 1.1f64.powi(10)).abs() < 1e-14);
-/// assert!((run(Rk4::new([0.0], ())) - 1f64.exp()).abs() < 3e-6);
+/// assert!((run(Explicit::<Euler, _, _>::new([0.0], ())) - 1.1f64.powi(10)).abs() < 1e-14);
+/// assert!((run(Explicit::<Rk4, _, _>::new([0.0], ())) - 1f64.exp()).abs() < 3e-6);
 /// ```
 pub trait FixedStep<S: Real, F: System<S>, B: Buffer<S>> {
     /// Advance `x` from `t` to `t + h`, s. `end` is the time at which the last input is evaluated. It is `t + h`, or just before `t + h` if

@@ -147,7 +147,7 @@ impl<S: Real, B: Buffer<S>, U: Clone, A: Accuracy> Radau5<S, B, U, A> {
     /// If states are compensated, add the effect of the state's rounding error to the slope.
     fn compensate_slope(&mut self) {
         if self.rounding.compensated {
-            add_product(&self.jacobian, self.rounding.rest.as_ref(), self.slope.as_mut());
+            add_product(&self.jacobian, self.rounding.remainder.as_ref(), self.slope.as_mut());
         }
     }
 
@@ -202,7 +202,7 @@ impl<S: Real, B: Buffer<S>, U: Clone, A: Accuracy> Radau5<S, B, U, A> {
         let [dy, ..] = &mut self.f;
         let known = (&self.x, &self.slope, &j[..]);
         let finest = (GAIN, self.newton_tolerance);
-        if let Some(left) = self.rounding.look(system, &mut self.controller, known, (&mut self.y, dy, &mut self.u), finest, solve)? {
+        if let Some(left) = self.rounding.estimate(system, &mut self.controller, known, (&mut self.y, dy, &mut self.u), finest, solve)? {
             // Newton's increments cannot become smaller than the rounding error.
             self.newton_tolerance = self.newton_tolerance.max(4.0 * left);
         }
@@ -228,10 +228,10 @@ impl<S: Real, B: Buffer<S>, U: Clone, A: Accuracy> Radau5<S, B, U, A> {
     /// Write to `f[0]` the slope at the point `x + e`, where `x` is the initial state and `e` the first error estimate. The second error
     /// estimate uses this slope, because the stiff components of `e` are too large.
     fn filter<F: Differentiable<S, Input = U>>(&mut self, system: &mut F) {
-        let (x, filtered, rest) = (self.x.as_ref(), self.error.as_ref(), self.rounding.rest.as_ref());
+        let (x, filtered, remainder) = (self.x.as_ref(), self.error.as_ref(), self.rounding.remainder.as_ref());
         let [slope, at, lost] = &mut self.f;
         for c in 0..x.len() {
-            (at.as_mut()[c], lost.as_mut()[c]) = two_sum(x[c], filtered[c] + rest[c]);
+            (at.as_mut()[c], lost.as_mut()[c]) = two_sum(x[c], filtered[c] + remainder[c]);
         }
         system.input(self.controller.input_time(self.controller.t), &mut self.u);
         system.rhs(&self.u, at.as_ref(), slope.as_mut());
@@ -285,7 +285,7 @@ where
             return Err(Status::Diverged);
         }
         if self.chatter.due(&self.controller.work) {
-            self.chatter.look(system, &mut self.controller, &mut self.u, &self.x)?;
+            self.chatter.check(system, &mut self.controller, &mut self.u, &self.x)?;
         }
         self.controller.open();
         let h_begun = self.controller.h;

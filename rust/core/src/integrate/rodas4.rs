@@ -134,7 +134,7 @@ impl<B: Clone, M: Clone, P, U: Clone, T: Accuracy> Rodas4<B, M, P, U, T> {
             system.time_derivative(t, &self.start, x, self.dft.as_mut());
         }
         if self.rounding.compensated {
-            add_product(self.jacobian.as_ref(), self.rounding.rest.as_ref(), self.slope.as_mut());
+            add_product(self.jacobian.as_ref(), self.rounding.remainder.as_ref(), self.slope.as_mut());
         }
         self.controller.work.evaluations += 1;
         self.controller.work.jacobians += 1;
@@ -158,13 +158,13 @@ impl<B: Clone, M: Clone, P, U: Clone, T: Accuracy> Rodas4<B, M, P, U, T> {
             return f64::NAN;
         }
         for i in 0..6 {
-            let (done, rest) = self.stages.split_at_mut(i);
-            let (x, y, stage) = (&self.x.as_ref()[..n], &mut self.y.as_mut()[..n], &mut rest[0].as_mut()[..n]);
+            let (done, stages) = self.stages.split_at_mut(i);
+            let (x, y, stage) = (&self.x.as_ref()[..n], &mut self.y.as_mut()[..n], &mut stages[0].as_mut()[..n]);
             if i == 0 {
                 stage.copy_from_slice(&self.slope.as_ref()[..n]);
             } else {
                 for c in 0..n {
-                    let mut sum = if compensated { self.rounding.rest.as_ref()[c] } else { x[c] };
+                    let mut sum = if compensated { self.rounding.remainder.as_ref()[c] } else { x[c] };
                     for j in 0..i {
                         sum = S::splat(A[i][j]).mul_add(done[j].as_ref()[c], sum);
                     }
@@ -215,7 +215,7 @@ impl<B: Clone, M: Clone, P, U: Clone, T: Accuracy> Rodas4<B, M, P, U, T> {
     /// Measure the rounding error of the error estimate of a step of size `h`. If this error is large, compensate the states from now on.
     /// Error: `ExcessAccuracy` if the states are compensated already, and the remaining error is too large for the tolerance.
     #[cold]
-    fn look<S, F>(&mut self, system: &mut F, h: f64) -> Result<(), Status>
+    fn estimate_rounding<S, F>(&mut self, system: &mut F, h: f64) -> Result<(), Status>
     where
         S: Real,
         F: Differentiable<S, Input = U>,
@@ -228,7 +228,7 @@ impl<B: Clone, M: Clone, P, U: Clone, T: Accuracy> Rodas4<B, M, P, U, T> {
         let ([.., dy], work) = (&mut self.stages, self.work.as_mut());
         let solve = |b: &mut [S]| pairs.solve(n, s, jacobian, (lu, pivots), b, work);
         let known = (&self.x, &self.slope, jacobian);
-        self.rounding.look(system, &mut self.controller, known, (&mut self.y, dy, &mut self.u), (GAIN, 1.0), solve).map(|_| ())
+        self.rounding.estimate(system, &mut self.controller, known, (&mut self.y, dy, &mut self.u), (GAIN, 1.0), solve).map(|_| ())
     }
 }
 
@@ -265,7 +265,7 @@ where
             self.linearise::<S, F>(system);
         }
         if self.chatter.due(&self.controller.work) {
-            self.chatter.look(system, &mut self.controller, &mut self.u, &self.x)?;
+            self.chatter.check(system, &mut self.controller, &mut self.u, &self.x)?;
         }
         self.controller.open();
         loop {
@@ -282,7 +282,7 @@ where
                 return Ok(self.controller.done());
             }
             if self.rounding.rejected() && error.is_finite() {
-                self.look::<S, F>(system, h)?;
+                self.estimate_rounding::<S, F>(system, h)?;
             }
         }
     }

@@ -40,11 +40,11 @@ pub(super) struct Rounding<B> {
     /// Whether states are compensated.
     pub compensated: bool,
     /// The compensation: the exact state minus the stored, rounded state `x`.
-    pub rest: B,
+    pub remainder: B,
     /// The exact last argument of `f` minus the rounded numbers at which `f` was evaluated.
     pub lost: B,
     strain: u32,
-    looks: u64,
+    estimates: u64,
 }
 
 /// Return the rounded sum `a + b` and its rounding error.
@@ -78,7 +78,7 @@ impl<B> Rounding<B> {
     where
         B: Clone,
     {
-        Rounding { compensated: false, rest: state.clone(), lost: state, strain: 0, looks: 0 }
+        Rounding { compensated: false, remainder: state.clone(), lost: state, strain: 0, estimates: 0 }
     }
 
     /// Begin a segment. Its state has no compensation yet.
@@ -86,7 +86,7 @@ impl<B> Rounding<B> {
     where
         B: Buffer<S>,
     {
-        self.rest.as_mut().fill(S::zero());
+        self.remainder.as_mut().fill(S::zero());
     }
 
     /// Compute the rounded sum `y = x + z` and its rounding error `lost`. On entry, `y` contains `z`, which includes `rest`.
@@ -104,7 +104,7 @@ impl<B> Rounding<B> {
     pub fn accepted(&mut self) {
         self.strain = self.strain.saturating_sub(1);
         if self.compensated {
-            std::mem::swap(&mut self.rest, &mut self.lost);
+            std::mem::swap(&mut self.remainder, &mut self.lost);
         }
     }
 
@@ -128,7 +128,7 @@ impl<B> Rounding<B> {
     /// The measured error is ignored if it is below `NOTED finest`. Otherwise, states are compensated from now on. If they are compensated
     /// already, return the error divided by the tolerance. Error: [`Status::ExcessAccuracy`] if this quotient is `EXCESS` or more.
     #[cold]
-    pub fn look<S, F, A>(
+    pub fn estimate<S, F, A>(
         &mut self,
         system: &mut F,
         controller: &mut StepController<A>,
@@ -147,11 +147,11 @@ impl<B> Rounding<B> {
         system.input(controller.input_time(controller.t), u);
         // Write the effect of rounding on the error estimate to `dy`.
         let mut measure = |rounding: &mut Self, y: &mut B, dy: &mut B| {
-            rounding.looks += 1;
+            rounding.estimates += 1;
             for c in 0..n {
-                let by = if random_sign(rounding.looks, c as u64) { 2.0 } else { -2.0 } * f64::EPSILON;
+                let by = if random_sign(rounding.estimates, c as u64) { 2.0 } else { -2.0 } * f64::EPSILON;
                 y.as_mut()[c] = S::splat(by).mul_add(x[c], x[c]);
-                rounding.lost.as_mut()[c] = (x[c] - y.as_ref()[c]) + rounding.rest.as_ref()[c];
+                rounding.lost.as_mut()[c] = (x[c] - y.as_ref()[c]) + rounding.remainder.as_ref()[c];
             }
             system.rhs(u, y.as_ref(), dy.as_mut());
             if rounding.compensated {

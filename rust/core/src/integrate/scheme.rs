@@ -8,12 +8,12 @@ use crate::scalar::Real;
 /// One attempt of an explicit method: arguments and results of [`System::attempt`](super::System::attempt).
 ///
 /// ```
-/// use armlet_core::integrate::{Attempt, Pair54, Scheme};
+/// use armlet_core::integrate::{Attempt, Dopri5, Scheme};
 ///
 /// // The stages of one step of `x' = -x` from 1 to `exp(-1/2)`.
 /// let (mut slopes, mut estimates, mut y) = (vec![[-1.0]; 7], vec![[0.0]], [0.0]);
 /// let mut attempt = Attempt { h: 0.5, times: &[], x: &[1.0], slopes: &mut slopes, y: &mut y, estimates: &mut estimates };
-/// Pair54::stages(&mut attempt, |_, x, dx| dx[0] = -x[0]);
+/// Dopri5::stages(&mut attempt, |_, x, dx| dx[0] = -x[0]);
 /// assert!((y[0] - (-0.5f64).exp()).abs() < 1e-5);
 /// assert!((0.5 * estimates[0][0]).abs() < 1e-4);
 /// ```
@@ -36,10 +36,10 @@ pub struct Attempt<'a, S, B> {
 /// Step sizes `h` are in s.
 ///
 /// ```
-/// use armlet_core::integrate::{Pair54, Scheme};
+/// use armlet_core::integrate::{Dopri5, Scheme};
 ///
 /// // The error estimate of a constant slope is zero.
-/// let estimate = |slopes: [f64; 7]| Pair54::E[0].iter().zip(slopes).map(|(e, k)| e * k).sum::<f64>();
+/// let estimate = |slopes: [f64; 7]| Dopri5::E[0].iter().zip(slopes).map(|(e, k)| e * k).sum::<f64>();
 /// assert!(estimate([3.0; 7]).abs() < 1e-15);
 /// assert!(estimate([3.0, 3.0, 3.0, 3.0, 3.0, 3.0, 4.0]).abs() > 0.01);
 /// ```

@@ -20,7 +20,7 @@ use crate::status::Status;
 ///     }
 /// }
 /// # use armlet_core::integrate::solve::{Request, solve};
-/// # use armlet_core::integrate::{Dopri5, System, Tolerance};
+/// # use armlet_core::integrate::{Dopri5, Embedded, System, Tolerance};
 /// # struct Oscillator;
 /// # impl System<f64> for Oscillator {
 /// #     type Input = ();
@@ -28,7 +28,7 @@ use crate::status::Status;
 /// #     fn rhs(&mut self, _: &(), x: &[f64], dx: &mut [f64]) { (dx[0], dx[1]) = (x[1], -x[0]); }
 /// # }
 /// # let tolerance = Tolerance { rtol: 1e-9, atol: 1e-12, controlled: 2 };
-/// # let mut method = Dopri5::new(tolerance, [0.0, 2.0], ());
+/// # let mut method = Embedded::<Dopri5, _, _, _>::new(tolerance, [0.0, 2.0], ());
 /// # let mut nothing = |_: usize, _: f64, _: &[f64]| 1.0;
 /// // `x = 2 sin t` at the requested times.
 /// let (mut largest, times) = (Largest(0.0), [0.0, 0.5, 1.0, 1.5, 2.0]);
@@ -58,7 +58,7 @@ pub trait Recorder {
 /// use armlet_core::integrate::solve::{Request, solve};
 /// use armlet_core::status::Status;
 /// # use armlet_core::integrate::solve::Recorder;
-/// # use armlet_core::integrate::{Dopri5, System, Tolerance};
+/// # use armlet_core::integrate::{Dopri5, Embedded, System, Tolerance};
 /// # struct Fall;
 /// # impl System<f64> for Fall {
 /// #     type Input = ();
@@ -70,7 +70,7 @@ pub trait Recorder {
 /// #     fn state(&mut self, _: f64, _: &[f64]) {}
 /// # }
 /// # let tolerance = Tolerance { rtol: 1e-9, atol: 1e-12, controlled: 2 };
-/// # let mut method = Dopri5::new(tolerance, [9.81, 0.0], ());
+/// # let mut method = Embedded::<Dopri5, _, _, _>::new(tolerance, [9.81, 0.0], ());
 ///
 /// // A fall from 9.81 m, which ends at the floor after sqrt(2) s.
 /// let events = [Event { direction: -1.0, stop_after: 1 }];
@@ -96,7 +96,7 @@ pub struct Request<'a> {
 /// ```
 /// use armlet_core::integrate::solve::{Recorder, Request, SolveOutcome, solve};
 /// use armlet_core::status::Status;
-/// # use armlet_core::integrate::{Dopri5, System, Tolerance};
+/// # use armlet_core::integrate::{Dopri5, Embedded, System, Tolerance};
 /// # struct Explosion;
 /// # impl System<f64> for Explosion {
 /// #     type Input = ();
@@ -108,7 +108,7 @@ pub struct Request<'a> {
 /// #     fn state(&mut self, _: f64, _: &[f64]) {}
 /// # }
 /// # let tolerance = Tolerance { rtol: 1e-6, atol: 1e-9, controlled: 1 };
-/// # let mut method = Dopri5::new(tolerance, [1.0], ());
+/// # let mut method = Embedded::<Dopri5, _, _, _>::new(tolerance, [1.0], ());
 /// # let mut nothing = |_: usize, _: f64, _: &[f64]| 1.0;
 ///
 /// // The solution `1 / (1 - t)` of `x' = x^2` grows without bound before t = 1 s.

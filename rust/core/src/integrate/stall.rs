@@ -17,7 +17,7 @@ const SLOW: u32 = 10;
 #[derive(Clone, Copy, Debug)]
 pub(super) struct StallDetector {
     /// The number of attempts at which the next check is due.
-    look_at: u64,
+    next_check: u64,
     /// The time of the last check, s.
     t: f64,
     slow: u32,
@@ -25,28 +25,28 @@ pub(super) struct StallDetector {
 
 impl StallDetector {
     pub fn new() -> Self {
-        StallDetector { look_at: 0, t: 0.0, slow: 0 }
+        StallDetector { next_check: 0, t: 0.0, slow: 0 }
     }
 
     /// Begin a segment at time `t`.
     pub fn begin(&mut self, work: &Work, t: f64) {
-        *self = StallDetector { look_at: MAX_STEPS.min(work.steps + work.rejections + WINDOW), t, slow: 0 };
+        *self = StallDetector { next_check: MAX_STEPS.min(work.steps + work.rejections + WINDOW), t, slow: 0 };
     }
 
     /// Check the progress before an attempt at time `t`, for a segment that ends at `t_end`. The result is an error if the run must end.
     pub fn check(&mut self, work: &Work, t: f64, t_end: f64) -> Result<(), Status> {
         let attempts = work.steps + work.rejections;
-        if attempts < self.look_at { Ok(()) } else { self.look(attempts, t, t_end) }
+        if attempts < self.next_check { Ok(()) } else { self.check_progress(attempts, t, t_end) }
     }
 
     #[cold]
-    fn look(&mut self, attempts: u64, t: f64, t_end: f64) -> Result<(), Status> {
+    fn check_progress(&mut self, attempts: u64, t: f64, t_end: f64) -> Result<(), Status> {
         if attempts >= MAX_STEPS {
             return Err(Status::MaxSteps);
         }
         let windows = (MAX_STEPS / WINDOW) as f64;
         self.slow = if t_end.is_finite() && (t - self.t) * windows < t_end - t { self.slow + 1 } else { 0 };
-        (self.look_at, self.t) = (MAX_STEPS.min(attempts + WINDOW), t);
+        (self.next_check, self.t) = (MAX_STEPS.min(attempts + WINDOW), t);
         if self.slow >= SLOW { Err(Status::Stalled) } else { Ok(()) }
     }
 }

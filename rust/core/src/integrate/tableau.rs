@@ -4,7 +4,7 @@
 //!
 //! The semi-implicit method is an exception, because its positions use the new rates: see [`Tableau::follows`].
 
-use super::{EqualSteps, ExplicitAdaptive, ExplicitSteps, Forward1, Kutta4, Method, MethodKind, Order8, Pair54, Scheme};
+use super::{Dop853, Dopri5, EqualSteps, Euler, ExplicitAdaptive, ExplicitSteps, Method, MethodKind, Rk4, Scheme};
 
 /// The coefficients of one step of an explicit method.
 ///
@@ -58,11 +58,11 @@ impl Method {
     /// Return the tableau of the method, or `None` for an implicit method.
     pub fn tableau(self) -> Option<Tableau> {
         match self.kind() {
-            MethodKind::ExplicitSteps(ExplicitSteps::Euler) => Some(Tableau::equal::<Forward1>(false)),
-            MethodKind::ExplicitSteps(ExplicitSteps::SemiImplicit) => Some(Tableau::equal::<Forward1>(true)),
-            MethodKind::ExplicitSteps(ExplicitSteps::Rk4) => Some(Tableau::equal::<Kutta4>(false)),
-            MethodKind::ExplicitAdaptive(ExplicitAdaptive::Dopri5) => Some(Tableau::embedded::<Pair54>()),
-            MethodKind::ExplicitAdaptive(ExplicitAdaptive::Dop853) => Some(Tableau::embedded::<Order8>()),
+            MethodKind::ExplicitSteps(ExplicitSteps::Euler) => Some(Tableau::equal::<Euler>(false)),
+            MethodKind::ExplicitSteps(ExplicitSteps::SemiImplicit) => Some(Tableau::equal::<Euler>(true)),
+            MethodKind::ExplicitSteps(ExplicitSteps::Rk4) => Some(Tableau::equal::<Rk4>(false)),
+            MethodKind::ExplicitAdaptive(ExplicitAdaptive::Dopri5) => Some(Tableau::embedded::<Dopri5>()),
+            MethodKind::ExplicitAdaptive(ExplicitAdaptive::Dop853) => Some(Tableau::embedded::<Dop853>()),
             MethodKind::ImplicitSteps(_) | MethodKind::ImplicitAdaptive(_) => None,
         }
     }

@@ -153,8 +153,8 @@ where
             if stop.requested() {
                 return outcome(Status::Interrupted, method.t(), method);
             }
-            let looks = watch.active() && switch_at.is_none();
-            if looks {
+            let checks = watch.active() && switch_at.is_none();
+            if checks {
                 start.clone_from(method.x());
             }
             method.limit_step(segments.longest_step(method.t()));
@@ -164,8 +164,8 @@ where
             };
             let mut reached = method.t();
             let mut ends = false;
-            if looks {
-                match watch.look(system, method) {
+            if checks {
+                match watch.check_step(system, method) {
                     Err(status) => return outcome(status, method.t(), method),
                     Ok(Some(Cut::Switch(cut))) => {
                         // Return to the start of the step, and step to the switch.
@@ -187,7 +187,7 @@ where
             }
             system.remove_creep(method.x_mut());
             if watch.active() {
-                watch.keep(system, method, reached);
+                watch.store_step(system, method, reached);
             }
             let sampled = done && end == segment_end && segments.is_sample(end);
             let step = Step { reached, ends, finished: ends || done && end >= segments.t_end, sample: sampled.then_some(end) };

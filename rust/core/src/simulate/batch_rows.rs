@@ -171,9 +171,9 @@ impl Sink for GroupRecorder<'_> {
         }
     }
 
-    fn take(&mut self, lane: usize, kept: &[f64], time: &dyn Fn(usize) -> f64) {
+    fn take(&mut self, lane: usize, stored: &[f64], time: &dyn Fn(usize) -> f64) {
         if let Some(run) = self.summed.get_mut(lane) {
-            run.take(kept, time);
+            run.take(stored, time);
         }
     }
 }

@@ -123,7 +123,7 @@ impl BatchStepper {
             frame.fill(slots.signature.angle(), 0.0);
             rows::read(&mut frame, slots.state.first, &[Rows { numbers: x, width: states }], 0);
             rows::read(&mut frame, slots.tau.first, &[Rows { numbers: tau, width: n }], 0);
-            match programs.whole() {
+            match programs.whole_step() {
                 Some(program) => program.run_along(&mut frame, &[], steps),
                 None => (0..steps).for_each(|_| programs.advance(&mut frame, |_, _| ())),
             }

@@ -76,21 +76,21 @@ impl<S: Real> Gauge<S> {
         }
     }
 
-    /// Update the stored numbers `kept` with one record. `h` is the time to the next record, s, and zero at the last record.
-    pub fn add(&mut self, seen: &MetricInput<S>, h: S, start: Start, kept: &mut [S]) {
-        let weight = kept[self.plan.places.since] + h;
-        let count = kept[self.plan.places.count];
-        self.add_errors(seen, weight, count, kept);
-        self.add_distances(seen, weight, kept);
-        self.add_effort(seen, weight, kept);
+    /// Update the stored numbers `stored` with one record. `h` is the time to the next record, s, and zero at the last record.
+    pub fn add(&mut self, seen: &MetricInput<S>, h: S, start: Start, stored: &mut [S]) {
+        let weight = stored[self.plan.places.since] + h;
+        let count = stored[self.plan.places.count];
+        self.add_errors(seen, weight, count, stored);
+        self.add_distances(seen, weight, stored);
+        self.add_effort(seen, weight, stored);
         if self.plan.energy {
-            self.add_identities(&seen.identities, count, start, kept);
+            self.add_identities(&seen.identities, count, start, stored);
         }
-        kept[self.plan.places.since] = h;
-        kept[self.plan.places.count] = count + S::splat(1.0);
+        stored[self.plan.places.since] = h;
+        stored[self.plan.places.count] = count + S::splat(1.0);
     }
 
-    fn add_errors(&self, seen: &MetricInput<S>, weight: S, count: S, kept: &mut [S]) {
+    fn add_errors(&self, seen: &MetricInput<S>, weight: S, count: S, stored: &mut [S]) {
         let (plan, places) = (&self.plan, &self.plan.places);
         let wanted = match plan.wanted {
             ErrorReference::Nothing => return,
@@ -102,32 +102,32 @@ impl<S: Real> Gauge<S> {
             let error = q_d - q;
             let size = error.abs();
             let at = |range: &std::ops::Range<usize>| range.start + i;
-            kept[at(&places.error)] = (error * weight).mul_add(error, kept[at(&places.error)]);
-            kept[at(&places.error_peak)] = kept[at(&places.error_peak)].max(size);
-            kept[at(&places.error_final)] = size;
-            kept[at(&places.upper)] = kept[at(&places.upper)].max(q);
-            kept[at(&places.lower)] = kept[at(&places.lower)].min(q);
-            kept[at(&places.wanted_upper)] = kept[at(&places.wanted_upper)].max(q_d);
-            kept[at(&places.wanted_lower)] = kept[at(&places.wanted_lower)].min(q_d);
+            stored[at(&places.error)] = (error * weight).mul_add(error, stored[at(&places.error)]);
+            stored[at(&places.error_peak)] = stored[at(&places.error_peak)].max(size);
+            stored[at(&places.error_final)] = size;
+            stored[at(&places.upper)] = stored[at(&places.upper)].max(q);
+            stored[at(&places.lower)] = stored[at(&places.lower)].min(q);
+            stored[at(&places.wanted_upper)] = stored[at(&places.wanted_upper)].max(q_d);
+            stored[at(&places.wanted_lower)] = stored[at(&places.wanted_lower)].min(q_d);
         }
-        let mut last = kept[places.outside];
+        let mut last = stored[places.outside];
         if self.band.is_empty() {
             for (unit, joints) in plan.units.iter().enumerate() {
-                let sizes = &kept[places.error_final.clone()];
+                let sizes = &stored[places.error_final.clone()];
                 let size = joints[1..].iter().fold(sizes[joints[0]], |most, &i| most.max(sizes[i]));
-                let peak = kept[places.unit_peak.start + unit].max(size);
-                kept[places.unit_peak.start + unit] = peak;
+                let peak = stored[places.unit_peak.start + unit].max(size);
+                stored[places.unit_peak.start + unit] = peak;
                 last = S::select((self.settle * peak).lt(size), count, last);
             }
         } else {
             for (i, &band) in self.band.iter().enumerate() {
-                last = S::select(band.lt(kept[places.error_final.start + i]), count, last);
+                last = S::select(band.lt(stored[places.error_final.start + i]), count, last);
             }
         }
-        kept[places.outside] = last;
+        stored[places.outside] = last;
     }
 
-    fn add_distances(&mut self, seen: &MetricInput<S>, weight: S, kept: &mut [S]) {
+    fn add_distances(&mut self, seen: &MetricInput<S>, weight: S, stored: &mut [S]) {
         let (plan, places) = (&self.plan, &self.plan.places);
         if plan.distances() == 0 {
             return;
@@ -151,18 +151,18 @@ impl<S: Real> Gauge<S> {
         }
         for (k, &square) in self.distances.iter().enumerate() {
             let (sum, peak) = (places.distance.start + k, places.distance_peak.start + k);
-            kept[sum] = weight.mul_add(square, kept[sum]);
-            kept[peak] = kept[peak].max(square);
-            kept[places.distance_final.start + k] = square;
+            stored[sum] = weight.mul_add(square, stored[sum]);
+            stored[peak] = stored[peak].max(square);
+            stored[places.distance_final.start + k] = square;
         }
     }
 
-    fn add_effort(&self, seen: &MetricInput<S>, weight: S, kept: &mut [S]) {
+    fn add_effort(&self, seen: &MetricInput<S>, weight: S, stored: &mut [S]) {
         let (plan, places) = (&self.plan, &self.plan.places);
         for (i, &tau) in seen.tau.iter().enumerate() {
             let (sum, peak) = (places.tau.start + i, places.tau_peak.start + i);
-            kept[sum] = (tau * weight).mul_add(tau, kept[sum]);
-            kept[peak] = kept[peak].max(tau.abs());
+            stored[sum] = (tau * weight).mul_add(tau, stored[sum]);
+            stored[peak] = stored[peak].max(tau.abs());
         }
         let Some(bounds) = &plan.bounds else { return };
         let mut time = S::zero();
@@ -180,40 +180,40 @@ impl<S: Real> Gauge<S> {
             beyond(speed.0, seen.v[i].abs(), speed.1);
             beyond(effort.0, seen.tau[i].abs(), effort.1);
         }
-        kept[places.beyond] += time;
+        stored[places.beyond] += time;
     }
 
-    fn add_identities(&self, seen: &Identities<S>, count: S, start: Start, kept: &mut [S]) {
+    fn add_identities(&self, seen: &Identities<S>, count: S, start: Start, stored: &mut [S]) {
         let places = &self.plan.places;
         let (zero, one) = (S::zero(), S::splat(1.0));
         let [dissipated, put_in] = seen.quadratures;
-        let first = |place: usize, value: S, kept: &mut [S]| {
+        let first = |place: usize, value: S, stored: &mut [S]| {
             if start == Start::Requested {
-                kept[place] = S::select(count.lt(one), value, kept[place]);
+                stored[place] = S::select(count.lt(one), value, stored[place]);
             }
-            kept[place]
+            stored[place]
         };
-        let mut violations = kept[places.violations];
+        let mut violations = stored[places.violations];
         let mut break_beyond = |bound: S, size: S| violations += S::select(bound.lt(size), one, zero);
         let at = places.energy.start;
-        let balance = seen.energy - put_in - first(at, seen.energy - put_in, kept);
-        let mut sum = kept[places.sum] + balance + seen.skewness;
-        kept[at + 1] = kept[at + 1].max(seen.energy.abs());
-        kept[at + 2] = kept[at + 2].max(put_in.abs());
-        kept[at + 3] = kept[at + 3].max(balance.abs());
-        break_beyond(self.tolerance * kept[at + 1], balance.abs());
+        let balance = seen.energy - put_in - first(at, seen.energy - put_in, stored);
+        let mut sum = stored[places.sum] + balance + seen.skewness;
+        stored[at + 1] = stored[at + 1].max(seen.energy.abs());
+        stored[at + 2] = stored[at + 2].max(put_in.abs());
+        stored[at + 3] = stored[at + 3].max(balance.abs());
+        break_beyond(self.tolerance * stored[at + 1], balance.abs());
         break_beyond(self.tolerance, seen.skewness.abs());
         if self.plan.lyapunov {
             let at = places.lyapunov.start;
-            let balance = first(at, seen.lyapunov + dissipated, kept) - seen.lyapunov - dissipated;
-            kept[at + 1] = kept[at + 1].max(seen.lyapunov);
-            break_beyond(self.tolerance * kept[at + 1], balance.abs());
-            break_beyond(self.tolerance * kept[at + 1], seen.lyapunov - kept[at + 2]);
-            kept[at + 2] = seen.lyapunov;
-            kept[at + 3] = kept[at + 3].max(balance.abs());
+            let balance = first(at, seen.lyapunov + dissipated, stored) - seen.lyapunov - dissipated;
+            stored[at + 1] = stored[at + 1].max(seen.lyapunov);
+            break_beyond(self.tolerance * stored[at + 1], balance.abs());
+            break_beyond(self.tolerance * stored[at + 1], seen.lyapunov - stored[at + 2]);
+            stored[at + 2] = seen.lyapunov;
+            stored[at + 3] = stored[at + 3].max(balance.abs());
             sum += balance;
         }
-        kept[places.violations] = violations;
-        kept[places.sum] = sum;
+        stored[places.violations] = violations;
+        stored[places.sum] = sum;
     }
 }

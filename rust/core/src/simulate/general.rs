@@ -48,10 +48,10 @@ impl LaneRecorder<'_> {
             for (to, from) in self.tau.iter_mut().zip(tau) {
                 *to = from.lane(lane) + 0.0;
             }
-            let (x, kept) = self.x.split_at(self.size);
+            let (x, stored) = self.x.split_at(self.size);
             self.sink.record(i, lane, t, x, &self.tau);
-            if !kept.is_empty() {
-                self.sink.take(lane, kept, self.time);
+            if !stored.is_empty() {
+                self.sink.take(lane, stored, self.time);
             }
         }
     }
@@ -117,8 +117,8 @@ impl<'a> WithAdaptive<f64, RatesLoop<'a>> for AdaptiveRun<'a, '_> {
         let size = method.x().len();
         let mut recorder = General::recorder(problem, sink, &|_| f64::NAN, size);
         let mut i = 0;
-        let kept = size - monitors::integrals(problem.options.monitors).count();
-        let mut watch = Watching::new(problem.plant(first), observer, kept, method.x());
+        let states = size - monitors::integrals(problem.options.monitors).count();
+        let mut watch = Watching::new(problem.plant(first), observer, states, method.x());
         let record = |t: f64, closed: &mut RatesLoop, x: &[f64]| {
             let tau = closed.input_at(t, x);
             recorder.write(i, t, x, tau);

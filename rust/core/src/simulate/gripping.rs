@@ -50,7 +50,7 @@ impl RatesLoop<'_> {
         let Some(mut joints) = self.joints.take() else { return false };
         // A moving joint slides under any load.
         if joints.speeds(x).contains(&0.0) {
-            self.compute_at(t, |running, u| running.loads(u, x, &mut joints.loads));
+            self.compute_at(t, |rates, u| rates.loads(u, x, &mut joints.loads));
             joints.friction.set_loads(&joints.loads);
         }
         let changes = joints.friction.settle(&x[joints.first..][..joints.margins.len()], leaving);
@@ -61,7 +61,7 @@ impl RatesLoop<'_> {
 
     /// Write the margin of each joint to `out`, at time `t` and state `x`. A negative margin means that the joint's present mode ends.
     pub fn margins(&mut self, t: f64, x: &[f64], out: &mut [f64]) {
-        self.compute_at(t, |running, u| running.margins(u, x, out));
+        self.compute_at(t, |rates, u| rates.margins(u, x, out));
     }
 
     /// Change the mode of joint `joint` at time `t` and state `x`: a stuck joint slips, a sliding joint stops. If `joint` is `None`, check

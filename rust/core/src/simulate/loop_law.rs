@@ -11,7 +11,7 @@ impl RatesLoop<'_> {
     fn evaluate_law(&mut self, u: &Exogenous<f64>, x: &[f64]) {
         let (mut tau, mut dz) = (std::mem::take(&mut self.tau), std::mem::take(&mut self.dz));
         let Some((law, seen)) = &self.law else {
-            self.compute(|running, _| running.law(u, x, &mut tau, &mut dz));
+            self.compute(|rates, _| rates.law(u, x, &mut tau, &mut dz));
             (self.tau, self.dz) = (tau, dz);
             return;
         };

@@ -127,13 +127,12 @@ impl Programs {
     /// The program that computes consecutive steps from a stream of exogenous inputs. Each step begins with an update of the metrics, if
     /// the loop has metrics. It is `None` if the step is divided into parts.
     pub fn repeated(&self) -> Option<&Program> {
-        let whole = self.whole()?;
-        Some(self.along.as_ref().unwrap_or(whole))
+        Some(self.along.as_ref().unwrap_or(self.whole_step()?))
     }
 
     /// The program that computes consecutive steps from a stream of exogenous inputs, without metrics and records. It is `None` if the step
     /// is divided into parts.
-    pub fn whole(&self) -> Option<&Program> {
+    pub fn whole_step(&self) -> Option<&Program> {
         if let Step::Whole(program) = &self.step { Some(program) } else { None }
     }
 
@@ -160,7 +159,7 @@ impl Programs {
 pub fn make(ops: &[Op], slots: &StepSlots, tracing: &Tracing, (lanes, engine): (bool, Engine), watch: Watch) -> Programs {
     let mut cuts = tracing.cuts.clone();
     let outputs = slots.state.outputs(&tracing.next);
-    let whole = outputs.clone();
+    let next = outputs.clone();
     cuts.push(Cut { end: ops.len() as u32, outputs });
     let (places, mut free) = segments::join(ops, &mut cuts, slots.signature.slots() as u32);
     let Slots { first, count: width } = slots.exogenous.slots;
@@ -196,11 +195,11 @@ pub fn make(ops: &[Op], slots: &StepSlots, tracing: &Tracing, (lanes, engine): (
     let (mut sums, mut along) = (None, None);
     if let Some(summing) = &tracing.sums {
         sums = Some(program("sums".into(), 0, &slots.metrics.outputs(&summing.alone), &none, None));
-        let kept = |entries: &[u32]| slots.metrics.outputs(&entries[..slots.lasting]);
+        let lasting = |entries: &[u32]| slots.metrics.outputs(&entries[..slots.lasting]);
         along = Some(match step {
-            Step::Whole(_) => program("summed_step".into(), 0, &[whole.clone(), kept(&summing.along)].concat(), &none, Some(stream)),
+            Step::Whole(_) => program("summed_step".into(), 0, &[next.clone(), lasting(&summing.along)].concat(), &none, Some(stream)),
             // The frame already contains the plant's input. The input is held, or the first stage of the step has written it.
-            Step::Stages { .. } => program("later_sums".into(), 0, &kept(&summing.stage), &none, None),
+            Step::Stages { .. } => program("later_sums".into(), 0, &lasting(&summing.stage), &none, None),
         });
     }
     let (mut notes, mut noted_step) = (None, None);
@@ -208,7 +207,7 @@ pub fn make(ops: &[Op], slots: &StepSlots, tracing: &Tracing, (lanes, engine): (
         let alone = [slots.record.outputs(&noting.alone), slots.own_reference.outputs(&noting.firsts)].concat();
         notes = Some(program("notes".into(), 0, &alone, &none, None));
         if let Step::Whole(_) = step {
-            let next = [whole, slots.record.outputs(&noting.along)].concat();
+            let next = [next, slots.record.outputs(&noting.along)].concat();
             noted_step = Some(program("noted_step".into(), 0, &next, &none, Some(stream)));
         }
     }

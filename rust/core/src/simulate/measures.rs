@@ -212,20 +212,20 @@ impl Plan {
     /// Return the stored numbers before the first record. All are finite, because they are part of the state of a loop, and a run ends if
     /// its state is not finite.
     pub fn start(&self) -> Vec<f64> {
-        let mut kept = vec![0.0; self.places.all];
+        let mut stored = vec![0.0; self.places.all];
         for range in [&self.places.upper, &self.places.wanted_upper] {
-            kept[range.clone()].fill(f64::MIN);
+            stored[range.clone()].fill(f64::MIN);
         }
         for range in [&self.places.lower, &self.places.wanted_lower] {
-            kept[range.clone()].fill(f64::MAX);
+            stored[range.clone()].fill(f64::MAX);
         }
         if !self.places.error.is_empty() {
-            kept[self.places.outside] = -1.0;
+            stored[self.places.outside] = -1.0;
         }
         if let Some(largest) = self.places.lyapunov.clone().nth(1) {
-            (kept[largest], kept[largest + 1]) = (f64::MIN, f64::MAX);
+            (stored[largest], stored[largest + 1]) = (f64::MIN, f64::MAX);
         }
-        kept
+        stored
     }
 }
 

@@ -23,7 +23,7 @@ pub struct Measuring<'a> {
     pub values: Vec<f64>,
     desired: Vec<f64>,
     /// The sums and extrema from which the metrics are computed.
-    kept: Vec<f64>,
+    stored: Vec<f64>,
     /// The number of records so far.
     count: usize,
     /// The time of the last record, s.
@@ -37,7 +37,7 @@ pub struct Measuring<'a> {
     settled: Option<f64>,
     /// The time at which a monitor was not finite, s. Infinite if all were finite.
     pub fault: f64,
-    /// Whether a program has computed the sums `kept`.
+    /// Whether a program has computed the sums `stored`.
     given: bool,
 }
 
@@ -52,7 +52,7 @@ impl<'a> Measuring<'a> {
             monitor: (monitors > 0).then(|| Monitors::new(problem, run)),
             values: vec![0.0; monitors],
             desired: law.desired(0.0),
-            kept: plan.start(),
+            stored: plan.start(),
             count: 0,
             t: f64::NAN,
             x: vec![0.0; problem.state_size()],
@@ -65,7 +65,7 @@ impl<'a> Measuring<'a> {
         }
     }
 
-    /// Add the last record to the sums `kept`. `t` is the time of the next record, s.
+    /// Add the last record to the sums `stored`. `t` is the time of the next record, s.
     fn add(&mut self, t: f64) {
         sample_all(self.law.motions(), self.t, &mut self.desired);
         let plan = &self.gauge.plan;
@@ -81,11 +81,11 @@ impl<'a> Measuring<'a> {
         let parts = self.columns.split(&self.x, &self.tau);
         let seen = MetricInput { desired: &self.desired, q: parts.q, v: parts.v, tau: &self.tau, identities };
         let outside = plan.places.outside;
-        self.gauge.add(&seen, t - self.t, Start::Requested, &mut self.kept);
+        self.gauge.add(&seen, t - self.t, Start::Requested, &mut self.stored);
         if self.count == 1 {
             self.settled = Some(self.t);
         }
-        if !self.gauge.plan.places.error.is_empty() && self.kept[outside] == (self.count - 1) as f64 {
+        if !self.gauge.plan.places.error.is_empty() && self.stored[outside] == (self.count - 1) as f64 {
             self.settled = (t > self.t).then_some(t);
         }
     }
@@ -93,7 +93,7 @@ impl<'a> Measuring<'a> {
     pub fn record(&mut self, i: usize, t: f64, x: &[f64], tau: &[f64]) {
         if i == 0 {
             // Record 0 means that the run starts or restarts.
-            self.kept = self.gauge.plan.start();
+            self.stored = self.gauge.plan.start();
             (self.count, self.fault, self.given) = (0, f64::INFINITY, false);
             self.first_time = t;
             let n = self.first.len();
@@ -118,13 +118,13 @@ impl<'a> Measuring<'a> {
         self.tau.copy_from_slice(tau);
     }
 
-    /// Take the sums `kept` that a program has computed up to the present record. `time(i)` is the time of record `i`.
-    pub fn take(&mut self, kept: &[f64], time: &dyn Fn(usize) -> f64) {
+    /// Take the sums `stored` that a program has computed up to the present record. `time(i)` is the time of record `i`.
+    pub fn take(&mut self, stored: &[f64], time: &dyn Fn(usize) -> f64) {
         self.given = true;
-        self.kept.copy_from_slice(kept);
+        self.stored.copy_from_slice(stored);
         let places = &self.gauge.plan.places;
-        let records = kept[places.count];
-        let after = if places.error.is_empty() { 0.0 } else { kept[places.outside] + 1.0 };
+        let records = stored[places.count];
+        let after = if places.error.is_empty() { 0.0 } else { stored[places.outside] + 1.0 };
         self.settled = (after < records).then(|| time(after as usize));
     }
 
@@ -135,6 +135,6 @@ impl<'a> Measuring<'a> {
         }
         sample_all(self.law.motions(), self.t, &mut self.desired);
         let ends = Ends { times: [self.first_time, self.t], settled: self.settled, q: &self.first, desired: &self.desired };
-        self.gauge.plan.summary(&self.kept, &ends)
+        self.gauge.plan.summary(&self.stored, &ends)
     }
 }

@@ -66,12 +66,12 @@ impl<S: Real> ProgramStep<S> {
         let most = slots.new_instants() * STREAM_STEPS + 1;
         let numbers = slots.exogenous.slots.count * most;
         let lanes = if slots.shared { vec![1] } else { closed.frames.iter().map(Frame::lanes).collect() };
-        let whole = |table: &&Table| slots.shared && slots.exogenous.slots.count == 3 * table.dof();
+        let covers = |table: &&Table| slots.shared && slots.exogenous.slots.count == 3 * table.dof();
         ProgramStep {
             times: Vec::with_capacity(most),
             streams: lanes.iter().map(|&lanes| Frame::new(numbers, lanes)).collect(),
             lane: vec![0.0; if slots.shared { 0 } else { numbers }],
-            table: world.only_table().filter(whole).cloned(),
+            table: world.only_table().filter(covers).cloned(),
             at: None,
             still: world.is_still(),
             filled: 0,
@@ -165,7 +165,7 @@ fn run_noting(
     stream: &[f64],
     (from, turns): (usize, usize),
 ) {
-    let (Some(plain), Some(noting)) = (programs.whole(), programs.noted_step()) else { unreachable!("the steps are whole and noted") };
+    let (Some(plain), Some(noting)) = (programs.whole_step(), programs.noted_step()) else { unreachable!("the steps are whole and noted") };
     let mut turn = 0;
     while turn < turns {
         let since = (from + turn) % log.every;
@@ -189,7 +189,7 @@ pub fn tabulate(slots: &StepSlots, programs: &Programs, world: &World, schedule:
     let (steps, h) = (schedule.steps, schedule.dt);
     let (width, new) = (slots.exogenous.slots.count, slots.new_instants());
     let numbers = width.checked_mul(new)?.checked_mul(steps)?.checked_add(width)?;
-    if !slots.shared || programs.whole().is_none() || numbers > LARGEST_TABLE {
+    if !slots.shared || programs.whole_step().is_none() || numbers > LARGEST_TABLE {
         return None;
     }
     let (mut table, mut times) = (memory::zeros(numbers).ok()?, Vec::new());
@@ -206,7 +206,7 @@ impl<S: Real> FixedStep<S, ProgramLoop<'_, S>, Vec<S>> for ProgramStep<S> {
         let (recorded, programs) = (system.recorded.clone(), system.programs.clone());
         self.sample(&recorded.slots, &system.world, std::iter::once([t, h, end]));
         let slots = &recorded.slots;
-        system.advance(h, x, |frame, k| match programs.whole() {
+        system.advance(h, x, |frame, k| match programs.whole_step() {
             Some(program) => program.run_along(frame, self.stream(k), 1),
             None => {
                 self.place(slots, frame, k, 0);

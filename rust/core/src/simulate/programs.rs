@@ -115,9 +115,9 @@ impl Sink for SelectedLanes<'_> {
         self.sink.block(&block.of_lanes(|lane| self.lanes[lane]));
     }
 
-    fn take(&mut self, lane: usize, kept: &[f64], time: &dyn Fn(usize) -> f64) {
+    fn take(&mut self, lane: usize, stored: &[f64], time: &dyn Fn(usize) -> f64) {
         if let Some(lane) = self.lanes[lane] {
-            self.sink.take(lane, kept, time);
+            self.sink.take(lane, stored, time);
         }
     }
 }
@@ -154,7 +154,7 @@ pub fn run<S: Real>(structures: &Structures, group: General, fixed: &Fixed) -> E
         }
         let mut x = start::<S>(problem, row);
         if structures.common.sums {
-            x.append(&mut kept(problem, structures.common, row));
+            x.append(&mut initial_metrics(problem, structures.common, row));
         }
         let Ended::Fixed(found) = group.fixed(within.as_ref().unwrap_or(fixed), &mut closed, x, method) else {
             unreachable!("steps are fixed")
@@ -177,7 +177,7 @@ pub fn run<S: Real>(structures: &Structures, group: General, fixed: &Fixed) -> E
 }
 
 /// Return the stored numbers of the metrics before the first record, for the runs `run(lane)`.
-fn kept<S: Real>(problem: &Problem, common: Common, run: impl Fn(usize) -> usize) -> Vec<S> {
+fn initial_metrics<S: Real>(problem: &Problem, common: Common, run: impl Fn(usize) -> usize) -> Vec<S> {
     let lanes: Vec<Vec<f64>> =
         (0..S::LANES).map(|lane| common.plan(problem, run(lane)).map_or_else(Vec::new, |plan| plan.start())).collect();
     (0..lanes[0].len()).map(|k| S::from_lanes(|lane| lanes[lane][k])).collect()

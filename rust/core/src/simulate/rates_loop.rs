@@ -10,7 +10,7 @@ use super::force::Wrench;
 use super::key::Common;
 use super::problem::Problem;
 use super::rates_programs::{self, Rates};
-use super::running_rates::Running;
+use super::running_rates::RatesEvaluation;
 use super::sampler::Sampler;
 use super::simulated_loop::SimulatedLoop;
 use super::sticking_joints::StickingJoints;
@@ -54,7 +54,7 @@ pub struct RatesLoop<'a> {
     pub(super) acting: (Vec<f64>, Vec<f64>),
     pub(super) measured: Vec<f64>,
     /// The programs of the rates: the first with the law's output as the input, the second with a held input.
-    running: [Option<Running>; 2],
+    evaluations: [Option<RatesEvaluation>; 2],
     /// Present while the interpreter computes until machine code repays.
     waiting: Option<Source<'a>>,
     /// Whether an angle has exceeded the range of machine code, so that the interpreter continues.
@@ -85,7 +85,7 @@ impl<'a> RatesLoop<'a> {
             acting: (vec![0.0; n], vec![0.0; answer]),
             measured: x.clone(),
             world,
-            running: [None, None],
+            evaluations: [None, None],
             waiting: None,
             strayed: false,
         };
@@ -101,7 +101,7 @@ impl<'a> RatesLoop<'a> {
         rates.note(engine);
         closed.waiting = Some(Source { rates, problem, run });
         let which = closed.which();
-        closed.running[which] = Some(Running::new(recorded, &values, engine));
+        closed.evaluations[which] = Some(RatesEvaluation::new(recorded, &values, engine));
         if settled {
             closed.stop_waiting();
         }
@@ -112,13 +112,13 @@ impl<'a> RatesLoop<'a> {
     pub fn stepped(problem: &Problem) -> (RatesLoop<'static>, Vec<f64>) {
         let (closed, x) = RatesLoop::without_programs(problem, 0);
         let unheld = closed.which() == 0;
-        let running = [false, true].map(|held| {
+        let evaluations = [false, true].map(|held| {
             (held || unheld).then(|| {
                 let (recorded, values) = rates_programs::of_run(problem, 0, Common::of_functions(problem), held);
-                Running::new(recorded, &values, engine())
+                RatesEvaluation::new(recorded, &values, engine())
             })
         });
-        (RatesLoop { world: closed.world.into_owned(), running, waiting: None, ..closed }, x)
+        (RatesLoop { world: closed.world.into_owned(), evaluations, waiting: None, ..closed }, x)
     }
 
     /// Return memory for the exogenous input at one instant.
@@ -150,30 +150,30 @@ impl<'a> RatesLoop<'a> {
     fn stop_waiting(&mut self) {
         let Some(Source { rates, problem, run }) = self.waiting.take() else { return };
         rates.note(engine());
-        for running in self.running.iter_mut().flatten() {
-            running.use_engine(engine());
-            running.use_attempt(running.recorded.attempt(problem, run, rates.common));
+        for evaluation in self.evaluations.iter_mut().flatten() {
+            evaluation.use_engine(engine());
+            evaluation.use_attempt(evaluation.recorded.attempt(problem, run, rates.common));
         }
     }
 
     /// Count an evaluation by the interpreter. If machine code repays, use it from now on.
     fn count(&mut self) {
         let which = self.which();
-        if self.waiting.is_some() && !self.strayed && self.running[which].as_ref().is_some_and(|running| running.recorded.programs.count(1))
+        if self.waiting.is_some() && !self.strayed && self.evaluations[which].as_ref().is_some_and(|rates| rates.recorded.programs.count(1))
         {
             self.stop_waiting();
         }
     }
 
     fn use_engine(&mut self, engine: Engine) {
-        self.running.iter_mut().flatten().for_each(|running| running.use_engine(engine));
+        self.evaluations.iter_mut().flatten().for_each(|rates| rates.use_engine(engine));
     }
 
     /// Compute with the programs. If the result of machine code is not valid, the interpreter computes it again, and continues.
-    pub(super) fn compute(&mut self, mut of: impl FnMut(&mut Running, &mut World<'a>) -> bool) {
+    pub(super) fn compute(&mut self, mut of: impl FnMut(&mut RatesEvaluation, &mut World<'a>) -> bool) {
         let which = self.which();
-        let Some(running) = &mut self.running[which] else { unreachable!("the loop has been recorded") };
-        if !of(running, &mut self.world) && !self.strayed {
+        let Some(rates) = &mut self.evaluations[which] else { unreachable!("the loop has been recorded") };
+        if !of(rates, &mut self.world) && !self.strayed {
             self.stray();
             self.compute(of);
         }
@@ -185,43 +185,43 @@ impl<'a> RatesLoop<'a> {
     }
 
     /// Use machine code again.
-    fn come_back(&mut self) {
+    fn use_machine_code(&mut self) {
         if std::mem::take(&mut self.strayed) {
             self.use_engine(engine());
         }
     }
 
     /// Compute a function of the loop under the exogenous input at time `t`.
-    pub(super) fn compute_at(&mut self, t: f64, mut of: impl FnMut(&mut Running, &Exogenous<f64>) -> bool) {
+    pub(super) fn compute_at(&mut self, t: f64, mut of: impl FnMut(&mut RatesEvaluation, &Exogenous<f64>) -> bool) {
         let mut now = std::mem::replace(&mut self.now, Exogenous { t, desired: Vec::new(), wrench: [0.0; 6] });
         self.world.sample(t, &mut now);
-        self.compute(|running, _| of(running, &now));
+        self.compute(|rates, _| of(rates, &now));
         self.now = now;
     }
 
     /// Write the held input and the held rate of the law's state to the frames.
     pub(super) fn hold(&mut self) {
-        if let [_, Some(running)] = &mut self.running {
-            running.hold(&self.tau, &self.dz);
+        if let [_, Some(rates)] = &mut self.evaluations {
+            rates.hold(&self.tau, &self.dz);
         }
     }
 
     /// Write the modes of the joints to the frames.
     pub(super) fn write_sides(&mut self) {
         if let Some(joints) = &self.joints {
-            self.running.iter_mut().flatten().for_each(|running| running.hold_sides(joints.sides()));
+            self.evaluations.iter_mut().flatten().for_each(|rates| rates.hold_sides(joints.sides()));
         }
     }
 
     /// Hold the contacts of the plant in the modes `contacts`.
     pub fn hold_contacts(&mut self, contacts: &[Touch]) {
         let modes: Vec<f64> = contacts.iter().flat_map(|touch| touch.numbers()).collect();
-        self.running.iter_mut().flatten().for_each(|running| running.hold_contacts(&modes));
+        self.evaluations.iter_mut().flatten().for_each(|rates| rates.hold_contacts(&modes));
     }
 
     /// Write the depth and the push of each contact of the plant at state `x` to `out` ([`Plant::contact`](crate::plant::Plant::contact)).
     pub fn contacts(&mut self, x: &[f64], out: &mut [f64]) {
-        self.compute(|running, _| running.contacts(x, out));
+        self.compute(|rates, _| rates.contacts(x, out));
     }
 
     /// Use `tau` as the plant's input instead of the law's output. If `tau` is `None`, the law computes the input, and `held` selects
@@ -244,25 +244,25 @@ impl<'a> RatesLoop<'a> {
     /// Restart at `t = 0`.
     pub fn rewind(&mut self) {
         if let Some(sampler) = &mut self.sampler {
-            sampler.forget();
+            sampler.clear();
         }
     }
 
     /// Undo a step from time `t`, s. `sides` are the modes of the joints before this step. A sample at `t` remains, unless its output is
     /// not finite.
     pub fn undo_step(&mut self, t: f64, sides: &[i8]) {
-        self.come_back();
+        self.use_machine_code();
         if let Some(sampler) = &mut self.sampler {
-            sampler.forget_at(t, true);
+            sampler.discard_at(t, true);
         }
         self.set_modes_of_joints(sides);
     }
 
     /// Continue at time `t`, s, from a state that the caller has set. A sample at `t` is taken again.
     pub fn replace_state(&mut self, t: f64) {
-        self.come_back();
+        self.use_machine_code();
         if let Some(sampler) = &mut self.sampler {
-            sampler.forget_at(t, false);
+            sampler.discard_at(t, false);
         }
     }
 }
@@ -275,15 +275,15 @@ impl System<f64> for RatesLoop<'_> {
     }
     fn rhs(&mut self, u: &Exogenous<f64>, x: &[f64], dx: &mut [f64]) {
         self.count();
-        self.compute(|running, _| running.rates(u, x, dx));
+        self.compute(|rates, _| rates.rates(u, x, dx));
     }
     fn attempt<C: Scheme, B: Buffer<f64>>(&mut self, attempt: &mut Attempt<f64, B>) -> bool {
         let which = self.which();
-        let (Some(running), world) = (&mut self.running[which], &mut self.world) else { return false };
+        let (Some(rates), world) = (&mut self.evaluations[which], &mut self.world) else { return false };
         if self.strayed {
             return false;
         }
-        let valid = running.attempt(attempt, |t, u| world.sample(t, u));
+        let valid = rates.attempt(attempt, |t, u| world.sample(t, u));
         if valid == Some(false) {
             self.stray();
         }
@@ -320,18 +320,18 @@ impl SimulatedLoop<f64> for RatesLoop<'_> {
 
 impl Differentiable<f64> for RatesLoop<'_> {
     fn linearise(&mut self, t: f64, u: &Exogenous<f64>, x: &[f64], dx: &mut [f64], j: &mut [f64]) {
-        self.compute(|running, world| {
-            if running.is_moving() {
-                let [u, u_dot] = running.instants();
+        self.compute(|rates, world| {
+            if rates.is_moving() {
+                let [u, u_dot] = rates.instants();
                 world.drift(t, u, u_dot);
             }
-            running.linearise(u, x, dx, j)
+            rates.linearise(u, x, dx, j)
         });
     }
     fn time_derivative(&mut self, _: f64, _: &Exogenous<f64>, _: &[f64], dft: &mut [f64]) {
         let which = self.which();
-        if let Some(running) = &self.running[which] {
-            dft.copy_from_slice(running.time_derivative());
+        if let Some(rates) = &self.evaluations[which] {
+            dft.copy_from_slice(rates.time_derivative());
         }
     }
     fn autonomous(&self) -> bool {

@@ -217,7 +217,7 @@ fn trace(
 ) -> Tracing {
     let one = || instant(slots.exogenous.sizes());
     let u: Vec<Exogenous<Sym>> = slots.instants.iter().map(|_| one()).collect();
-    let (x, kept, h) = (slots.state.declare(), slots.metrics.declare(), sym::input());
+    let (x, stored, h) = (slots.state.declare(), slots.metrics.declare(), sym::input());
     let (tau, dz, firsts) = (slots.tau.declare(), slots.law_rate.declare(), slots.reference.declare());
     let (stage, stage_input, mut rates) = (slots.stage.declare(), one(), slots.rates.declare());
     let mut closed = RecordedLoop { closed, slots, cuts: None };
@@ -234,9 +234,9 @@ fn trace(
     // The metrics are recorded at this point, so that they share the law's result at this state with the step.
     let sums = extras.sums.map(|mut sums| {
         let mut sum_up = |tau: &[Sym], start: Start| {
-            let mut kept = kept.clone();
-            sums.add(&u[0].desired, &x, tau, h, start, &mut kept);
-            entries(kept)
+            let mut stored = stored.clone();
+            sums.add(&u[0].desired, &x, tau, h, start, &mut stored);
+            entries(stored)
         };
         let [along, stage] = [&acting, &tau].map(|tau| sum_up(tau, Start::Known));
         Summing { along, stage, alone: sum_up(&tau, Start::Requested) }

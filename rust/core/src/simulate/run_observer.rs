@@ -131,8 +131,8 @@ pub struct RunObserver {
 
 impl RunObserver {
     /// Store the modes of the contacts from time `t` on.
-    pub(super) fn keep_contacts(&mut self, t: f64, by: Option<Guard>, touches: &[Touch]) {
-        self.keep(|observer| {
+    pub(super) fn store_contacts(&mut self, t: f64, by: Option<Guard>, touches: &[Touch]) {
+        self.store(|observer| {
             let Some(contacts) = &mut observer.contacts else { return Ok(()) };
             if contacts.len() == contacts.capacity() {
                 memory::more(contacts, contacts.len().max(1))?;
@@ -143,7 +143,7 @@ impl RunObserver {
     }
 
     /// Store a result, unless the memory is already full.
-    pub(super) fn keep(&mut self, answer: impl FnOnce(&mut Self) -> Result<()>) {
+    pub(super) fn store(&mut self, answer: impl FnOnce(&mut Self) -> Result<()>) {
         if self.full.is_none() {
             self.full = answer(self).err();
         }

@@ -9,7 +9,7 @@ use crate::scalar::trig::REDUCTION_LIMIT;
 use crate::trace::{Engine, Frame, Program, Slots, form};
 use std::sync::Arc;
 
-pub struct Running {
+pub struct RatesEvaluation {
     pub recorded: Arc<RecordedRates>,
     programs: Arc<RatesPrograms>,
     frame: Frame,
@@ -32,7 +32,7 @@ fn frame<'a>(programs: impl Iterator<Item = &'a Program> + Clone, lanes: usize, 
     frame
 }
 
-impl Running {
+impl RatesEvaluation {
     /// Create the frames for a run with the loop parameters `values`.
     pub fn new(recorded: Arc<RecordedRates>, values: &[f64], engine: Engine) -> Self {
         let slots = &recorded.slots;
@@ -40,7 +40,7 @@ impl Running {
         let still = Exogenous { t: f64::NAN, desired: vec![0.0; slots.exogenous.desired], wrench: [0.0; 6] };
         let lanes = form(true).lanes();
         let in_lanes: Vec<f64> = values.iter().flat_map(|&value| std::iter::repeat_n(value, lanes)).collect();
-        Running {
+        RatesEvaluation {
             frame: frame(programs.of_one_run(), 1, values),
             attempt: None,
             lanes: programs.derivatives.as_ref().map(|all| frame(all.all(), lanes, &in_lanes)),
@@ -115,7 +115,7 @@ impl Running {
     /// Compute the plant's input `tau` at state `x`. If the input is held, also compute the rate `dz` of the law's state. Return whether
     /// they are valid.
     pub fn law(&mut self, u: &Exogenous<f64>, x: &[f64], tau: &mut [f64], dz: &mut [f64]) -> bool {
-        let Running { programs, recorded, frame, .. } = self;
+        let RatesEvaluation { programs, recorded, frame, .. } = self;
         let valid = evaluate(&programs.law, frame, &recorded.slots, (Some(u), x), tau);
         if let (Some(FunctionProgram { results, .. }), true) = (&programs.law, recorded.held) {
             dz.copy_from_slice(frame.group(results.part(tau.len(), dz.len())));
@@ -138,7 +138,7 @@ impl Running {
         evaluate(&self.programs.loads, &mut self.frame, &self.recorded.slots, (Some(u), x), out)
     }
 
-    /// Whether [`Running::linearise`] requires the time derivative of the exogenous input.
+    /// Whether [`RatesEvaluation::linearise`] requires the time derivative of the exogenous input.
     pub fn is_moving(&self) -> bool {
         self.programs.derivatives.as_ref().is_some_and(|derivatives| derivatives.moves)
     }
@@ -149,7 +149,7 @@ impl Running {
     }
 
     /// Write the rates of state `x` to `dx`, and their Jacobian with respect to `x` to `j`, shape `(n, n)`, row-major. Afterwards,
-    /// [`Running::time_derivative`] returns the derivative with respect to time. Return whether the results are valid.
+    /// [`RatesEvaluation::time_derivative`] returns the derivative with respect to time. Return whether the results are valid.
     pub fn linearise(&mut self, u: &Exogenous<f64>, x: &[f64], dx: &mut [f64], j: &mut [f64]) -> bool {
         let slots = &self.recorded.slots;
         let (Some(all), Some(frame)) = (&self.programs.derivatives, &mut self.lanes) else { unreachable!("the method is implicit") };

@@ -42,11 +42,11 @@ impl<S: Real> Sampler<S> {
         sensing: Option<TorqueSensing<S>>,
     ) -> Self {
         let delayed = (sampling.delay / sampling.period).ceil() as u64;
-        let kept = KEPT + delayed as usize + sampling.sensor_delay;
+        let capacity = KEPT + delayed as usize + sampling.sensor_delay;
         let zeros = |k: usize| vec![S::zero(); k];
         let sensed = Sensed::new(if sensing.is_some() { n } else { 0 });
         let entry = StoredSample { index: u64::MAX, measured: zeros(states), sensed, tau: zeros(n), dz: zeros(p) };
-        Sampler { ring: vec![entry; kept], sampling, seeds, grid, delayed, sensing, torque_states: None }
+        Sampler { ring: vec![entry; capacity], sampling, seeds, grid, delayed, sensing, torque_states: None }
     }
 
     /// Add the acting output to the rates of the law's state from `torque_states` on, instead of the output that the law computed.
@@ -154,8 +154,8 @@ impl<S: Real> Sampler<S> {
         }
     }
 
-    /// Forget the sample that is due at time `t`, s, so that it is taken again. With `failed`, forget it only if its output is not finite.
-    pub fn forget_at(&mut self, t: f64, failed: bool) {
+    /// Discard the sample that is due at time `t`, s, so that it is taken again. With `failed`, discard it only if its output is not finite.
+    pub fn discard_at(&mut self, t: f64, failed: bool) {
         let Some(k) = self.sampling.due(self.seeds[0], self.grid, t) else { return };
         let slot = self.slot(k);
         let entry = &mut self.ring[slot];
@@ -165,8 +165,8 @@ impl<S: Real> Sampler<S> {
         }
     }
 
-    /// Forget all samples, because the run restarts.
-    pub fn forget(&mut self) {
+    /// Discard all samples, because the run restarts.
+    pub fn clear(&mut self) {
         self.ring.iter_mut().for_each(|entry| entry.index = u64::MAX);
     }
 

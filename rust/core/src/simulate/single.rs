@@ -116,7 +116,7 @@ impl Sink for RunRecorder<'_> {
                 return;
             }
         }
-        self.full = self.keep(t, x, tau);
+        self.full = self.append_record(t, x, tau);
     }
 
     fn block(&mut self, block: &Block) {
@@ -127,7 +127,7 @@ impl Sink for RunRecorder<'_> {
         if self.fault.is_finite() || self.full.is_err() {
             return;
         }
-        self.full = self.keep_block(block);
+        self.full = self.append_block(block);
     }
 }
 
@@ -152,7 +152,7 @@ impl RunRecorder<'_> {
     }
 
     /// Append the records of a block that precede the first record with a monitor that is not finite.
-    fn keep_block(&mut self, block: &Block) -> Result<()> {
+    fn append_block(&mut self, block: &Block) -> Result<()> {
         let (run, monitors) = (&mut *self.run, self.values.len());
         let (mut sound, numbers) = (true, &self.numbers);
         let own = [&mut run.q, &mut run.v, &mut run.tau, &mut run.theta, &mut run.theta_dot, &mut run.z, &mut run.bristles];
@@ -173,7 +173,7 @@ impl RunRecorder<'_> {
         Ok(())
     }
 
-    fn keep(&mut self, t: f64, x: &[f64], tau: &[f64]) -> Result<()> {
+    fn append_record(&mut self, t: f64, x: &[f64], tau: &[f64]) -> Result<()> {
         let run = &mut *self.run;
         let parts = self.columns.split(x, tau);
         append(&mut run.t, &[t])?;
@@ -251,7 +251,7 @@ pub fn simulate_divided(problem: &Problem, division: &Division, stop: &dyn Stop,
                 _ => Status::Success,
             };
             if run.status == Status::Diverged {
-                run.keep_before(run.ended);
+                run.truncate_before(run.ended);
             }
         }
         Ended::Adaptive(outcome) => {
@@ -267,7 +267,7 @@ pub fn simulate_divided(problem: &Problem, division: &Division, stop: &dyn Stop,
 
 impl Run {
     /// Remove the records from time `t` on.
-    fn keep_before(&mut self, t: f64) {
+    fn truncate_before(&mut self, t: f64) {
         self.truncate(self.t.iter().position(|&s| s >= t).unwrap_or(self.t.len()));
     }
 

@@ -73,7 +73,7 @@ impl<'a> Poller<'a> {
 
     #[cold]
     #[inline(never)]
-    fn look(&self) -> bool {
+    fn poll(&self) -> bool {
         let now = Instant::now();
         match self.next.get() {
             Some(next) if now < next => {}
@@ -93,6 +93,6 @@ impl Stop for Poller<'_> {
     fn requested(&self) -> bool {
         let questions = self.questions.get() + 1;
         self.questions.set(questions % CALLS_PER_CLOCK);
-        if questions < CALLS_PER_CLOCK { self.stopped.get() } else { self.look() }
+        if questions < CALLS_PER_CLOCK { self.stopped.get() } else { self.poll() }
     }
 }

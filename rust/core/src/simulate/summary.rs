@@ -37,10 +37,10 @@ impl Plan {
     }
 
     /// Return the values of all quantities, one after another.
-    pub fn summary(&self, kept: &[f64], ends: &Ends) -> Vec<f64> {
+    pub fn summary(&self, stored: &[f64], ends: &Ends) -> Vec<f64> {
         let places = &self.places;
         let [t0, t1] = ends.times;
-        let of = |range: &Range<usize>| kept[range.clone()].iter().copied();
+        let of = |range: &Range<usize>| stored[range.clone()].iter().copied();
         // If the run has one record, the root mean square is the value of this record.
         let alone = t1 == t0;
         let rms = |sum: f64, only: f64| if alone { only } else { (sum / (2.0 * (t1 - t0))).sqrt() };
@@ -50,7 +50,7 @@ impl Plan {
         } else {
             all.extend(of(&places.error).zip(of(&places.error_final)).map(|(sum, only)| rms(sum, only)));
             all.extend(of(&places.error_peak).chain(of(&places.error_final)));
-            all.extend((0..self.n).map(|i| self.overshoot(kept, ends, i)));
+            all.extend((0..self.n).map(|i| self.overshoot(stored, ends, i)));
         }
         all.extend(of(&places.tau).zip(of(&places.tau_peak)).map(|(sum, only)| rms(sum, only)));
         all.extend(of(&places.tau_peak));
@@ -58,9 +58,9 @@ impl Plan {
         all.extend(of(&places.distance_peak).chain(of(&places.distance_final)).map(f64::sqrt));
         let settling = if self.wanted == ErrorReference::Nothing { None } else { ends.settled.map(|t| t - t0) };
         all.push(settling.unwrap_or(f64::NAN));
-        all.push(if self.bounds.is_some() { 0.5 * kept[places.beyond] } else { f64::NAN });
-        all.push(if self.energy { kept[places.violations] } else { 0.0 });
-        let (energy, lyapunov) = (&kept[places.energy.clone()], &kept[places.lyapunov.clone()]);
+        all.push(if self.bounds.is_some() { 0.5 * stored[places.beyond] } else { f64::NAN });
+        all.push(if self.energy { stored[places.violations] } else { 0.0 });
+        let (energy, lyapunov) = (&stored[places.energy.clone()], &stored[places.lyapunov.clone()]);
         all.push(energy_error(energy).unwrap_or(f64::NAN));
         all.push(energy.get(3).copied().unwrap_or(f64::NAN));
         // If the Lyapunov function starts at zero, its relative growth is not defined, and is set to zero.
@@ -71,7 +71,7 @@ impl Plan {
 
     /// Return the overshoot of joint `i`: its distance beyond the extreme of the reference. It is divided by the distance from the joint's
     /// start to its last reference position.
-    fn overshoot(&self, kept: &[f64], ends: &Ends, i: usize) -> f64 {
+    fn overshoot(&self, stored: &[f64], ends: &Ends, i: usize) -> f64 {
         let places = &self.places;
         let (end, speed) = match &self.wanted {
             ErrorReference::Target(target) => (target[i], 0.0),
@@ -81,14 +81,14 @@ impl Plan {
         if !(travel.abs() > STILL) || speed.abs() > STILL {
             return f64::NAN;
         }
-        let at = |range: &Range<usize>| kept[range.start + i];
+        let at = |range: &Range<usize>| stored[range.start + i];
         let beyond = if travel > 0.0 { at(&places.upper) - at(&places.wanted_upper) } else { at(&places.wanted_lower) - at(&places.lower) };
         beyond.max(0.0) / travel.abs()
     }
 }
 
-/// The largest balance, divided by the largest energy stored or exchanged. `kept`: see [`super::measures::MeasureLayout::energy`].
-fn energy_error(kept: &[f64]) -> Option<f64> {
-    let &[_, energy, power, missing] = kept else { return None };
+/// The largest balance, divided by the largest energy stored or exchanged. `stored`: see [`super::measures::MeasureLayout::energy`].
+fn energy_error(stored: &[f64]) -> Option<f64> {
+    let &[_, energy, power, missing] = stored else { return None };
     Some(if missing > 0.0 { missing / energy.max(power) } else { missing })
 }

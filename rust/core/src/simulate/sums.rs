@@ -39,12 +39,12 @@ impl Sums {
     }
 
     /// Update the metrics with the state `x`, the desired motions and the input `tau`. `h`: the time to the next record, s.
-    pub fn add(&mut self, desired: &[Sym], x: &[Sym], tau: &[Sym], h: Sym, start: Start, kept: &mut [Sym]) {
+    pub fn add(&mut self, desired: &[Sym], x: &[Sym], tau: &[Sym], h: Sym, start: Start, stored: &mut [Sym]) {
         let parts = self.columns.split(x, tau);
         let identities = self.theory.as_mut().map_or_else(Identities::default, |theory| {
             theory.arm.move_to(parts.q);
             theory.identities(desired, x)
         });
-        self.gauge.add(&MetricInput { desired, q: parts.q, v: parts.v, tau, identities }, h, start, kept);
+        self.gauge.add(&MetricInput { desired, q: parts.q, v: parts.v, tau, identities }, h, start, stored);
     }
 }

@@ -97,7 +97,7 @@ impl<'a> Watching<'a> {
         switching.begin(system, &self.at);
         system.hold_contacts(&switching.touches);
         if let Some(observer) = self.observer.as_deref_mut() {
-            observer.keep_contacts(t, None, &switching.touches);
+            observer.store_contacts(t, None, &switching.touches);
         }
     }
 
@@ -113,7 +113,7 @@ impl<'a> Watching<'a> {
         let (at, now, earlier, trial) = (&mut self.at, &mut self.now, &mut self.earlier, &mut self.trial);
         let (switching, sticking) = (&mut self.switching, self.sticking);
         let contacts = self.guards.len() - sticking;
-        let mut look = |system: &mut RatesLoop<'b>, method: &mut M, t: f64, all: &mut [f64]| {
+        let mut evaluate = |system: &mut RatesLoop<'b>, method: &mut M, t: f64, all: &mut [f64]| {
             method.interpolate(system, t, at);
             if let Some(switching) = switching {
                 switching.evaluate(system, at, &mut all[..contacts]);
@@ -125,17 +125,17 @@ impl<'a> Watching<'a> {
         let mut first: Option<(f64, usize)> = None;
         // The last two times of evaluation.
         let (mut past, mut before) = (t0, t0);
-        look(system, method, t0, &mut self.guards);
+        evaluate(system, method, t0, &mut self.guards);
         for k in 1..=CHECKS_PER_STEP {
             let t = place(k, t0, t1);
-            look(system, method, t, now);
+            evaluate(system, method, t, now);
             if now.iter().any(|guard| guard.is_nan()) {
                 return Err(Status::Diverged);
             }
             for (i, &guard) in now.iter().enumerate() {
                 let was = self.guards[i];
                 let mut g = |t: f64| {
-                    look(system, method, t, trial);
+                    evaluate(system, method, t, trial);
                     trial[i]
                 };
                 let mut root = None;
@@ -197,8 +197,8 @@ impl<'a> Watching<'a> {
         // The last two times of evaluation.
         let (mut past, mut before) = (t0, t0);
         self.crossed.clear();
-        for look in 1..=CHECKS_PER_STEP {
-            let t = place(look, t0, t1);
+        for k in 1..=CHECKS_PER_STEP {
+            let t = place(k, t0, t1);
             for (i, seen) in self.events.iter_mut().enumerate() {
                 let g = value(i, t);
                 if g.is_nan() {
@@ -209,7 +209,7 @@ impl<'a> Watching<'a> {
                     let root = if g == 0.0 { t } else { crossing(|t| value(i, t), (before, seen.value), (t, g)) };
                     self.crossed.push((root, i));
                 }
-                if look > 1 && sign != 0.0 && sign == seen.sign && sign * seen.earlier > 0.0 {
+                if k > 1 && sign != 0.0 && sign == seen.sign && sign * seen.earlier > 0.0 {
                     let known = [(past, seen.earlier), (before, seen.value), (t, g)];
                     if let Some(low) = dip(|t| sign * value(i, t), known.map(|(t, g)| (t, sign * g))).filter(|low| low.0 > seen.clear) {
                         let (low, ends) = ((low.0, sign * low.1), if low.0 < before { [known[0], known[1]] } else { [known[1], known[2]] });
@@ -230,7 +230,7 @@ impl<'a> Watching<'a> {
         for &(t, i) in &self.crossed {
             self.events[i].count += 1;
             method.interpolate(system, t, &mut self.at);
-            observer.keep(|observer| observer.crossings.add(i, t, &self.at[..self.states]));
+            observer.store(|observer| observer.crossings.add(i, t, &self.at[..self.states]));
             let events = &observer.events;
             if events[i].stop_after > 0 && self.events[i].count >= events[i].stop_after {
                 return Ok(Some(t));
@@ -264,7 +264,7 @@ impl<'a> Watching<'a> {
     }
 
     /// Check the step that `method` has just accepted. The result is the time to which the step must be shortened, with the reason, if any.
-    pub fn look<'b, M>(&mut self, system: &mut RatesLoop<'b>, method: &mut M) -> Result<Option<Cut>, Status>
+    pub fn check_step<'b, M>(&mut self, system: &mut RatesLoop<'b>, method: &mut M) -> Result<Option<Cut>, Status>
     where
         M: Adaptive<f64, RatesLoop<'b>, Vec<f64>>,
     {
@@ -274,7 +274,7 @@ impl<'a> Watching<'a> {
     }
 
     /// Process the accepted step of `method` up to time `t`, s. This function is not called for a step that is repeated.
-    pub fn keep<'b, M>(&mut self, system: &mut RatesLoop<'b>, method: &mut M, t: f64)
+    pub fn store_step<'b, M>(&mut self, system: &mut RatesLoop<'b>, method: &mut M, t: f64)
     where
         M: Adaptive<f64, RatesLoop<'b>, Vec<f64>>,
     {
@@ -284,7 +284,7 @@ impl<'a> Watching<'a> {
             return;
         }
         let (degree, at, width) = (method.dense_degree(), &mut self.at, self.width);
-        observer.keep(|observer| {
+        observer.store(|observer| {
             let Some(polynomials) = &mut observer.polynomials else { return Ok(()) };
             polynomials.degree = degree;
             memory::append(&mut polynomials.ends, &[t])?;
@@ -314,7 +314,7 @@ impl<'a> Watching<'a> {
             switching.switch(system, self.switches, x);
             system.hold_contacts(&switching.touches);
             if let Some(observer) = self.observer.as_deref_mut() {
-                observer.keep_contacts(t, Some(Guard { contact, by_push }), &switching.touches);
+                observer.store_contacts(t, Some(Guard { contact, by_push }), &switching.touches);
             }
         }
     }

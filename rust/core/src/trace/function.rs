@@ -155,11 +155,11 @@ impl Evaluation {
     /// Evaluate the function for the present inputs.
     #[inline]
     pub fn run(&mut self) {
-        self.forget();
+        self.reset_angle();
         self.run_on();
     }
 
-    /// Evaluate the function, and keep the largest angle of previous runs. [`Evaluation::forget`] resets the largest angle.
+    /// Evaluate the function, and keep the largest angle of previous runs. [`Evaluation::reset_angle`] resets the largest angle.
     #[inline]
     pub fn run_on(&mut self) {
         self.function.program.run(&mut self.frame);
@@ -167,7 +167,7 @@ impl Evaluation {
 
     /// Reset the largest angle to zero.
     #[inline]
-    pub fn forget(&mut self) {
+    pub fn reset_angle(&mut self) {
         if self.function.program.turns() {
             self.frame.fill(self.function.inputs.end(), 0.0);
         }

@@ -22,10 +22,10 @@ pub(super) struct Newton {
 impl<S: Real, B: Buffer<S>, U: Clone, A: Accuracy> Radau5<S, B, U, A> {
     /// Compute the argument `y = x + z_i` of stage `i`.
     pub(super) fn place(&mut self, i: usize) {
-        let (x, y, z, rest) = (self.x.as_ref(), self.y.as_mut(), self.z[i].as_ref(), self.rounding.rest.as_ref());
+        let (x, y, z, remainder) = (self.x.as_ref(), self.y.as_mut(), self.z[i].as_ref(), self.rounding.remainder.as_ref());
         if self.rounding.compensated {
             for c in 0..x.len() {
-                y[c] = z[c] + rest[c];
+                y[c] = z[c] + remainder[c];
             }
             self.rounding.place(x, y);
         } else {

@@ -18,13 +18,13 @@ use crate::motion::Side;
 use std::ops::Range;
 
 /// The number of operations between two checkpoints for which all stored states take at most `memory` bytes. A checkpoint stores `size`
-/// numbers, and each operation after it stores `whole` numbers. If `memory` is too small, the result is the square root of `operations`.
-fn stride(operations: usize, size: usize, whole: usize, memory: usize) -> usize {
-    let (numbers, whole) = (memory / 8, whole.max(1));
-    if operations <= numbers / whole {
+/// numbers, and each operation after it stores `record` numbers. If `memory` is too small, the result is the square root of `operations`.
+fn stride(operations: usize, size: usize, record: usize, memory: usize) -> usize {
+    let (numbers, record) = (memory / 8, record.max(1));
+    if operations <= numbers / record {
         return operations.max(1);
     }
-    let stride = numbers / (2 * whole);
+    let stride = numbers / (2 * record);
     let fits = stride > 0 && operations.div_ceil(stride) <= numbers / (2 * size.max(1));
     if fits { stride } else { operations.isqrt().max(1) }
 }
@@ -62,15 +62,15 @@ pub fn run(prepared: &Prepared, weights: &[f64], memory: usize) -> Result<Vec<f6
     let mut backward = Backward::new(prepared);
     let mut state = backward.walker.start();
     let size = state.len();
-    let whole = size + backward.walker.points.len();
-    let stride = stride(operations.len(), size, whole, memory);
+    let record = size + backward.walker.points.len();
+    let stride = stride(operations.len(), size, record, memory);
     // The operations between `Leave` and `Back` compute a record between two steps. No checkpoint stores their states.
     let mut on_path = true;
-    let (mut checkpoints, mut kept) = (Vec::new(), Vec::new());
+    let (mut checkpoints, mut stored) = (Vec::new(), Vec::new());
     for (k, &operation) in operations.iter().enumerate() {
         if on_path && checkpoints.last().is_none_or(|&last| k >= last + stride) {
             memory::append(&mut checkpoints, &[k])?;
-            memory::append(&mut kept, &state)?;
+            memory::append(&mut stored, &state)?;
             // The states after the last checkpoint are computed only once, below.
             if operations.len() - k <= stride {
                 break;
@@ -85,15 +85,15 @@ pub fn run(prepared: &Prepared, weights: &[f64], memory: usize) -> Result<Vec<f6
     }
     let mut end = operations.len();
     let mut states = Vec::new();
-    for (&first, kept) in checkpoints.iter().zip(kept.chunks_exact(size.max(1))).rev() {
+    for (&first, stored) in checkpoints.iter().zip(stored.chunks_exact(size.max(1))).rev() {
         states.clear();
-        state.copy_from_slice(kept);
+        state.copy_from_slice(stored);
         for &operation in &operations[first..end] {
             memory::append(&mut states, &state)?;
             backward.walker.apply(operation, &mut state)?;
             memory::append(&mut states, &backward.walker.points)?;
         }
-        for (k, states) in (first..end).zip(states.chunks_exact_mut(whole.max(1))).rev() {
+        for (k, states) in (first..end).zip(states.chunks_exact_mut(record.max(1))).rev() {
             let (before, points) = states.split_at_mut(size);
             backward.reverse(k, before, points, weights)?;
         }
@@ -341,11 +341,11 @@ mod tests {
     #[test]
     fn checkpoints_keep_to_the_memory() {
         for (operations, size, memory) in [(0, 4, 1 << 20), (10_000, 30, 1 << 26), (1_000_000, 30, 1 << 20), (1_000_000, 100, 1 << 28)] {
-            let whole = 5 * size;
-            let stride = stride(operations, size, whole, memory);
-            let numbers = size * operations.div_ceil(stride) + whole * stride.min(operations);
+            let record = 5 * size;
+            let stride = stride(operations, size, record, memory);
+            let numbers = size * operations.div_ceil(stride) + record * stride.min(operations);
             // If the memory is too small, the distance between checkpoints is the square root of the number of operations.
-            let most = (memory / 8 + size).max((size + whole) * (operations.isqrt() + 2));
+            let most = (memory / 8 + size).max((size + record) * (operations.isqrt() + 2));
             assert!(numbers <= most, "{operations} {size} {memory}: {numbers} of {most}");
         }
         assert_eq!(stride(1000, 10, 50, 1 << 26), 1000);

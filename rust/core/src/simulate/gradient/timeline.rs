@@ -158,12 +158,12 @@ impl Timeline {
                 Ok((listing.fixed(&fixed.schedule, fixed.hold)?, None))
             }
             Division::Adaptive(segments) => {
-                let mut whole = problem.clone();
-                whole.options.times = Times::Every(1);
+                let mut dense = problem.clone();
+                dense.options.times = Times::Every(1);
                 let mut observer = RunObserver { contacts: Some(Vec::new()), ..RunObserver::default() };
                 let breaks = segments.breaks.clone();
                 let division = Division::Adaptive(Segments { times: Times::Every(1), ..segments });
-                let run = simulate_divided(&whole, &division, stop, Some(&mut observer))?;
+                let run = simulate_divided(&dense, &division, stop, Some(&mut observer))?;
                 if run.status != Status::Success {
                     let problem = format!("the run ended at t = {} s: {}", run.ended, run.status.name());
                     return Err(Error::Solve { status: run.status, t: run.ended, problem });

@@ -133,8 +133,8 @@ pub fn adaptive<P: Problem + 'static>(name: &str, rtol: f64, atol: f64) -> Boxed
     let tolerance = Tolerance { rtol, atol, controlled: P::N };
     let (x, j) = (P::start(), vec![0.0; P::N * P::N]);
     match name {
-        "dopri5" => Box::new(Dopri5::new(tolerance, x, 0.0)),
-        "dop853" => Box::new(Dop853::new(tolerance, x, 0.0)),
+        "dopri5" => Box::new(Embedded::<Dopri5, _, _, _>::new(tolerance, x, 0.0)),
+        "dop853" => Box::new(Embedded::<Dop853, _, _, _>::new(tolerance, x, 0.0)),
         "radau5" => Box::new(Radau5::new(tolerance, x, 0.0)),
         "rodas4" => Box::new(Rodas4::new(tolerance, x, j, vec![0; P::N], 0.0)),
         other => panic!("{other}"),
@@ -144,9 +144,9 @@ pub fn adaptive<P: Problem + 'static>(name: &str, rtol: f64, atol: f64) -> Boxed
 pub fn fixed<P: Problem>(name: &str) -> Box<dyn FixedStep<f64, Twin<P>, Vec<f64>>> {
     let (x, j) = (P::start(), vec![0.0; P::N * P::N]);
     match name {
-        "euler" => Box::new(Euler::new(x, 0.0)),
+        "euler" => Box::new(Explicit::<Euler, _, _>::new(x, 0.0)),
         "semi_implicit" => Box::new(SemiImplicit::new::<f64, _>(&twin::<P>(), x, 0.0).unwrap()),
-        "rk4" => Box::new(Rk4::new(x, 0.0)),
+        "rk4" => Box::new(Explicit::<Rk4, _, _>::new(x, 0.0)),
         "ros2" => Box::new(Ros2::new(x, j, vec![0; P::N], 0.0)),
         other => panic!("{other}"),
     }
