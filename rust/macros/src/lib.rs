@@ -99,6 +99,8 @@ fn leading_constants(body: &Block) -> (Vec<ItemConst>, Vec<Stmt>) {
 /// The last segment of a type: its name and its arguments.
 fn last_segment(output: &ReturnType) -> Option<(&Ident, &PathArguments)> {
     let ReturnType::Type(_, output) = output else { return None };
+    // A type that a macro received as `$name:ty` is a group.
+    let output = if let Type::Group(group) = &**output { &group.elem } else { output };
     let Type::Path(path) = &**output else { return None };
     path.path.segments.last().map(|segment| (&segment.ident, &segment.arguments))
 }

@@ -25,6 +25,7 @@ mod plan;
 mod plant;
 mod printed;
 mod priority;
+mod properties;
 mod run_options;
 mod samples;
 mod seal;

@@ -2,8 +2,9 @@
 
 use crate::arm::Arm;
 use crate::arrays::{any_vector, copied, number, object, optional_number};
-use crate::errors::{Failure, entry};
+use crate::errors::Failure;
 use crate::interrupts::long;
+use crate::properties::properties;
 use crate::seal::{Sealed, seal};
 use crate::warnings;
 use armlet_core::analysis::suggested_gains::{SuggestedGains as Core, suggest_gains as core};
@@ -27,6 +28,20 @@ pub struct SuggestedGains {
 
 const NAME: &str = "suggest_gains";
 
+properties!(SuggestedGains {
+    bandwidth: f64;
+    damping_ratio: f64;
+    sample_time: Option<f64>;
+    lightest: f64;
+    inertia: Result<Bound<'py, PyAny>, Failure> = |gains, py| array(py, &gains.core.inertia);
+    kp: Result<Bound<'py, PyAny>, Failure> = |gains, py| array(py, &gains.core.kp());
+    kd: Result<Bound<'py, PyAny>, Failure> = |gains, py| array(py, &gains.core.kd());
+    computed_torque: (f64, f64) = |gains| gains.core.computed_torque();
+    limit: Option<f64> = |gains| gains.core.limits().map(|(limit, _)| limit);
+    computed_torque_limit: Option<f64> = |gains| gains.core.limits().map(|(_, limit)| limit);
+    step: f64 = |gains| gains.core.step();
+});
+
 #[entered]
 #[pymethods]
 impl SuggestedGains {
@@ -43,61 +58,6 @@ impl SuggestedGains {
         Ok(SuggestedGains { core })
     }
 
-    #[getter]
-    fn bandwidth(&self) -> f64 {
-        self.core.bandwidth
-    }
-
-    #[getter]
-    fn damping_ratio(&self) -> f64 {
-        self.core.damping_ratio
-    }
-
-    #[getter]
-    fn sample_time(&self) -> Option<f64> {
-        self.core.sample_time
-    }
-
-    #[getter]
-    fn lightest(&self) -> f64 {
-        self.core.lightest
-    }
-
-    #[getter]
-    fn inertia<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        array(py, &self.core.inertia)
-    }
-
-    #[getter]
-    fn kp<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        array(py, &self.core.kp())
-    }
-
-    #[getter]
-    fn kd<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        array(py, &self.core.kd())
-    }
-
-    #[getter]
-    fn computed_torque(&self) -> (f64, f64) {
-        self.core.computed_torque()
-    }
-
-    #[getter]
-    fn limit(&self) -> Option<f64> {
-        self.core.limits().map(|(limit, _)| limit)
-    }
-
-    #[getter]
-    fn computed_torque_limit(&self) -> Option<f64> {
-        self.core.limits().map(|(_, limit)| limit)
-    }
-
-    #[getter]
-    fn step(&self) -> f64 {
-        self.core.step()
-    }
-
     fn __str__(&self) -> String {
         self.core.to_string()
     }
@@ -108,15 +68,15 @@ impl SuggestedGains {
         format!("SuggestedGains(n={}, bandwidth={bandwidth}, damping_ratio={damping_ratio}, sample_time={h})", self.core.inertia.len())
     }
 
-    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Sealed<'py>> {
+    fn __reduce__<'py>(&self) -> Result<Sealed<'py>, Failure> {
         let Core { bandwidth, damping_ratio, sample_time, inertia, lightest } = &self.core;
         let parts = (*bandwidth, *damping_ratio, *sample_time, array(py, inertia)?, *lightest).into_pyobject(py)?;
-        seal(py.get_type::<Self>().as_any(), parts, None)
+        Ok(seal(py.get_type::<Self>().as_any(), parts, None)?)
     }
 }
 
-fn array<'py>(py: Python<'py>, values: &[f64]) -> PyResult<Bound<'py, PyAny>> {
-    entry(py, "SuggestedGains", || copied(py, &[values.len()], values))
+fn array<'py>(py: Python<'py>, values: &[f64]) -> Result<Bound<'py, PyAny>, Failure> {
+    copied(py, &[values.len()], values)
 }
 
 /// Compute gains of an arm for a bandwidth `w` and a damping ratio `zeta`, from its mass matrix over the workspace.

@@ -6,15 +6,14 @@ use crate::arrays::{elements, written_array};
 use crate::broadcast::{broadcast, require_all_finite};
 use crate::errors::Failure;
 use crate::interrupts::long;
+use crate::properties::properties;
 use armlet_core::dynamics::Quantity;
 use armlet_core::interrupt;
 use armlet_macros::entered;
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
 
-#[entered]
-#[pymethods]
-impl Arm {
+properties!(Arm {
     /// Names of all moving joints, including mimic joints, which follow another joint. Without mimic joints they are `joint_names`.
     ///
     /// Fixed joints of the model's file are not included.
@@ -24,32 +23,25 @@ impl Arm {
     /// >>> gripper = al.Arm.from_chain([finger, {**finger, "mimic": {"joint": 0, "multiplier": -1.0}}])
     /// >>> gripper.n, gripper.joint_names, gripper.file_joint_names
     /// (1, ('joint1',), ('joint1', 'joint2'))
-    #[getter]
-    fn file_joint_names<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
-        Self::named(py, &self.model.file_joint_names())
-    }
-
+    file_joint_names: PyResult<Bound<'py, PyTuple>> = |arm, py| Self::named(py, &arm.model.file_joint_names());
     /// For each joint of `file_joint_names`, the index of its parent joint; -1 for a joint on the base.
     ///
     /// >>> import armlet as al
     /// >>> al.planar_arm([0.5, 0.4]).file_joint_parents
     /// (-1, 0)
-    #[getter]
-    fn file_joint_parents<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
-        PyTuple::new(py, self.model.file_joint_parents())
-    }
-
+    file_joint_parents: PyResult<Bound<'py, PyTuple>> = |arm, py| PyTuple::new(py, arm.model.file_joint_parents());
     /// For each frame of `frame_names`, the index in `file_joint_names` of the joint that moves it; -1 for a frame of the base.
     ///
     /// >>> import armlet as al
     /// >>> arm = al.planar_arm([0.5, 0.4])
     /// >>> arm.frame_names, arm.frame_joints
     /// (('link1', 'link2'), (0, 1))
-    #[getter]
-    fn frame_joints<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
-        PyTuple::new(py, self.model.frame_joints())
-    }
+    frame_joints: PyResult<Bound<'py, PyTuple>> = |arm, py| PyTuple::new(py, arm.model.frame_joints());
+});
 
+#[entered]
+#[pymethods]
+impl Arm {
     /// The pose of every joint of `file_joint_names`, `(..., len(file_joint_names), 4, 4)`: a homogeneous transform per joint, lengths in
     /// m.
     ///

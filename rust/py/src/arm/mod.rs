@@ -20,6 +20,7 @@ pub use stored::_restore_arm;
 
 use crate::arrays::copied;
 use crate::errors::Failure;
+use crate::properties::properties;
 use armlet_core::arm::Arm as CoreArm;
 use armlet_macros::entered;
 use pyo3::prelude::*;
@@ -65,6 +66,26 @@ impl Arm {
     }
 }
 
+properties!(Arm {
+    /// Names of the joints, in the order of `q`.
+    joint_names: PyResult<Bound<'py, PyTuple>> = |arm, py| Self::named(py, &arm.model.joint_names());
+    /// Types of the joints, "revolute", "continuous" or "prismatic", in the order of `q`.
+    joint_types: PyResult<Bound<'py, PyTuple>> = |arm, py| Self::named(py, &arm.model.joint_types());
+    /// Names of the frames that kinematic functions accept.
+    frame_names: PyResult<Bound<'py, PyTuple>> = |arm, py| Self::named(py, &arm.model.frame_names());
+    /// Name of the frame at the tip; None for an arm without moving frames.
+    ///
+    /// The tip is the moving frame with the longest path from the base. The length of a path is the sum of the distances from joint to
+    /// joint, and from the last joint to the frame, m. Among equally long paths, the last in the order of `frame_names` counts.
+    ///
+    /// >>> import armlet as al
+    /// >>> al.load_urdf(al.example_urdf("six_axis")).tip_frame
+    /// 'flange'
+    tip_frame: Option<String> = |arm| arm.model.tip_frame();
+    /// Remarks of `load_urdf` and other readers about unusual or unused parts of the model's file, one string each.
+    report: PyResult<Bound<'py, PyTuple>> = |arm, py| Self::named(py, arm.model.report());
+});
+
 #[entered]
 #[pymethods]
 impl Arm {
@@ -74,48 +95,11 @@ impl Arm {
         self.model.n()
     }
 
-    /// Names of the joints, in the order of `q`.
-    #[getter]
-    fn joint_names<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
-        Self::named(py, &self.model.joint_names())
-    }
-
-    /// Types of the joints, "revolute", "continuous" or "prismatic", in the order of `q`.
-    #[getter]
-    fn joint_types<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
-        Self::named(py, &self.model.joint_types())
-    }
-
-    /// Names of the frames that kinematic functions accept.
-    #[getter]
-    fn frame_names<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
-        Self::named(py, &self.model.frame_names())
-    }
-
-    /// Name of the frame at the tip; None for an arm without moving frames.
-    ///
-    /// The tip is the moving frame with the longest path from the base. The length of a path is the sum of the distances from joint to
-    /// joint, and from the last joint to the frame, m. Among equally long paths, the last in the order of `frame_names` counts.
-    ///
-    /// >>> import armlet as al
-    /// >>> al.load_urdf(al.example_urdf("six_axis")).tip_frame
-    /// 'flange'
-    #[getter]
-    fn tip_frame(&self) -> Option<String> {
-        self.model.tip_frame()
-    }
-
     /// Gravity in world axes, `(3,)`, m/s^2; None for `planar_pr`, which moves on a horizontal plane.
     #[getter]
     fn gravity_vector<'py>(&self) -> Result<Option<Bound<'py, PyAny>>, Failure> {
         let ArmModel::Tree(tree) = &self.model else { return Ok(None) };
         copied(py, &[3], &tree.arm().gravity).map(Some)
-    }
-
-    /// Remarks of `load_urdf` and other readers about unusual or unused parts of the model's file, one string each.
-    #[getter]
-    fn report<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
-        Self::named(py, self.model.report())
     }
 
     /// The inertial parameters, `(p,)`: `m, m cx, m cy, m cz, Ixx, Ixy, Iyy, Ixz, Iyz, Izz` of each joint's body, kg, kg m, kg m^2.

@@ -6,6 +6,7 @@ use super::settings::{Settings, Stepping};
 use super::slope::{Slope, States};
 use crate::arrays::{any_vector, copied, flag, number, require_finite};
 use crate::errors::{Failure, input_error};
+use crate::properties::properties;
 use armlet_core::integrate::solve::node;
 use armlet_core::memory;
 use armlet_macros::entered;
@@ -18,6 +19,14 @@ pub struct Stepper {
     method: Stepping,
     direction: f64,
 }
+
+properties!(Stepper {
+    t: f64 = |stepper| stepper.direction * stepper.method.t();
+    /// The number of evaluations of `f`. As in scipy, it excludes evaluations for difference quotients.
+    evaluations: u64 = |stepper| stepper.field.slope.evaluations - stepper.field.differenced;
+    jacobians: u64 = |stepper| stepper.field.jacobians;
+    factorisations: u64 = |stepper| stepper.method.work().factorisations;
+});
 
 #[entered]
 #[pymethods]
@@ -69,11 +78,6 @@ impl Stepper {
     }
 
     #[getter]
-    fn t(&self) -> f64 {
-        self.direction * self.method.t()
-    }
-
-    #[getter]
     fn y<'py>(&self) -> Result<Bound<'py, PyAny>, Failure> {
         const NAME: &str = "scipy_method";
         copied(py, &[self.method.x().len()], self.method.x())
@@ -95,19 +99,5 @@ impl Stepper {
             return Err(Failure::Python(error));
         }
         copied(py, &[degree + 1, n], &values)
-    }
-
-    /// The number of evaluations of `f`. As in scipy, it excludes evaluations for difference quotients.
-    #[getter]
-    fn evaluations(&self) -> u64 {
-        self.field.slope.evaluations - self.field.differenced
-    }
-    #[getter]
-    fn jacobians(&self) -> u64 {
-        self.field.jacobians
-    }
-    #[getter]
-    fn factorisations(&self) -> u64 {
-        self.method.work().factorisations
     }
 }

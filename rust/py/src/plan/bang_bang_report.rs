@@ -2,6 +2,7 @@
 
 use super::link::{LinkProblem, float, link_report, part, pickled_call, scalar, truth};
 use crate::errors::{Failure, input_error};
+use crate::properties::properties;
 use crate::seal::Sealed;
 use armlet_core::error::Error;
 use armlet_core::plan::{self, Bind as Core};
@@ -34,28 +35,19 @@ impl BangBangReport {
 
 link_report!(BangBangReport);
 
+properties!(BangBangReport {
+    /// The smallest `inertia * A` that the limits allow, N m; `A` is the magnitude of the acceleration. If no duration is feasible, `a_max`
+    /// is below `a_min`, or not positive.
+    a_min: f64;
+    /// The largest `inertia * A` that the limits allow, N m; `A` is the magnitude of the acceleration.
+    a_max: f64;
+    /// The reason why no duration is feasible: the limits, their places, and the missing torque. It is empty if a duration is feasible.
+    reason: String = |report| report.why();
+});
+
 #[entered]
 #[pymethods]
 impl BangBangReport {
-    /// The smallest `inertia * A` that the limits allow, N m; `A` is the magnitude of the acceleration. If no duration is feasible, `a_max`
-    /// is below `a_min`, or not positive.
-    #[getter]
-    fn a_min(&self) -> f64 {
-        self.core.a_min
-    }
-
-    /// The largest `inertia * A` that the limits allow, N m; `A` is the magnitude of the acceleration.
-    #[getter]
-    fn a_max(&self) -> f64 {
-        self.core.a_max
-    }
-
-    /// The reason why no duration is feasible: the limits, their places, and the missing torque. It is empty if a duration is feasible.
-    #[getter]
-    fn reason(&self) -> String {
-        self.why()
-    }
-
     /// The torque limit that decides `t_min`.
     #[getter]
     fn active_upper(slf: &Bound<'_, Self>) -> Bind {
@@ -110,45 +102,24 @@ pub struct Bind {
     field: &'static str,
 }
 
+properties!(Bind {
+    /// The name of the limit: `"tau_min"` or `"tau_max"`.
+    limit: String = |report| report.core.limit.to_string();
+    /// The phase of the motion: 1 while accelerating, 2 while braking.
+    phase: u8;
+    /// The place in its phase: `"start"`, `"interior"`, `"switch"` or `"end"`.
+    place: String = |report| report.core.place.to_string();
+    /// The angle, rad, at which the torque reaches the limit.
+    theta: f64;
+    /// The time since the start, s, at which the torque reaches the limit; NaN if the motion is infeasible.
+    time: f64;
+    /// Whether the other phase reaches its limit at the same duration.
+    tie: bool;
+});
+
 #[entered]
 #[pymethods]
 impl Bind {
-    /// The name of the limit: `"tau_min"` or `"tau_max"`.
-    #[getter]
-    fn limit(&self) -> String {
-        self.core.limit.to_string()
-    }
-
-    /// The phase of the motion: 1 while accelerating, 2 while braking.
-    #[getter]
-    fn phase(&self) -> u8 {
-        self.core.phase
-    }
-
-    /// The place in its phase: `"start"`, `"interior"`, `"switch"` or `"end"`.
-    #[getter]
-    fn place(&self) -> String {
-        self.core.place.to_string()
-    }
-
-    /// The angle, rad, at which the torque reaches the limit.
-    #[getter]
-    fn theta(&self) -> f64 {
-        self.core.theta
-    }
-
-    /// The time since the start, s, at which the torque reaches the limit; NaN if the motion is infeasible.
-    #[getter]
-    fn time(&self) -> f64 {
-        self.core.time
-    }
-
-    /// Whether the other phase reaches its limit at the same duration.
-    #[getter]
-    fn tie(&self) -> bool {
-        self.core.tie
-    }
-
     /// The phase and the place as text, such as `phase1:switch`.
     fn __str__(&self) -> String {
         self.core.to_string()

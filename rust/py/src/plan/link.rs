@@ -9,39 +9,18 @@ use pyo3::types::PyTuple;
 /// Define the common properties of the reports of rest-to-rest profiles. They read the field `core`.
 macro_rules! link_report {
     ($report:ident) => {
-        #[entered]
-        #[pymethods]
-        impl $report {
+        $crate::properties::properties!($report {
             /// Whether some duration satisfies the torque limits.
-            #[getter]
-            fn feasible(&self) -> bool {
-                self.core.feasible
-            }
-
+            feasible: bool;
             /// Shortest duration, s; NaN if infeasible.
-            #[getter]
-            fn t_min(&self) -> f64 {
-                self.core.t_min
-            }
-
+            t_min: f64;
             /// Longest duration, s; infinite if the motion may be arbitrarily slow, NaN if infeasible.
-            #[getter]
-            fn t_max(&self) -> f64 {
-                self.core.t_max
-            }
-
+            t_max: f64;
             /// Whether the torque can hold the link at rest at the start.
-            #[getter]
-            fn hold_start(&self) -> bool {
-                self.core.hold_start
-            }
-
+            hold_start: bool;
             /// Whether the torque can hold the link at rest at the end.
-            #[getter]
-            fn hold_end(&self) -> bool {
-                self.core.hold_end
-            }
-        }
+            hold_end: bool;
+        });
     };
 }
 pub(super) use link_report;

@@ -2,6 +2,7 @@
 
 use super::link::{LinkProblem, float, link_report, pickled_call, scalar, single, truth};
 use crate::errors::Failure;
+use crate::properties::properties;
 use crate::seal::Sealed;
 use armlet_core::error::Error;
 use armlet_core::plan;
@@ -94,45 +95,24 @@ impl ProfileReport {
 
 link_report!(ProfileReport);
 
+properties!(ProfileReport {
+    /// The smallest `inertia * |thetaf - theta0| / T^2` that the limits allow, N m.
+    k_min: f64;
+    /// The largest `inertia * |thetaf - theta0| / T^2` that the limits allow, N m.
+    k_max: f64;
+    /// The angle, rad, at which the torque reaches the limit that decides `t_min`.
+    theta_upper: f64;
+    /// The angle, rad, at which the torque reaches the limit that decides `t_max`; NaN if no limit decides it.
+    theta_lower: f64;
+    /// The torque, N m, by which both limits must be widened to make a duration feasible; 0 if a duration is feasible.
+    missing: f64;
+    /// The reason why no duration is feasible, with the missing torque. It is empty if a duration is feasible.
+    reason: String = |report| report.why();
+});
+
 #[entered]
 #[pymethods]
 impl ProfileReport {
-    /// The smallest `inertia * |thetaf - theta0| / T^2` that the limits allow, N m.
-    #[getter]
-    fn k_min(&self) -> f64 {
-        self.core.k_min
-    }
-
-    /// The largest `inertia * |thetaf - theta0| / T^2` that the limits allow, N m.
-    #[getter]
-    fn k_max(&self) -> f64 {
-        self.core.k_max
-    }
-
-    /// The angle, rad, at which the torque reaches the limit that decides `t_min`.
-    #[getter]
-    fn theta_upper(&self) -> f64 {
-        self.core.theta_upper
-    }
-
-    /// The angle, rad, at which the torque reaches the limit that decides `t_max`; NaN if no limit decides it.
-    #[getter]
-    fn theta_lower(&self) -> f64 {
-        self.core.theta_lower
-    }
-
-    /// The torque, N m, by which both limits must be widened to make a duration feasible; 0 if a duration is feasible.
-    #[getter]
-    fn missing(&self) -> f64 {
-        self.core.missing
-    }
-
-    /// The reason why no duration is feasible, with the missing torque. It is empty if a duration is feasible.
-    #[getter]
-    fn reason(&self) -> String {
-        self.why()
-    }
-
     fn __repr__(&self) -> String {
         let c = &self.core;
         format!(

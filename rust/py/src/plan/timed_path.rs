@@ -3,6 +3,7 @@
 use crate::arrays::{WHATEVER, copied, items, numbers, owned};
 use crate::errors::{Failure, entry, input_error};
 use crate::motion::{Motion, Triple, rows};
+use crate::properties::properties;
 use crate::seal::{Sealed, seal_call};
 use armlet_core::error::Error;
 use armlet_core::motion::{Motion as Core, Path, TimedPath as CorePath};
@@ -70,6 +71,23 @@ fn array<'py>(py: Python<'py>, values: &[f64]) -> PyResult<Bound<'py, PyAny>> {
     entry(py, "TimedPath", || copied(py, &[values.len()], values))
 }
 
+properties!(TimedPath {
+    /// Duration, s; NaN without a timing.
+    duration: f64 = |path| path.core.duration();
+    /// Whether the limits allow a timing.
+    feasible: bool = |path| path.why.is_none();
+    /// The smallest relative distance to a limit, on ten points per grid segment. It is at least -1e-9, and NaN without a timing.
+    margin: f64 = |path| path.margin;
+    /// The reason for an infeasible path: the joint, the path position, the limit, and the missing amount. None if there is a timing.
+    reason: Option<&str> = |path| path.why.as_ref().map(|why| why.text.as_str());
+    /// Path positions of the grid, `(N + 1,)`.
+    s: PyResult<Bound<'py, PyAny>> = |path, py| array(py, path.core.grid());
+    /// Path speed ds/dt at the grid points, 1/s, `(N + 1,)`.
+    s_dot: PyResult<Bound<'py, PyAny>> = |path, py| array(py, &path.core.squared_speeds().iter().map(|x| x.sqrt()).collect::<Vec<f64>>());
+    /// Times of the grid points, s, `(N + 1,)`.
+    t: PyResult<Bound<'py, PyAny>> = |path, py| array(py, path.core.times());
+});
+
 #[entered]
 #[pymethods]
 impl TimedPath {
@@ -105,30 +123,6 @@ impl TimedPath {
         })
     }
 
-    /// Duration, s; NaN without a timing.
-    #[getter]
-    fn duration(&self) -> f64 {
-        self.core.duration()
-    }
-
-    /// Whether the limits allow a timing.
-    #[getter]
-    fn feasible(&self) -> bool {
-        self.why.is_none()
-    }
-
-    /// The smallest relative distance to a limit, on ten points per grid segment. It is at least -1e-9, and NaN without a timing.
-    #[getter]
-    fn margin(&self) -> f64 {
-        self.margin
-    }
-
-    /// The reason for an infeasible path: the joint, the path position, the limit, and the missing amount. None if there is a timing.
-    #[getter]
-    fn reason(&self) -> Option<&str> {
-        self.why.as_ref().map(|why| why.text.as_str())
-    }
-
     /// The reason for an infeasible path as a dict; None if there is a timing.
     ///
     /// The keys are `joint`, `joint_name`, `s`, `limit`, `missing` (relative), and `missing_units` (in N m, rad/s^2, ..). For limits of a
@@ -144,24 +138,6 @@ impl TimedPath {
         all.set_item("missing", why.missing)?;
         all.set_item("missing_units", why.missing_units)?;
         Ok(Some(all))
-    }
-
-    /// Path positions of the grid, `(N + 1,)`.
-    #[getter]
-    fn s<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        array(py, self.core.grid())
-    }
-
-    /// Path speed ds/dt at the grid points, 1/s, `(N + 1,)`.
-    #[getter]
-    fn s_dot<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        array(py, &self.core.squared_speeds().iter().map(|x| x.sqrt()).collect::<Vec<f64>>())
-    }
-
-    /// Times of the grid points, s, `(N + 1,)`.
-    #[getter]
-    fn t<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        array(py, self.core.times())
     }
 
     fn __repr__(&self) -> String {

@@ -5,6 +5,7 @@ use crate::arrays::{WHATEVER, numbers, owned, require_finite, written_arrays};
 use crate::broadcast::number_or_array;
 use crate::errors::{Failure, input_error};
 use crate::interrupts::long;
+use crate::properties::properties;
 use crate::seal::Sealed;
 use armlet_core::error::Error;
 use armlet_core::interrupt;
@@ -117,61 +118,36 @@ impl TorqueOptimum {
             })
         })
     }
+
+    fn why(&self) -> String {
+        if self.core.feasible { String::new() } else { self.core.reason.to_string() }
+    }
 }
+
+properties!(TorqueOptimum {
+    /// Whether a monotone motion is feasible.
+    feasible: bool;
+    /// The duration of the fastest monotone motion, s; NaN if none is feasible.
+    t: f64;
+    /// The angle, rad, at which the torque of the monotone motion switches.
+    theta_switch: f64;
+    /// The time, s, at which the torque of the monotone motion switches.
+    t_switch: f64;
+    /// The signed velocity of the monotone motion at its switch, rad/s.
+    v_peak: f64;
+    /// Whether Sturm's comparison theorem proves that no motion is faster than the fastest monotone motion.
+    certified_global: bool;
+    /// The duration `pi / sqrt(|gravity_moment|/inertia - (viscous/(2 inertia))^2)`, s. A shorter optimal motion switches at most once.
+    ///
+    /// This is not proved with Coulomb friction. For an overdamped link the value is infinite.
+    sturm_bound: f64;
+    /// The reason why no monotone motion is feasible, with the missing torque. It is empty if one is feasible.
+    reason: String = |result| result.why();
+});
 
 #[entered]
 #[pymethods]
 impl TorqueOptimum {
-    /// Whether a monotone motion is feasible.
-    #[getter]
-    fn feasible(&self) -> bool {
-        self.core.feasible
-    }
-
-    /// The duration of the fastest monotone motion, s; NaN if none is feasible.
-    #[getter]
-    fn t(&self) -> f64 {
-        self.core.t
-    }
-
-    /// The angle, rad, at which the torque of the monotone motion switches.
-    #[getter]
-    fn theta_switch(&self) -> f64 {
-        self.core.theta_switch
-    }
-
-    /// The time, s, at which the torque of the monotone motion switches.
-    #[getter]
-    fn t_switch(&self) -> f64 {
-        self.core.t_switch
-    }
-
-    /// The signed velocity of the monotone motion at its switch, rad/s.
-    #[getter]
-    fn v_peak(&self) -> f64 {
-        self.core.v_peak
-    }
-
-    /// Whether Sturm's comparison theorem proves that no motion is faster than the fastest monotone motion.
-    #[getter]
-    fn certified_global(&self) -> bool {
-        self.core.certified_global
-    }
-
-    /// The duration `pi / sqrt(|gravity_moment|/inertia - (viscous/(2 inertia))^2)`, s. A shorter optimal motion switches at most once.
-    ///
-    /// This is not proved with Coulomb friction. For an overdamped link the value is infinite.
-    #[getter]
-    fn sturm_bound(&self) -> f64 {
-        self.core.sturm_bound
-    }
-
-    /// The reason why no monotone motion is feasible, with the missing torque. It is empty if one is feasible.
-    #[getter]
-    fn reason(&self) -> String {
-        if self.core.feasible { String::new() } else { self.core.reason.to_string() }
-    }
-
     /// The fastest motion of the three families: monotone, back-swing and overshoot.
     #[getter]
     fn best(slf: &Bound<'_, Self>) -> Best {
@@ -202,7 +178,7 @@ impl TorqueOptimum {
             float(core.t_switch),
             truth(core.certified_global),
             Self::best(slf)?.__repr__()?,
-            slf.get().reason()?
+            slf.get().why()
         ))
     }
 
@@ -222,46 +198,25 @@ pub struct Best {
     owner: Py<TorqueOptimum>,
 }
 
+properties!(Best {
+    /// The family: `"monotone"`, `"back-swing"` (torque -, +, -), `"overshoot"` (torque +, -, +), or `"none found"`. A torque towards the
+    /// goal is +.
+    kind: &'static str = |result| result.core.kind.name();
+    /// The duration, s; NaN if no motion was found.
+    t: f64;
+    /// The angles at which the torque switches, rad, in order of time.
+    switches: PyResult<Bound<'py, PyTuple>> = |result, py| PyTuple::new(py, &result.core.theta_switches[..result.core.switches]);
+    /// The times at which the torque switches, s.
+    t_switches: PyResult<Bound<'py, PyTuple>> = |result, py| PyTuple::new(py, &result.core.t_switches[..result.core.switches]);
+    /// The angle, rad, at which a back-swing or an overshoot reverses; NaN for the monotone motion.
+    theta_turn: f64;
+    /// The time, s, at which a back-swing or an overshoot reverses; NaN for the monotone motion.
+    t_turn: f64;
+});
+
 #[entered]
 #[pymethods]
 impl Best {
-    /// The family: `"monotone"`, `"back-swing"` (torque -, +, -), `"overshoot"` (torque +, -, +), or `"none found"`. A torque towards the
-    /// goal is +.
-    #[getter]
-    fn kind(&self) -> &'static str {
-        self.core.kind.name()
-    }
-
-    /// The duration, s; NaN if no motion was found.
-    #[getter]
-    fn t(&self) -> f64 {
-        self.core.t
-    }
-
-    /// The angles at which the torque switches, rad, in order of time.
-    #[getter]
-    fn switches<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
-        PyTuple::new(py, &self.core.theta_switches[..self.core.switches])
-    }
-
-    /// The times at which the torque switches, s.
-    #[getter]
-    fn t_switches<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
-        PyTuple::new(py, &self.core.t_switches[..self.core.switches])
-    }
-
-    /// The angle, rad, at which a back-swing or an overshoot reverses; NaN for the monotone motion.
-    #[getter]
-    fn theta_turn(&self) -> f64 {
-        self.core.theta_turn
-    }
-
-    /// The time, s, at which a back-swing or an overshoot reverses; NaN for the monotone motion.
-    #[getter]
-    fn t_turn(&self) -> f64 {
-        self.core.t_turn
-    }
-
     fn __repr__(&self) -> String {
         let c = &self.core;
         let angles = c.theta_switches[..c.switches].iter().map(|&x| float(x)).collect::<Vec<_>>().join(", ");
