@@ -42,7 +42,7 @@ class MomentumObserver:
         self.momentum: Array = np.zeros(arm.n)
         self.drift: Array = np.zeros(arm.n)
 
-    def _look(self, q: Array, v: Array) -> tuple[Array, Array]:
+    def _momentum_and_drift(self, q: Array, v: Array) -> tuple[Array, Array]:
         """The momentum p, and b without tau."""
         if self.inertia is not None:
             return v @ self.inertia.T, np.zeros_like(v)
@@ -55,7 +55,7 @@ class MomentumObserver:
     def reset(self, q: ArrayLike, v: ArrayLike) -> None:
         """Restart the observer at q and v with r = 0."""
         q, v = np.asarray(q, dtype=np.float64), np.asarray(v, dtype=np.float64)
-        self.momentum, self.drift = self._look(q, v)
+        self.momentum, self.drift = self._momentum_and_drift(q, v)
         self.residual = np.zeros_like(q)
 
     def update(self, q: ArrayLike, v: ArrayLike, tau: ArrayLike, dt: float) -> Array:
@@ -65,7 +65,7 @@ class MomentumObserver:
             self.reset(q, v)
             return np.zeros_like(q)
         before, known = self.momentum, np.asarray(tau, dtype=np.float64) + self.drift
-        self.momentum, self.drift = self._look(q, v)
+        self.momentum, self.drift = self._momentum_and_drift(q, v)
         gained = self.residual + (self.momentum - before - known * dt) @ self.gain.T
         r = np.asarray(np.linalg.solve(np.eye(self.arm.n) + self.gain * dt, gained[..., None])[..., 0], dtype=np.float64)
         self.residual = r

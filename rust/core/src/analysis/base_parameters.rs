@@ -59,8 +59,8 @@ pub fn independent_columns(columns: &mut [Vec<f64>]) -> Independent {
     // Column j of R: the coefficients in the orthonormal basis of the independent columns so far.
     let mut r: Vec<Vec<f64>> = Vec::with_capacity(p);
     for j in 0..p {
-        let (basis, rest) = columns.split_at_mut(j);
-        let column = &mut rest[0];
+        let (basis, later) = columns.split_at_mut(j);
+        let column = &mut later[0];
         let mut coefficients = Vec::new();
         interrupt::check();
         if norms[j] > ZERO_COLUMN * largest {

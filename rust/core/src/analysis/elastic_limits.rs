@@ -84,9 +84,9 @@ pub fn stiffness_scale(plant: &PlantSpec, law: &LawSpec, wrench: &[f64; 6], forc
         let Some(scaled) = law.with_stiffness(kappa) else {
             return Err(Error::input("law", format!("has no spring: expected an impedance or PD law, got {}", law.name())));
         };
-        let rest = equilibrium(plant, &scaled, wrench, force_frame, &q)?;
-        q.copy_from_slice(&rest.q);
-        Ok(rest.stable)
+        let found = equilibrium(plant, &scaled, wrench, force_frame, &q)?;
+        q.copy_from_slice(&found.q);
+        Ok(found.stable)
     };
     if !stable(1.0)? {
         return Ok(0.0);
@@ -157,11 +157,11 @@ pub fn elastic_limits(
     let (Some(elastic), Some(inner)) = (plant.elastic(), law.reduction()) else {
         return Err(Error::input("law", format!("has no motor loop: expected a law such as ElasticImpedance, got {}", law.name())));
     };
-    let rest = equilibrium(plant, law, wrench, force_frame, q0)?;
+    let found = equilibrium(plant, law, wrench, force_frame, q0)?;
     let n = plant.n();
     let diagonal = |gain: &Gain| (0..n).map(|i| gain.at(i, i)).collect::<Vec<f64>>();
     let [k_j, b, b0, d0] = [&elastic.stiffness, &elastic.motor_inertia, &inner.reduced_inertia, &inner.motor_damping].map(diagonal);
-    let (mass, stiffness, damping) = super::equilibrium::joint_view(plant, law, &rest.q);
+    let (mass, stiffness, damping) = super::equilibrium::joint_view(plant, law, &found.q);
     let reduced_inertia_min = match sample_time {
         None => Vec::new(),
         Some(dt) => (0..n)
@@ -173,7 +173,7 @@ pub fn elastic_limits(
         reduced_inertia_min,
         stiffness_max: (0..n).map(|i| stiffness_limit(mass[i], k_j[i], b0[i], damping[i], d0[i])).collect(),
         stiffness,
-        stiffness_scale_max: stiffness_scale(plant, law, wrench, force_frame, &rest.q)?,
-        eigenvalues: rest.eigenvalues,
+        stiffness_scale_max: stiffness_scale(plant, law, wrench, force_frame, &found.q)?,
+        eigenvalues: found.eigenvalues,
     })
 }

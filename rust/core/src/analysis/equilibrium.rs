@@ -11,8 +11,8 @@
 //! `K_i e = 0`. Limits of the law may hold the arm away from `x_E`. A wall and joint stops add their forces to `F`. A law that regulates
 //! motors has its equilibrium where `tau(q, theta) = K (theta - q) = tau_E`.
 
+use super::equilibrium_problem::{EquilibriumProblem, Unbalanced};
 use super::loop_slope::{Modes, loop_modes};
-use super::rest::{Rest, Unbalanced};
 use crate::dynamics::ArmAt;
 use crate::error::{Error, Result, finite};
 use crate::interrupt;
@@ -241,9 +241,10 @@ pub fn equilibrium(plant: &PlantSpec, law: &LawSpec, wrench: &[f64; 6], force_fr
     if !held.motions().iter().all(|motion| matches!(motion, Motion::Hold(_))) {
         return fault("law", "has a target that moves: expected a law with a fixed target".into());
     }
-    let rest = Rest { plant, law: &held, wrench: *wrench, frame: force_frame };
-    let (q, integral) = search(&rest, task.is_none_or(|task| task.options().has_potential()), q0)?;
-    let Unbalanced { torque: residual, balanced, load: tau, wall_force } = Rest { law, ..rest }.unbalanced(&q, &integral)?;
+    let problem = EquilibriumProblem { plant, law: &held, wrench: *wrench, frame: force_frame };
+    let (q, integral) = search(&problem, task.is_none_or(|task| task.options().has_potential()), q0)?;
+    let Unbalanced { torque: residual, balanced, load: tau, wall_force } =
+        EquilibriumProblem { law, ..problem }.unbalanced(&q, &integral)?;
     let pressed = wall_force.iter().any(|&f| f != 0.0) || plant.stops().is_some_and(|stops| stops.energy(&q) > 0.0);
     let mut state = q.clone();
     state.resize(2 * n, 0.0);
@@ -292,23 +293,23 @@ pub fn equilibrium(plant: &PlantSpec, law: &LawSpec, wrench: &[f64; 6], force_fr
 
 /// Search the equilibrium from `q0`. Return its positions, and the integral of a law that has one. `potential`: whether the law's spring has
 /// a potential, so that the search can descend it.
-fn search(rest: &Rest, potential: bool, q0: &[f64]) -> Result<(Vec<f64>, Vec<f64>)> {
+fn search(problem: &EquilibriumProblem, potential: bool, q0: &[f64]) -> Result<(Vec<f64>, Vec<f64>)> {
     let mut q = q0.to_vec();
-    if rest.law.reduction().is_none() && potential {
-        rest.descend(&mut q)?;
+    if problem.law.reduction().is_none() && potential {
+        problem.descend(&mut q)?;
         q.truncate(q0.len());
         return Ok((q, Vec::new()));
     }
     // For a law that reduces the motor inertia, the search starts at the equilibrium of its outer loop, with limits of the joint torque.
-    let law = rest.law;
+    let law = problem.law;
     let outer = law.storage().map(|law| law.outer.clone().into()).or(law.outer().filter(|_| law.reduction().is_some()));
     if let Some(outer) = &outer {
         let mut near = q.clone();
-        if (Rest { law: outer, ..*rest }).settle(&mut near).is_ok() {
+        if (EquilibriumProblem { law: outer, ..*problem }).settle(&mut near).is_ok() {
             q = near;
         }
     }
-    rest.settle(&mut q)?;
+    problem.settle(&mut q)?;
     let integral = q.split_off(q0.len());
     Ok((q, integral))
 }

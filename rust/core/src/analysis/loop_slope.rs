@@ -1,7 +1,7 @@
 //! The closed loop linearised about a state `x = [plant, law]`: `d x_dot = A d x`. `A` is the derivative of the recorded plant and law, so it
 //! is exact up to rounding.
 
-use super::recordings::{Function, Rest, jacobian};
+use super::recordings::{EquilibriumProblem, Function, jacobian};
 use crate::error::{Error, Result};
 use crate::law::LawSpec;
 use crate::linalg::dot;
@@ -24,10 +24,10 @@ pub fn loop_slope(
     wrench: &[f64; 6],
     force_frame: Option<usize>,
 ) -> Result<Vec<f64>> {
-    let rest = Rest { plant, law, wrench: *wrench, frame: force_frame };
-    let problem = || format!("branches on its data: expected a law with derivatives, got {}", law.name());
-    let rates = jacobian(&rest, Function::Rates(t), || loop_rates(&rest, t));
-    let mut rates = rates.ok_or_else(|| Error::input("law", problem()))?;
+    let problem = EquilibriumProblem { plant, law, wrench: *wrench, frame: force_frame };
+    let branches = || format!("branches on its data: expected a law with derivatives, got {}", law.name());
+    let rates = jacobian(&problem, Function::Rates(t), || loop_rates(&problem, t));
+    let mut rates = rates.ok_or_else(|| Error::input("law", branches()))?;
     let s = x.len() + z.len();
     let mut slope = vec![0.0; s * s];
     rates.slopes(&[x, z].concat(), |i, j, rate| slope[i * s + j] = rate);
@@ -35,17 +35,17 @@ pub fn loop_slope(
 }
 
 /// Record the rates of the loop's state at time `t`, s. The result is `None` if the law branches on its data.
-fn loop_rates(rest: &Rest, t: f64) -> Option<(Recorded, usize)> {
-    let (n, states) = (rest.plant.n(), rest.plant.states());
-    let size = states + rest.law.initial_state().len();
-    let set_up = || (rest.plant.build(rest.frame), rest.law.build(), rest.law.desired(t));
+fn loop_rates(problem: &EquilibriumProblem, t: f64) -> Option<(Recorded, usize)> {
+    let (n, states) = (problem.plant.n(), problem.plant.states());
+    let size = states + problem.law.initial_state().len();
+    let set_up = || (problem.plant.build(problem.frame), problem.law.build(), problem.law.desired(t));
     let recorded = recorded(size, set_up, |(mut plant, mut law, desired), state| {
         let trig: Vec<(Sym, Sym)> = state[..n].iter().map(|q| q.sin_cos()).collect();
         let (x, z) = state.split_at(states);
         let (mut tau, mut rates) = (vec![Sym::zero(); n], vec![Sym::zero(); size]);
         let (x_dot, z_dot) = rates.split_at_mut(states);
         law.evaluate(&desired, &trig, x, z, &mut tau, z_dot);
-        plant.rates(&trig, x, &tau, &rest.wrench.map(Sym::splat), x_dot);
+        plant.rates(&trig, x, &tau, &problem.wrench.map(Sym::splat), x_dot);
         rates
     });
     recorded.map(|recorded| (recorded, size))
@@ -87,30 +87,30 @@ pub fn loop_modes(plant: &PlantSpec, law: &LawSpec, x: &[f64], z: &[f64], wrench
     const ROUNDED_REAL_PART: f64 = 1e-9;
     let (n, s) = (plant.n(), x.len() + z.len());
     let slope = loop_slope(plant, law, 0.0, x, z, wrench, force_frame)?;
-    let whole = eigenvalues(&slope, s)?;
-    let fastest = whole.iter().fold(0.0f64, |most, (re, im)| most.max(re.hypot(*im)));
-    let left = |modes: &[(f64, f64)]| modes.iter().all(|(re, _)| *re < ROUNDED_REAL_PART * fastest);
+    let modes = eigenvalues(&slope, s)?;
+    let fastest = modes.iter().fold(0.0f64, |most, (re, im)| most.max(re.hypot(*im)));
+    let left = |values: &[(f64, f64)]| values.iter().all(|(re, _)| *re < ROUNDED_REAL_PART * fastest);
     let scaled = in_units(&slope, x.len(), n, fastest);
     let mut svd = Svd::new(s, s);
     if fastest > 0.0 {
         svd.decompose(&scaled, s, s)?;
     }
-    let kept = if fastest > 0.0 { svd.rank(FREE * svd.s()[0]) } else { 0 };
-    if kept == s {
-        return Ok(Modes { free: 0, stable: left(&whole), eigenvalues: whole });
+    let rank = if fastest > 0.0 { svd.rank(FREE * svd.s()[0]) } else { 0 };
+    if rank == s {
+        return Ok(Modes { free: 0, stable: left(&modes), eigenvalues: modes });
     }
-    let mut quotient = vec![0.0; kept * kept];
-    for j in 0..kept {
+    let mut quotient = vec![0.0; rank * rank];
+    for j in 0..rank {
         let image: Vec<f64> = scaled.chunks_exact(s).map(|row| dot(row, svd.v(j))).collect();
-        for i in 0..kept {
-            quotient[i * kept + j] = fastest * dot(svd.v(i), &image);
+        for i in 0..rank {
+            quotient[i * rank + j] = fastest * dot(svd.v(i), &image);
         }
     }
-    let mut found = if kept == 0 { Vec::new() } else { eigenvalues(&quotient, kept)? };
+    let mut found = if rank == 0 { Vec::new() } else { eigenvalues(&quotient, rank)? };
     let stable = left(&found);
     found.resize(s, (0.0, 0.0));
     found.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
-    Ok(Modes { free: s - kept, eigenvalues: found, stable })
+    Ok(Modes { free: s - rank, eigenvalues: found, stable })
 }
 
 /// `A` in other units: times in units of `1 / fastest`, and the law's states in units that make their rows and columns equally large.

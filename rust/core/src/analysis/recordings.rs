@@ -13,19 +13,19 @@ use std::sync::Arc;
 ///
 /// ```
 /// # use armlet_core::{arm::Arm, dynamics::Model, law::{Gain, LawSpec, PdGravitySpec}, plant::{PlantSpec, RigidSpec}};
-/// use armlet_core::analysis::rest::Rest;
+/// use armlet_core::analysis::equilibrium_problem::EquilibriumProblem;
 /// # let model = Model::from(Arm::pendulum(2.0, 5.0)?);
 /// # let plant = PlantSpec::from(RigidSpec::new(model.clone()));
 ///
 /// let law = LawSpec::from(PdGravitySpec::new(model, vec![0.5], Gain::scalar("kp", 1, 20.0)?, Gain::scalar("kd", 1, 4.0)?)?);
-/// let rest = Rest { plant: &plant, law: &law, wrench: [0.0; 6], frame: None };
-/// assert!((rest.unbalanced(&[0.3], &[])?.load[0] - 5.0 * 0.3f64.sin()).abs() < 1e-12);
+/// let problem = EquilibriumProblem { plant: &plant, law: &law, wrench: [0.0; 6], frame: None };
+/// assert!((problem.unbalanced(&[0.3], &[])?.load[0] - 5.0 * 0.3f64.sin()).abs() < 1e-12);
 /// let mut q = vec![0.0];
-/// rest.descend(&mut q)?;
+/// problem.descend(&mut q)?;
 /// assert!((q[0] - 0.5).abs() < 1e-9);
 /// # Ok::<(), armlet_core::error::Error>(())
 /// ```
-pub struct Rest<'a> {
+pub struct EquilibriumProblem<'a> {
     /// The plant.
     pub plant: &'a PlantSpec,
     /// A law of the links, or a law of motors.
@@ -70,7 +70,7 @@ static KNOWN: Cache<Arc<Stored>> = Cache::new();
 /// Return the stored function with its Jacobian. If it is not stored, record it: `record` returns the function and the number of its results
 /// that have derivatives.
 pub(super) fn jacobian(
-    &Rest { plant, law, wrench, frame }: &Rest,
+    &EquilibriumProblem { plant, law, wrench, frame }: &EquilibriumProblem,
     function: Function,
     record: impl FnOnce() -> Option<(Recorded, usize)>,
 ) -> Option<Jacobian> {
@@ -109,8 +109,8 @@ mod tests {
             recorded(1, || (), |(), x| vec![x[0] * x[0]]).map(|recorded| (recorded, 1))
         };
         let recordings = |kp: f64, push: f64, function: Function| {
-            let rest = Rest { plant: &plant, law: &law(kp), wrench: [push; 6], frame: Some(0) };
-            assert!(jacobian(&rest, function, record).is_some());
+            let problem = EquilibriumProblem { plant: &plant, law: &law(kp), wrench: [push; 6], frame: Some(0) };
+            assert!(jacobian(&problem, function, record).is_some());
             count.get()
         };
         let repeated = Function::Rates(0.125);

@@ -11,7 +11,7 @@
 //!
 //! `r(q) = B0 B^-1 (tau(q, theta) - L(q))`, `theta = q + K^-1 L(q)`.
 
-use super::recordings::{Function, Motors, Rest, jacobian};
+use super::recordings::{EquilibriumProblem, Function, Motors, jacobian};
 use crate::dynamics::ArmAt;
 use crate::error::{Error, Result};
 use crate::law::Law;
@@ -29,11 +29,11 @@ pub(super) struct Residual {
 }
 
 impl Residual {
-    pub fn new(rest: &Rest, motors: Motors) -> Result<Self> {
-        let n = rest.plant.n();
+    pub fn new(problem: &EquilibriumProblem, motors: Motors) -> Result<Self> {
+        let n = problem.plant.n();
         let size = match motors {
             Motors::Unknown(..) => 2 * n,
-            Motors::Absent | Motors::Carrying(..) => n + rest.law.initial_state().len(),
+            Motors::Absent | Motors::Carrying(..) => n + problem.law.initial_state().len(),
         };
         let record = |mut forces: Forces, y: &[Sym]| {
             let mut results = vec![Sym::zero(); size];
@@ -43,9 +43,9 @@ impl Residual {
             results
         };
         let function = Function::Residual(motors.clone());
-        match jacobian(rest, function, || recorded(size, || Forces::new(rest, motors), record).map(|recorded| (recorded, size))) {
+        match jacobian(problem, function, || recorded(size, || Forces::new(problem, motors), record).map(|recorded| (recorded, size))) {
             Some(function) => Ok(Residual { function, size }),
-            None => Err(Error::input("law", format!("branches on its data: expected an impedance or PD law, got {}", rest.law.name()))),
+            None => Err(Error::input("law", format!("branches on its data: expected an impedance or PD law, got {}", problem.law.name()))),
         }
     }
 
@@ -56,8 +56,8 @@ impl Residual {
 
     /// The residual at `y`, the load `L(q)` and the force of the wall.
     pub fn with_load(&mut self, y: &[f64]) -> (&[f64], &[f64], [f64; 3]) {
-        let (residual, rest) = self.function.value(y).split_at(self.size);
-        let (load, wall) = rest.split_at(rest.len() - 3);
+        let (residual, forces) = self.function.value(y).split_at(self.size);
+        let (load, wall) = forces.split_at(forces.len() - 3);
         (residual, load, [wall[0], wall[1], wall[2]])
     }
 
@@ -80,7 +80,7 @@ impl Residual {
 
 /// The operations of the residual `r`, with their buffers.
 struct Forces<'a> {
-    rest: &'a Rest<'a>,
+    problem: &'a EquilibriumProblem<'a>,
     law: Box<dyn Law + Send>,
     arm: ArmAt<Sym>,
     desired: Vec<Sym>,
@@ -99,8 +99,8 @@ struct Forces<'a> {
 }
 
 impl<'a> Forces<'a> {
-    fn new(rest: &'a Rest<'a>, motors: Motors) -> Self {
-        let n = rest.plant.n();
+    fn new(problem: &'a EquilibriumProblem<'a>, motors: Motors) -> Self {
+        let n = problem.plant.n();
         let zeros = |k: usize| vec![Sym::zero(); k];
         let carrying = matches!(motors, Motors::Carrying(..));
         let (elasticity, share) = match motors {
@@ -109,14 +109,14 @@ impl<'a> Forces<'a> {
         };
         let built = |gain: Option<Gain>| gain.map(|gain| AnyGain::new(&gain));
         Forces {
-            rest,
-            law: rest.law.build(),
-            arm: ArmAt::new(rest.plant.model()),
-            desired: rest.law.desired(0.0),
+            problem,
+            law: problem.law.build(),
+            arm: ArmAt::new(problem.plant.model()),
+            desired: problem.law.desired(0.0),
             x: zeros(4 * n),
             load: zeros(n),
             tau: zeros(n),
-            stops: rest.plant.stops().into_iter().flat_map(|stops| stops.all()).collect(),
+            stops: problem.plant.stops().into_iter().flat_map(|stops| stops.all()).collect(),
             elasticity: built(elasticity),
             share: built(share),
             carrying,
@@ -130,16 +130,16 @@ impl<'a> Forces<'a> {
         let n = q.len();
         self.arm.move_to(q);
         self.arm.gravity(&mut self.load);
-        if let Some(frame) = self.rest.frame {
+        if let Some(frame) = self.problem.frame {
             let (_, jacobian) = self.arm.jacobian(frame);
             for i in 0..n {
-                for (k, &w) in self.rest.wrench.iter().enumerate() {
+                for (k, &w) in self.problem.wrench.iter().enumerate() {
                     self.load[i] = jacobian[k * n + i].neg_mul_add(Sym::splat(w), self.load[i]);
                 }
             }
         }
         let mut push = Vector3::zero();
-        if let Some(wall) = self.rest.plant.wall() {
+        if let Some(wall) = self.problem.plant.wall() {
             let (p, jacobian) = self.arm.jacobian(wall.frame);
             push = LoopWall::new(wall).force(p, Vector3::zero(), None).0;
             for i in 0..n {
@@ -148,7 +148,7 @@ impl<'a> Forces<'a> {
                 }
             }
         }
-        if let Some(stops) = self.rest.plant.stops() {
+        if let Some(stops) = self.problem.plant.stops() {
             for &stop in &self.stops {
                 let i = stop.joint;
                 let (depth, _) = stop.depth(Sym::splat(stops.limit(stop)), q[i], Sym::zero());

@@ -130,22 +130,22 @@ fn shown(rows: &[f64], n: usize, p: usize) -> Result<Candidates> {
     interrupt::check();
     let (values, vectors) = symmetric_eigen(&scaled, p)?;
     let largest = values.last().copied().unwrap_or(0.0);
-    let kept = values.iter().filter(|&&value| value > CUTOFF * CUTOFF * largest).count();
-    if kept == 0 {
+    let rank = values.iter().filter(|&&value| value > CUTOFF * CUTOFF * largest).count();
+    if rank == 0 {
         return Err(Error::input("samples", "show nothing: expected a record of motion, got zeros"));
     }
     // Let D be the column lengths. The null space of W is D^-1 times the null space of the scaled W. The determined directions are
     // orthogonal to the null space of W. So they are D times the row space of the scaled W.
     let range: Vec<Vec<f64>> =
-        vectors.chunks_exact(p).rev().take(kept).map(|u| u.iter().zip(&lengths).map(|(u, d)| u * d).collect()).collect();
+        vectors.chunks_exact(p).rev().take(rank).map(|u| u.iter().zip(&lengths).map(|(u, d)| u * d).collect()).collect();
     let spread: Vec<f64> = (0..p * p).map(|k| range.iter().map(|u| u[k / p] * u[k % p]).sum()).collect();
     let (_, basis) = symmetric_eigen(&spread, p)?;
-    let basis: Vec<&[f64]> = basis.chunks_exact(p).rev().take(kept).collect();
-    let mut z = memory::reserved(rows.len() / p * kept)?;
+    let basis: Vec<&[f64]> = basis.chunks_exact(p).rev().take(rank).collect();
+    let mut z = memory::reserved(rows.len() / p * rank)?;
     for row in rows.chunks_exact(p) {
         z.extend(basis.iter().map(|u| dot(row, u)));
     }
-    Ok(Candidates { z, n, r: kept })
+    Ok(Candidates { z, n, r: rank })
 }
 
 /// Choose samples one after another. Each has the largest effect in the directions that are weakest so far.

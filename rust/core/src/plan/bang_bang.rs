@@ -99,9 +99,9 @@ fn answers<S: Real>([theta0, thetaf, inertia, g, tau_min, tau_max]: [S; 6]) -> A
     let (way, width) = (thetaf - theta0, tau_max - tau_min);
     let ends = both::<S>(way.abs().lt(finite), g.abs().lt(finite)) * both::<S>(zero.lt(inertia), inertia.lt(finite));
     let limits = both::<S>(zero.lt(width), width.lt(finite)) * between(zero, tau_min, tau_max);
-    let back = way.lt(zero);
-    let sign = S::select(back, -one, one);
-    let (low, high) = (S::select(back, -tau_max, tau_min), S::select(back, -tau_min, tau_max));
+    let reverse = way.lt(zero);
+    let sign = S::select(reverse, -one, one);
+    let (low, high) = (S::select(reverse, -tau_max, tau_min), S::select(reverse, -tau_min, tau_max));
     let (x0, x1) = (sign * theta0, sign * thetaf);
     let distance = x1 - x0;
     let half = S::splat(0.5);

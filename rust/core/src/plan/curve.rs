@@ -44,7 +44,7 @@ impl Curve {
         if at.net() <= 0.0 {
             return curve;
         }
-        while at.y < distance && curve.steps.len() < MAX_STEPS && !at.stands() {
+        while at.y < distance && curve.steps.len() < MAX_STEPS && !at.is_near_equilibrium() {
             interrupt::check();
             let mut step = at.step(distance);
             if !(step.length > 0.0) {

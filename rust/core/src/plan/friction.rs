@@ -64,10 +64,10 @@ impl FrictionSearch {
     fn new(x0: f64, x1: f64, up: f64, down: f64, link: FrictionLink, straight: bool, bound: f64) -> Option<Self> {
         let mut search =
             FrictionSearch { x0, x1, up, down, link, straight, leaves: Curve::default(), arrives: Curve::default(), most: 0.0 };
-        let (distance, back) = (x1 - x0, link.backwards());
+        let (distance, backwards) = (x1 - x0, link.backwards());
         // Integrate a little farther than the search, so that the end of an integration does not count as the edge of an interval.
         let reach = |search: &FrictionSearch| 1.01 * search.farthest(bound);
-        search.arrives = Curve::new(-x1, down, &back, reach(&search) + distance, None);
+        search.arrives = Curve::new(-x1, down, &backwards, reach(&search) + distance, None);
         search.leaves = Curve::new(-x0, down, &link, reach(&search), None);
         search.most = search.leaves.reach.min(search.arrives.reach - distance);
         (search.most > 0.0).then_some(search)

@@ -50,8 +50,8 @@ impl Link {
     /// and change their signs. The gravity torque keeps its form, because the sine is odd.
     #[inline(always)]
     pub(super) fn along(&self, forward: bool) -> Self {
-        let back = u64::from(!forward);
-        Link { tau_min: select(back, -self.tau_max, self.tau_min), tau_max: select(back, -self.tau_min, self.tau_max), ..*self }
+        let reverse = u64::from(!forward);
+        Link { tau_min: select(reverse, -self.tau_max, self.tau_min), tau_max: select(reverse, -self.tau_min, self.tau_max), ..*self }
     }
 }
 

@@ -142,11 +142,11 @@ fn panel<S: Real>(f: &impl Integrand, a: f64, b: f64) -> (f64, f64) {
     (half * kronrod, half * size * difference.min(scaled * scaled.sqrt()))
 }
 
-/// Compute an integral over [0, 1] by adaptive bisection. `beside` is the value of another part of the same integral, or zero. `accuracy`
-/// is relative to the value of a panel, or to a tenth of the integral so far if that is larger. The integral so far is `beside` plus all
+/// Compute an integral over [0, 1] by adaptive bisection. `other_part` is the value of another part of the same integral, or zero. `accuracy`
+/// is relative to the value of a panel, or to a tenth of the integral so far if that is larger. The integral so far is `other_part` plus all
 /// finished panels.
 #[inline(always)]
-pub(super) fn adaptive<S: Real>(f: &impl Integrand, accuracy: f64, beside: f64) -> f64 {
+pub(super) fn adaptive<S: Real>(f: &impl Integrand, accuracy: f64, other_part: f64) -> f64 {
     let mut stack = [(0.0, 0.0); MAX_DEPTH];
     let (mut sum, mut panels) = (0.0f64, 0);
     stack[0] = (0.0, 1.0);
@@ -157,7 +157,7 @@ pub(super) fn adaptive<S: Real>(f: &impl Integrand, accuracy: f64, beside: f64) 
         let (value, error) = panel::<S>(f, a, b);
         panels += 1;
         let middle = 0.5 * (a + b);
-        let exact = error <= accuracy * value.abs().max(0.1 * (beside + sum).abs());
+        let exact = error <= accuracy * value.abs().max(0.1 * (other_part + sum).abs());
         if exact || top + 2 > MAX_DEPTH || panels > MAX_PANELS || middle <= a || middle >= b {
             sum += value;
         } else {

@@ -57,8 +57,8 @@ pub(super) type Window = (f64, f64);
 /// The back-swings of a problem, as functions of the distance `e` of the turn behind the start.
 pub(super) trait BackSwings {
     /// A scaled derivative of the duration, `d/(|d| + c)`, with `d = dT/de`. `c` is the sum of the reciprocal speeds at the switches.
-    /// `None` if rounding errors dominate, or if the swing is not feasible. With `fine`, the derivative has many digits.
-    fn slope(&self, e: f64, fine: bool) -> Option<f64>;
+    /// `None` if rounding errors dominate, or if the swing is not feasible. With `accurate`, the derivative has many digits.
+    fn slope(&self, e: f64, accurate: bool) -> Option<f64>;
     /// The swing at `e`; `None` if it is not feasible.
     fn swing(&self, e: f64) -> Option<Swing>;
     /// The intervals of feasible swings, the nearest interval first. Intervals that begin beyond `farthest` may be missing.
@@ -127,9 +127,9 @@ impl<B: BackSwings> TurnSearch<'_, B> {
 
     /// The scaled derivative at `e` within an interval. If rounding errors dominate near an edge, the result is the limit of the derivative
     /// at this edge.
-    fn point(&self, e: f64, (low, high): Window, fine: bool) -> Point {
+    fn point(&self, e: f64, (low, high): Window, accurate: bool) -> Point {
         interrupt::check();
-        (e, self.swings.slope(e, fine).unwrap_or(if e - low < high - e { -1.0 } else { 1.0 }))
+        (e, self.swings.slope(e, accurate).unwrap_or(if e - low < high - e { -1.0 } else { 1.0 }))
     }
 
     /// Search an interval in which T falls, has one minimum and rises.
@@ -189,12 +189,12 @@ impl<B: BackSwings> TurnSearch<'_, B> {
 
     /// Find a root of the scaled derivative between `low` and `high`. Return it with the rate of change of the scaled derivative there.
     /// Chandrupatla's method chooses inverse quadratic interpolation or bisection for each step.
-    fn root(&self, low: Point, high: Point, window: Window, fine: bool) -> (f64, f64) {
+    fn root(&self, low: Point, high: Point, window: Window, accurate: bool) -> (f64, f64) {
         // `a` is the last point, `b` a point on the other side of the root, and `c` the point that was replaced.
         let (mut a, mut b) = (low, high);
         let (mut e, mut rate) = (low.0 + (high.0 - low.0) * low.1 / (low.1 - high.1), 0.0);
         for _ in 0..100 {
-            let now = self.point(e, window, fine);
+            let now = self.point(e, window, accurate);
             rate = (now.1 - a.1) / (now.0 - a.0);
             let c;
             (a, b, c) = if (now.1 < 0.0) == (a.1 < 0.0) { (now, b, a) } else { (now, a, b) };
@@ -208,7 +208,7 @@ impl<B: BackSwings> TurnSearch<'_, B> {
             let width = b.0 - a.0;
             e = a.0 + part * width;
             let step = (e - a.0).abs();
-            let near = if fine { step * a.1.abs() <= FLAT * e } else { step <= NEAR * (e - low.0).min(high.0 - e) };
+            let near = if accurate { step * a.1.abs() <= FLAT * e } else { step <= NEAR * (e - low.0).min(high.0 - e) };
             if a.1.abs() < LEVEL && near || width.abs() <= 1e-15 * e {
                 // If the next step is a bisection, the last point is at least as good as the middle of the bracket.
                 return (if smooth { e } else { a.0 }, rate);
@@ -223,16 +223,16 @@ pub(super) fn fastest(swings: &impl BackSwings, bound: f64) -> Option<Swing> {
     TurnSearch { swings, best: None, limit: bound, farthest: swings.farthest(bound) }.run()
 }
 
-/// Check that swings are feasible exactly within their intervals. Check at the distance `beside` on both sides of each edge, and at
+/// Check that swings are feasible exactly within their intervals. Check at the distance `offset` on both sides of each edge, and at
 /// multiples of `spacing`. Return the numbers of feasible and of infeasible swings.
 #[cfg(test)]
-pub(super) fn check_windows(swings: &impl BackSwings, beside: f64, spacing: f64) -> [usize; 2] {
+pub(super) fn check_windows(swings: &impl BackSwings, offset: f64, spacing: f64) -> [usize; 2] {
     let windows: Vec<_> = swings.windows(FARTHEST).take_while(|&(low, _)| low < FARTHEST).collect();
-    let edges = windows.iter().flat_map(|&(low, high)| [low - beside, low + beside, high - beside, high + beside]);
+    let edges = windows.iter().flat_map(|&(low, high)| [low - offset, low + offset, high - offset, high + offset]);
     let even = (1..).map(|k| spacing * f64::from(k)).take_while(|&e| e < FARTHEST);
-    let known = |e: &f64| windows.iter().all(|(low, high)| (e - low).abs().min((e - high).abs()) > 0.1 * beside);
+    let known = |e: &f64| windows.iter().all(|(low, high)| (e - low).abs().min((e - high).abs()) > 0.1 * offset);
     let mut counts = [0; 2];
-    for e in edges.chain(even).filter(|&e| beside < e && e < FARTHEST).filter(known) {
+    for e in edges.chain(even).filter(|&e| offset < e && e < FARTHEST).filter(known) {
         let within = windows.iter().any(|&(low, high)| low < e && e < high);
         assert_eq!(swings.swing(e).is_some(), within, "{e} {windows:?}");
         counts[usize::from(!within)] += 1;

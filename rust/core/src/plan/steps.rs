@@ -109,7 +109,7 @@ impl Progress {
     }
 
     /// Whether gravity balances the torque, so that the link only moves slowly towards an equilibrium.
-    pub fn stands(&self) -> bool {
+    pub fn is_near_equilibrium(&self) -> bool {
         self.link.viscous > 0.0 && self.time > 0.0 && self.link.viscous * self.v <= 10.0 * self.noise()
     }
 

@@ -22,7 +22,7 @@ use std::cell::OnceCell;
 use std::f64::consts::TAU;
 
 /// Relative accuracy of the accurate derivatives, which the search uses for its last steps.
-const FINE: f64 = 1e-6;
+const ACCURACY: f64 = 1e-6;
 
 /// The search for the fastest back-swing.
 struct SwingSearch {
@@ -39,7 +39,7 @@ struct SwingSearch {
 }
 
 /// Sine and cosine of the difference of two angles, from their sines and cosines.
-fn back((sin, cos): (f64, f64), (less_sin, less_cos): (f64, f64)) -> (f64, f64) {
+fn angle_difference((sin, cos): (f64, f64), (less_sin, less_cos): (f64, f64)) -> (f64, f64) {
     (sin * less_cos - cos * less_sin, cos * less_cos + sin * less_sin)
 }
 
@@ -81,10 +81,10 @@ impl SwingSearch {
     fn trial(&self, e: f64) -> SwingTrial {
         let MonotoneMotion { monotone: Monotone { push, brake, .. }, middle, half: way } = self.straight;
         let (turn, half) = (push.x - e, sin_cos(0.5 * e));
-        let between = back(push.angle(), half);
-        let turns = push.moved(turn, back(between, half));
+        let between = angle_difference(push.angle(), half);
+        let turns = push.moved(turn, angle_difference(between, half));
         let out = drop(-between.0, half.0);
-        let into = drop(back(middle, half).0, way.0 * half.1 + way.1 * half.0);
+        let into = drop(angle_difference(middle, half).0, way.0 * half.1 + way.1 * half.0);
         SwingTrial { away: Monotone::between(self.leaves, turns, out), towards: Monotone::between(turns, brake, into), turn }
     }
 
@@ -94,8 +94,8 @@ impl SwingSearch {
         let turns = &self.straight.monotone.push;
         let start = sine(turns.x);
         for _ in 0..3 {
-            let whole = (-turns.g.abs(), turns.g.abs());
-            let (low, high) = if most < TAU { gravity_range(turns.g, &sine(turns.x - most), &start) } else { whole };
+            let revolution = (-turns.g.abs(), turns.g.abs());
+            let (low, high) = if most < TAU { gravity_range(turns.g, &sine(turns.x - most), &start) } else { revolution };
             let bound = bound(turns.push - low, self.leaves.push + high);
             if !(bound < most) {
                 break;
@@ -107,12 +107,12 @@ impl SwingSearch {
 }
 
 impl BackSwings for SwingSearch {
-    fn slope(&self, e: f64, fine: bool) -> Option<f64> {
+    fn slope(&self, e: f64, accurate: bool) -> Option<f64> {
         let SwingTrial { away, towards, .. } = self.trial(e);
         let turns = &towards.push;
         let rate = |length: f64| {
             let energy = turns.energy(length);
-            let gradient = if fine { turns.time_gradient(length, FINE) } else { turns.rough_gradient(length, energy) };
+            let gradient = if accurate { turns.time_gradient(length, ACCURACY) } else { turns.rough_gradient(length, energy) };
             let inverse = energy.sqrt().recip();
             (inverse - gradient, inverse)
         };
@@ -121,7 +121,7 @@ impl BackSwings for SwingSearch {
         // The derivative of the duration with respect to `e` is the sum of two terms, for the middle phase before and after the turn. The
         // shorter part has the larger term. So if the term of the longer part is positive, the sum is positive. Then the coarse search
         // requires only this sign, and uses the term of the longer part twice.
-        let (other, first) = if last >= 0.0 && !fine { (last, second) } else { rate(out.min(into)) };
+        let (other, first) = if last >= 0.0 && !accurate { (last, second) } else { rate(out.min(into)) };
         let rate = last + other;
         let slope = rate / (rate.abs() + first + second);
         slope.is_finite().then_some(slope)
@@ -215,9 +215,9 @@ mod tests {
             for (low, high) in windows.filter(|&(low, high)| low > 0.0 && high - low < TAU) {
                 let mut rises = Vec::new();
                 for e in (1..200).map(|k| low + (high - low) * k as f64 / 200.0) {
-                    let [rough, fine] = [false, true].map(|fine| search.slope(e, fine).unwrap());
-                    assert!(rough * fine > 0.0 || fine.abs() < 0.05, "{low} {high} {e}: {rough} {fine}");
-                    rises.push(fine > 0.0);
+                    let [rough, accurate] = [false, true].map(|accurate| search.slope(e, accurate).unwrap());
+                    assert!(rough * accurate > 0.0 || accurate.abs() < 0.05, "{low} {high} {e}: {rough} {accurate}");
+                    rises.push(accurate > 0.0);
                 }
                 let turns = rises.windows(2).filter(|two| two[0] != two[1]).count();
                 assert!(turns == 0 || turns == 1 && rises[198], "{low} {high} {turns}");
@@ -228,7 +228,7 @@ mod tests {
     }
 
     #[test]
-    fn a_minimum_beside_an_edge_is_found() {
+    fn a_minimum_next_to_an_edge_is_found() {
         // The interval is 2e-3 rad wide, and its minimum is 2e-10 rad from its edge. The minimum time in the next interval is 142.7 (unit:
         // `sqrt(I/2)` s).
         let straight = MonotoneMotion::new(6.2831853083864555, 6.28318550293321, -1.0, 1.2068690262570462e-9, 1.9572908712209023e-7);

@@ -18,7 +18,7 @@ struct RestPhase {
     direction: f64,
     tau: f64,
     /// The time at which the phase is at rest, s.
-    rest: f64,
+    rest_time: f64,
     /// +1 if the phase starts at rest, -1 if it ends at rest.
     sense: f64,
     /// The time at which the phase ends, s.
@@ -93,7 +93,7 @@ impl RestPhase {
     }
 
     fn sample(&self, t: f64, link: &FrictionLink) -> Sample {
-        let time = (self.sense * (t - self.rest)).max(0.0) / self.unit;
+        let time = (self.sense * (t - self.rest_time)).max(0.0) / self.unit;
         let k = self.steps.partition_point(|s| s.time <= time).max(1) - 1;
         let (y, v) = evaluate(&self.steps[k].y, time - self.steps[k].time);
         let way = self.sense * self.direction;
@@ -111,8 +111,9 @@ impl TorqueProfile {
             let direction = if to >= from { 1.0 } else { -1.0 };
             let (push, brake) = if direction > 0.0 { (limits[1], limits[0]) } else { (limits[0], limits[1]) };
             let (steps, unit) = (Vec::new(), 1.0);
-            let push = RestPhase { theta: from, direction, tau: push, rest: t0, sense: 1.0, end: ts, steps, unit };
-            let brake = RestPhase { theta: to, direction: -direction, tau: brake, rest: t1, sense: -1.0, end: t1, steps: Vec::new(), unit };
+            let push = RestPhase { theta: from, direction, tau: push, rest_time: t0, sense: 1.0, end: ts, steps, unit };
+            let brake =
+                RestPhase { theta: to, direction: -direction, tau: brake, rest_time: t1, sense: -1.0, end: t1, steps: Vec::new(), unit };
             runs.push(push.with_steps(&link, ts - t0));
             runs.push(brake.with_steps(&link, t1 - ts));
         };

@@ -40,7 +40,7 @@ pub(super) struct Damped {
     gram: Vec<f64>,
     y: Vec<f64>,
     /// The error without the part that the centring motion `z` changes, `e - J z`, `(rows,)`.
-    rest: Vec<f64>,
+    remaining_error: Vec<f64>,
     z: Vec<f64>,
     dq: Vec<f64>,
     held: Vec<bool>,
@@ -69,7 +69,7 @@ impl Damped {
             j: vec![0.0; rows * n],
             gram: vec![0.0; k * k],
             y: vec![0.0; k],
-            rest: vec![0.0; rows],
+            remaining_error: vec![0.0; rows],
             z: vec![0.0; n],
             dq: vec![0.0; n],
             held: vec![false; n],
@@ -164,10 +164,10 @@ impl Damped {
 
     /// Compute the step `dq` from the weighted Jacobian, the weighted error and the centring motion `z`.
     fn solve(&mut self, size: f64) {
-        let Damped { j, gram, y, rest, z, dq, e, .. } = self;
+        let Damped { j, gram, y, remaining_error, z, dq, e, .. } = self;
         let n = dq.len();
-        for ((rest, row), e) in rest.iter_mut().zip(j.chunks_exact(n)).zip(&*e) {
-            *rest = e - dot(row, z);
+        for ((remaining, row), e) in remaining_error.iter_mut().zip(j.chunks_exact(n)).zip(&*e) {
+            *remaining = e - dot(row, z);
         }
         dq.copy_from_slice(z);
         if e.len() <= n {
@@ -177,7 +177,7 @@ impl Damped {
                     gram[r * k + c] = dot(&j[r * n..(r + 1) * n], &j[c * n..(c + 1) * n]);
                 }
             }
-            y.copy_from_slice(rest);
+            y.copy_from_slice(remaining_error);
             solve_damped(gram, y, size);
             for (y, row) in y.iter().zip(j.chunks_exact(n)) {
                 dq.iter_mut().zip(row).for_each(|(dq, entry)| *dq += y * entry);
@@ -185,9 +185,9 @@ impl Damped {
         } else {
             gram.fill(0.0);
             y.fill(0.0);
-            for (row, rest) in j.chunks_exact(n).zip(&*rest) {
+            for (row, remaining) in j.chunks_exact(n).zip(&*remaining_error) {
                 for r in 0..n {
-                    y[r] += row[r] * rest;
+                    y[r] += row[r] * remaining;
                     for c in 0..=r {
                         gram[r * n + c] += row[r] * row[c];
                     }

@@ -146,9 +146,9 @@ impl Nearest {
             self.restore(level, goal, &mut next, held)?;
             let there = self.rows_of(goal, &next);
             let cost = self.cost(level, &there);
-            let kept = (0..level)
+            let higher_levels_hold = (0..level)
                 .all(|j| if goal.reached[j] { there.misses[j] == 0.0 } else { self.cost(j, &there) <= above[j] * (1.0 + GROWTH) });
-            if kept && cost <= before * (1.0 + f64::EPSILON) {
+            if higher_levels_hold && cost <= before * (1.0 + f64::EPSILON) {
                 return Ok(Some((next, cost)));
             }
             scale *= 0.5;

@@ -231,10 +231,10 @@ impl NewtonSearch {
         // Every pass holds at least one more joint, so at most n + 1 passes are necessary.
         loop {
             let (jacobian, command) = self.solver.solver_mut().inputs();
-            let (tasks, rest) = command.split_at_mut(self.e.len());
+            let (tasks, joints) = command.split_at_mut(self.e.len());
             tasks.copy_from_slice(&self.e);
             let ranges = self.bounds.iter().zip(&*q).filter(|((lower, upper), _)| (upper - lower).is_finite());
-            rest.iter_mut().zip(ranges).for_each(|(to, ((lower, upper), q))| *to = centring * (0.5 * (lower + upper) - q));
+            joints.iter_mut().zip(ranges).for_each(|(to, ((lower, upper), q))| *to = centring * (0.5 * (lower + upper) - q));
             for (i, _) in self.held.iter().enumerate().filter(|(_, held)| **held) {
                 jacobian.chunks_exact_mut(n).for_each(|row| row[i] = 0.0);
             }

@@ -59,9 +59,9 @@ impl IkOptions {
 }
 
 /// Lower and upper limit of each joint; infinite where there is no limit.
-pub(super) fn limits(arm: &Arm, keep: bool) -> Result<Vec<(f64, f64)>> {
+pub(super) fn limits(arm: &Arm, within_limits: bool) -> Result<Vec<(f64, f64)>> {
     let free = (f64::NEG_INFINITY, f64::INFINITY);
-    let of = |joint: &crate::arm::Joint| if keep { (joint.limits.lower, joint.limits.upper) } else { free };
+    let of = |joint: &crate::arm::Joint| if within_limits { (joint.limits.lower, joint.limits.upper) } else { free };
     let bounds: Vec<(f64, f64)> = arm.independent().map(of).collect();
     match bounds.iter().position(|(lower, upper)| !(lower <= upper)) {
         None => Ok(bounds),

@@ -50,12 +50,12 @@ impl MomentumObserver {
         self.set_thresholds(thresholds)
     }
 
-    /// Compute the wrench `F = [f; m]` at a frame, rows of 6, N and N m. Also compute the rest `r - J' F` of the residual `r`, rows of `n`.
+    /// Compute the wrench `F = [f; m]` at a frame, rows of 6, N and N m. Also compute the remainder `r - J' F` of the residual `r`, rows of `n`.
     ///
     /// `q` has rows of `n`. Singular values of the transposed Jacobian `J'` below `eps` are clamped; `None` uses a default `eps`. Errors:
     /// `Input` for an observer of motors or before the first sample, an `eps` that is not positive, or a `q` that is not finite. `Unknown`
     /// for an unknown frame, `WrongShape` for a wrong size of `q`.
-    pub fn wrench(&mut self, q: &[f64], frame: &str, eps: Option<f64>, out: &mut [f64], rest: &mut [f64]) -> Result<()> {
+    pub fn wrench(&mut self, q: &[f64], frame: &str, eps: Option<f64>, out: &mut [f64], remainder: &mut [f64]) -> Result<()> {
         if self.motors.is_some() {
             return Err(Error::input("frame", "is of no use: expected an observer of links, got one of motors"));
         }
@@ -91,7 +91,7 @@ impl MomentumObserver {
                 }
             }
             for i in 0..n {
-                rest[row * n + i] = r[i] - dot(&self.transposed[6 * i..6 * (i + 1)], f);
+                remainder[row * n + i] = r[i] - dot(&self.transposed[6 * i..6 * (i + 1)], f);
             }
         }
         Ok(())

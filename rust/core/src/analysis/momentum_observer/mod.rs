@@ -189,7 +189,7 @@ impl MomentumObserver {
         let n = self.n();
         let [mut state, next] = [ObserverState::zeros(q.len())?, ObserverState::zeros(q.len())?];
         for first in (0..q.len()).step_by(n) {
-            self.look(&mut state, q, v, first..first + n);
+            self.write_sample(&mut state, q, v, first..first + n);
         }
         self.accepted(&state, q, v, None)?;
         (self.state, self.next) = (state, next);
@@ -212,7 +212,7 @@ impl MomentumObserver {
         let n = self.n();
         for first in (0..q.len()).step_by(n) {
             let row = first..first + n;
-            self.look(&mut next, q, v, row.clone());
+            self.write_sample(&mut next, q, v, row.clone());
             self.correct(&mut next.residual[row.clone()], &next.momentum[row.clone()], &tau[row.clone()], row.start);
         }
         let accepted = self.accepted(&next, q, v, Some((tau, dt)));
@@ -278,9 +278,9 @@ impl MomentumObserver {
     }
 
     /// Write the momentum `p` and the drift `C' v - g - tau_f` of one arm to its entries `row` in the state.
-    fn look(&mut self, state: &mut ObserverState, q: &[f64], v: &[f64], row: Range<usize>) {
+    fn write_sample(&mut self, state: &mut ObserverState, q: &[f64], v: &[f64], row: Range<usize>) {
         let (momentum, drift) = (&mut state.momentum[row.clone()], &mut state.drift[row.clone()]);
-        self.sample.look(&q[row.clone()], &v[row], momentum, drift);
+        self.sample.momentum_and_drift(&q[row.clone()], &v[row], momentum, drift);
     }
 
     /// Require rows of `n` finite numbers, and equal lengths of all arguments.

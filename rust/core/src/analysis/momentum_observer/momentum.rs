@@ -36,7 +36,7 @@ impl<S: Real> Momentum<S> {
     }
 
     /// Compute the momentum `p` and the drift `C' v - g - tau_f` at `q` and `v`, `(n,)` each. For motors, `drift` does not change.
-    pub fn look(&mut self, q: &[S], v: &[S], momentum: &mut [S], drift: &mut [S]) {
+    pub fn momentum_and_drift(&mut self, q: &[S], v: &[S], momentum: &mut [S], drift: &mut [S]) {
         if let Some(inertia) = &self.motors {
             return inertia.multiply(v, momentum);
         }

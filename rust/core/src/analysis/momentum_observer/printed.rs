@@ -32,7 +32,7 @@ $gain    double next[2 * $joints], x[5 * $joints + 1 + $factor], y[$answers];
         status = $upper_NOT_FINITE;
     else if (!(dt > 0.0))
         status = $upper_TIME;
-    else if (!$prefix_look(q, v, next))
+    else if (!$prefix_momentum(q, v, next))
         status = $upper_ANGLE;
     else if (!$prefix_finite(next, 2 * $joints))
         status = $upper_RESULT;
@@ -140,7 +140,7 @@ impl MomentumObserver {
         }
         let mut source = CSource::new(options)?;
         let branches = || Error::input("observer", "has no C: its code branches on its data");
-        let look = self.recorded_look().ok_or_else(branches)?;
+        let momentum = self.recorded_momentum().ok_or_else(branches)?;
         let correct = self.recorded_correction().ok_or_else(branches)?;
         let (prefix, upper, joints) = (source.prefix().to_string(), source.upper().to_string(), n.to_string());
         let names = [("$prefix", prefix.as_str()), ("$upper", &upper), ("$joints", &joints)];
@@ -148,7 +148,12 @@ impl MomentumObserver {
         self.declare(&mut source, &names);
         let copies =
             format!("    double x[2 * {n}];\n    memcpy(x, q, {n} * sizeof(double));\n    memcpy(x + {n}, v, {n} * sizeof(double));\n");
-        print(&mut source, &look, &names, &[("$name", "look"), ("$parameters", "const double *q, const double *v"), ("$locals", &copies)]);
+        print(
+            &mut source,
+            &momentum,
+            &names,
+            &[("$name", "momentum"), ("$parameters", "const double *q, const double *v"), ("$locals", &copies)],
+        );
         print(&mut source, &correct, &names, &[("$name", "correct"), ("$parameters", "const double *x"), ("$locals", "")]);
         self.print_update(&mut source, &names, correct.answer.len());
         if let Some(thresholds) = self.thresholds() {
@@ -191,13 +196,13 @@ impl MomentumObserver {
     }
 
     /// Record the momentum `p` and the drift `C' v - g - tau_f` as functions of `q` and `v`.
-    fn recorded_look(&self) -> Option<Recorded> {
+    fn recorded_momentum(&self) -> Option<Recorded> {
         let n = self.n();
         let made = || Momentum::<Sym>::new(&self.model, self.motors.as_ref(), &self.friction);
         recorded(2 * n, made, |mut sample, x| {
             let mut answer = vec![Sym::zero(); 2 * n];
             let (momentum, drift) = answer.split_at_mut(n);
-            sample.look(&x[..n], &x[n..], momentum, drift);
+            sample.momentum_and_drift(&x[..n], &x[n..], momentum, drift);
             answer
         })
     }

@@ -7,8 +7,8 @@
 //! integrates `M q_dot = r`, `w_dot = K_i e` in time until the equilibrium is reached (pseudo-transient continuation). Each implicit step
 //! `d` solves `(diag(M, 1)/h - dr/dy) d = r`, with a step size `h` that grows.
 
+pub use super::recordings::EquilibriumProblem;
 use super::recordings::Motors;
-pub use super::recordings::Rest;
 use super::residual::Residual;
 use crate::error::{Error, Result, finite};
 use crate::interrupt;
@@ -21,16 +21,16 @@ use nalgebra::{DMatrix, DVector};
 ///
 /// ```
 /// # use armlet_core::{arm::Arm, dynamics::Model, law::{Gain, LawSpec, PdGravitySpec}, plant::{PlantSpec, RigidSpec}};
-/// use armlet_core::analysis::rest::{Rest, Unbalanced};
+/// use armlet_core::analysis::equilibrium_problem::{EquilibriumProblem, Unbalanced};
 /// # let model = Model::from(Arm::pendulum(2.0, 5.0)?);
 /// # let plant = PlantSpec::from(RigidSpec::new(model.clone()));
 /// # let law = LawSpec::from(PdGravitySpec::new(model, vec![0.5], Gain::scalar("kp", 1, 20.0)?, Gain::scalar("kd", 1, 4.0)?)?);
 ///
 /// // The law holds the pendulum at 0.5 rad with 20 N m/rad, and compensates gravity.
-/// let rest = Rest { plant: &plant, law: &law, wrench: [0.0; 6], frame: None };
-/// let Unbalanced { torque, balanced, .. } = rest.unbalanced(&[0.3], &[])?;
+/// let problem = EquilibriumProblem { plant: &plant, law: &law, wrench: [0.0; 6], frame: None };
+/// let Unbalanced { torque, balanced, .. } = problem.unbalanced(&[0.3], &[])?;
 /// assert!((torque[0] - 20.0 * 0.2).abs() < 1e-12 && !balanced);
-/// assert!(rest.unbalanced(&[0.5], &[])?.balanced);
+/// assert!(problem.unbalanced(&[0.5], &[])?.balanced);
 /// # Ok::<(), armlet_core::error::Error>(())
 /// ```
 pub struct Unbalanced {
@@ -44,7 +44,7 @@ pub struct Unbalanced {
     pub wall_force: [f64; 3],
 }
 
-impl Rest<'_> {
+impl EquilibriumProblem<'_> {
     /// The motor positions in the search for an equilibrium.
     fn motors(&self) -> Motors {
         let Some(plant) = self.plant.elastic() else { return Motors::Absent };
@@ -111,7 +111,7 @@ impl Rest<'_> {
                 let long = step.as_ref().is_none_or(|step| step.rows(0, n).amax() > REACH);
                 match step {
                     Some(step) if !long => break step,
-                    _ if h * fastest < 1e-12 => return Err(no_rest(STEPS)),
+                    _ if h * fastest < 1e-12 => return Err(no_equilibrium(STEPS)),
                     _ => h *= 0.25,
                 }
             };
@@ -124,11 +124,11 @@ impl Rest<'_> {
             best = if h >= longest_step { longest } else { f64::INFINITY };
             h *= 2.0;
         }
-        Err(no_rest(STEPS))
+        Err(no_equilibrium(STEPS))
     }
 
     /// Move `q` to an equilibrium by Newton steps towards a smaller potential. For a law of motors, the motor positions are appended to
-    /// `q`. Errors: as for [`Rest::settle`].
+    /// `q`. Errors: as for [`EquilibriumProblem::settle`].
     pub fn descend(&self, q: &mut Vec<f64>) -> Result<()> {
         const STEPS: usize = 500;
         /// The largest motion of a joint in one step, rad or m. A longer step could leave the basin of the equilibrium.
@@ -182,10 +182,10 @@ impl Rest<'_> {
             }
             y.copy_from_slice(&trial);
         }
-        Err(no_rest(STEPS))
+        Err(no_equilibrium(STEPS))
     }
 }
 
-fn no_rest(steps: usize) -> Error {
-    Error::Solve { status: Status::MaxSteps, t: steps as f64, problem: "no rest was found: the descent did not end".into() }
+fn no_equilibrium(steps: usize) -> Error {
+    Error::Solve { status: Status::MaxSteps, t: steps as f64, problem: "no equilibrium was found: the search did not converge".into() }
 }
