@@ -85,6 +85,12 @@ def test_arguments_are_read_inside() -> None:
     assert outside == {}
 
 
+def test_signatures_are_written_once() -> None:
+    """`#[arguments(..)]` makes the text of a signature. The stubs are compared with these texts by mypy's stubtest."""
+    assert [path.name for path in SOURCES if "text_signature" in without_comments(path.read_text())] == []
+    assert sum(path.read_text().count("#[arguments(") for path in SOURCES) > 90
+
+
 def test_rules_see_planted_violations() -> None:
     good = "#[entered]\n#[pymethods]\nimpl A {\n    fn f(&self, x: &Bound<'_, PyAny>, n: Option<usize>) -> f64 { 1.0 }\n}\n"
     assert not_entered(good) == [] and all(READ.match(each) for _, each_of in signatures(good) for each in each_of)
