@@ -3,8 +3,8 @@
 use super::closed_loop::{ClosedLoop, Closing};
 use super::monitors;
 use super::problem::Problem;
-use super::sampler::Sampler;
-use super::torque_sensing::TorqueSensing;
+use super::sampled::sampler::Sampler;
+use super::sampled::torque_sensing::TorqueSensing;
 use super::world::World;
 use crate::law::{Route, Truth};
 use crate::scalar::Real;

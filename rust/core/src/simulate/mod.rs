@@ -18,95 +18,52 @@
 //! - A *level* is one priority of a law with task priorities. Its norms are those of its task error and of its residual. The residual is
 //!   the commanded minus the achieved velocity or acceleration.
 
-mod adaptive_steps;
+mod adaptive;
 mod assembly;
-mod attempt_programs;
 mod balances;
 mod batch;
-mod batch_rows;
-mod batch_stepper;
-mod bound;
 mod closed_loop;
 mod columns;
-mod event;
-mod fixed_steps;
-mod force;
-mod gauge;
-mod general;
+mod fixed;
 mod gradient;
-mod gripping;
-mod key;
-mod listed;
-mod listed_names;
-mod log;
-mod loop_law;
-mod loop_programs;
-mod measure_options;
-mod measures;
-mod measuring;
+mod metrics;
 mod monitors;
-mod motor_loop;
-mod notes;
-mod outside;
-mod priority_batch;
 mod problem;
-mod program_loop;
-mod program_step;
-mod programs;
-#[doc(hidden)]
-mod rates_loop;
-mod rates_programs;
-mod recorded;
+mod record;
 mod recorded_monitors;
+mod run_group;
 mod run_observer;
-mod running_rates;
-mod same_structure;
-mod sampler;
-mod sampling;
-mod schedule;
-mod segments;
+mod sampled;
 mod simulated_loop;
 mod single;
 mod sink;
-mod slots;
-mod stepper;
-mod sticking_joints;
-mod sticking_plants;
 mod stop;
-mod summary;
-mod sums;
-mod switching;
-mod time_scale;
-mod timed_functions;
-mod torque_sensing;
-mod typed;
-mod watching;
 #[doc(hidden)]
 mod world;
 
 pub use crate::integrate::Method;
 pub use crate::parallel::default_threads;
+pub use adaptive::event::{Crossings, Event, EventFunction, Signal};
+#[doc(hidden)]
+pub use adaptive::rates_loop::RatesLoop;
 pub use balances::NAMES as BALANCES;
+pub use batch::priority::{solve_rows, solve_stacks, solve_stacks_by};
+pub use batch::rows::{BatchRuns, Metric};
+pub use batch::stepper::BatchStepper;
 pub use batch::{Keep, lanes, simulate_batch};
-pub use batch_rows::{BatchRuns, Metric};
-pub use batch_stepper::BatchStepper;
-pub use bound::DEFAULT_STATE_LIMIT;
-pub use event::{Crossings, Event, EventFunction, Signal};
-pub use force::{Force, Wrench};
+pub use fixed::schedule::Times;
+pub use fixed::stepper::{Stepping, require_fixed_steps, stepper};
 pub use gradient::{
     Parameter, Parameters, RecordParts, Rows, Shared, adjoint, adjoint_of_rows, record_parts, sensitivities, sensitivities_of_rows,
 };
-pub use listed::{Listed, list_loop, watch_steps};
-pub use measure_options::Measures;
-pub use priority_batch::{solve_rows, solve_stacks, solve_stacks_by};
+pub use metrics::options::Measures;
+pub use problem::bound::DEFAULT_STATE_LIMIT;
+pub use problem::force::{Force, Wrench};
 pub use problem::{Options, Problem};
-#[doc(hidden)]
-pub use rates_loop::RatesLoop;
+pub use record::listing::{Listed, list_loop, watch_steps};
 pub use run_observer::{Guard, Polynomials, RunObserver, Switched};
-pub use sampling::{CHANNELS, Sampling};
-pub use schedule::Times;
+pub use sampled::sampling::{CHANNELS, Sampling};
 pub use single::{Run, simulate, simulate_observed};
-pub use stepper::{Stepping, require_fixed_steps, stepper};
 pub use stop::{Poller, Stop};
 #[doc(hidden)]
 pub use world::Exogenous;

@@ -1,11 +1,11 @@
 //! The monitors of runs whose programs (recorded and compiled loops) do not compute them: one recorded function of a record. The interpreter
 //! computes the first records, and machine code the later ones.
 
-use super::force::{Force, Wrench};
-use super::key::Common;
 use super::monitors;
 use super::problem::Problem;
-use super::recorded::{self, Seen, inputs, instant};
+use super::problem::force::{Force, Wrench};
+use super::record::key::Common;
+use super::record::structure::{self, Seen, inputs, instant};
 use crate::motion::{Motion, sample_all};
 use crate::trace::by_engine::REPAYS;
 use crate::trace::cache::{Cache, MadeOnce};
@@ -32,14 +32,14 @@ impl MonitorFunction {
     /// Return the function of run `run` of a problem, and its loop parameters.
     fn of_run(problem: &Problem, run: usize) -> (Arc<Self>, Vec<f64>) {
         let common = Common { notes: Some(monitors::names(problem).len()), ..Common::of_functions(problem) };
-        let parameters = recorded::loop_parameters(problem, run, common);
+        let parameters = structure::loop_parameters(problem, run, common);
         let seen = Seen::of_run(&KNOWN, (problem, run, common), &parameters, (), || Self::record(problem, run, common));
         (seen.recorded.clone(), parameters.values)
     }
 
     fn record(problem: &Problem, run: usize, common: Common) -> Self {
         sym::begin();
-        let (closed, extras) = recorded::set_up(problem, run, common);
+        let (closed, extras) = structure::set_up(problem, run, common);
         let Some(mut notes) = extras.notes else { unreachable!("the set-up has monitors") };
         let given = sym::end_set_up();
         let (monitors, firsts) = notes.sizes();

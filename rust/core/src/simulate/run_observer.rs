@@ -1,6 +1,6 @@
 //! The requests of the caller for observations of a run, and their results: events, modes of the contacts, and polynomials of the steps.
 
-use super::event::{Crossings, Event};
+use super::adaptive::event::{Crossings, Event};
 use crate::error::{Error, Result};
 use crate::memory;
 use crate::plant::Touch;

@@ -2,15 +2,15 @@
 
 use super::balances;
 use super::columns::Columns;
-use super::general::General;
-use super::log::Block;
+use super::fixed::log::Block;
+use super::fixed::schedule::require_memory;
+use super::fixed::structures::{self, Structures};
 use super::monitors;
 use super::problem::{Division, Ended, Problem};
-use super::programs::{self, Structures};
-use super::rates_programs::Rates;
+use super::record::rates::Rates;
 use super::recorded_monitors::Monitors;
+use super::run_group::RunGroup;
 use super::run_observer::RunObserver;
-use super::schedule::require_memory;
 use super::sink::Sink;
 use super::stop::Stop;
 use crate::error::{Error, Result, all_finite};
@@ -227,9 +227,9 @@ pub fn simulate_divided(problem: &Problem, division: &Division, stop: &dyn Stop,
         require_memory(fixed.schedule.count() as u128)?;
         sink.reserve(fixed.schedule.count())?;
     }
-    let general = General { problem, division, first: 0, stop, sink: &mut sink, observer: observer.as_deref_mut() };
+    let general = RunGroup { problem, division, first: 0, stop, sink: &mut sink, observer: observer.as_deref_mut() };
     let (ended, engine) = match (division, Structures::of(problem, division, false)) {
-        (Division::Fixed(fixed), Some(structures)) => (programs::run::<f64>(&structures, general, fixed), structures.engine(1).name()),
+        (Division::Fixed(fixed), Some(structures)) => (structures::run::<f64>(&structures, general, fixed), structures.engine(1).name()),
         _ => {
             let rates = Rates::of(problem);
             (general.run_single(&rates), rates.engine())

@@ -1,6 +1,6 @@
 //! The receiver of the records of a group of lanes.
 
-use super::log::Block;
+use super::fixed::log::Block;
 
 /// Receives the records of a group of lanes.
 pub trait Sink {

@@ -1,6 +1,6 @@
 //! The exogenous inputs of a loop: desired motions and external forces, of one run or of one run per lane.
 
-use super::force::{Force, Wrench};
+use super::problem::force::{Force, Wrench};
 use crate::motion::{Motion, Side, Table};
 use crate::scalar::Real;
 use std::borrow::Cow;

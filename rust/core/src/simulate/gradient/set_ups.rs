@@ -3,8 +3,8 @@
 use super::directions::Directions;
 use crate::interrupt;
 use crate::simulate::assembly::assemble;
-use crate::simulate::key::{Common, Key};
 use crate::simulate::problem::Problem;
+use crate::simulate::record::key::{Common, Key};
 use crate::trace::sym;
 use crate::trace::tape::{Moving, Op};
 

@@ -9,7 +9,7 @@ use crate::dynamics::ArmAt;
 use crate::law::{LawSpec, Lyapunov, Storage};
 use crate::plant::{PlantSpec, Stored};
 use crate::scalar::Real;
-use crate::simulate::gauge::Identities;
+use crate::simulate::metrics::gauge::Identities;
 use crate::trace::{Sym, sym};
 
 /// Computes skewness, energy and Lyapunov function, which satisfy identities of the theory.

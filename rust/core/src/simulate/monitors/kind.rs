@@ -3,7 +3,7 @@
 use crate::dynamics::ArmAt;
 use crate::law::LawSpec;
 use crate::plant::{PlantSpec, Power};
-use crate::simulate::gauge::Identities;
+use crate::simulate::metrics::gauge::Identities;
 use crate::simulate::problem::Problem;
 use crate::trace::Sym;
 

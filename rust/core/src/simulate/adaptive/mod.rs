@@ -1,0 +1,16 @@
+//! Runs with adaptive methods, and loops whose state rates are programs.
+//!
+//! `segments` has the times of a run, and `steps` advances a loop along them. `rates_loop` is a loop whose rates are programs, and
+//! `rates_evaluation` has these programs with their memory. `step_checks` observes the steps: `contacts` that change, joints that stick and
+//! slip (`joint_modes`, `sticking_joints`), and events (`event`).
+
+pub mod contacts;
+pub mod event;
+pub mod joint_modes;
+pub mod rates_evaluation;
+#[doc(hidden)]
+pub mod rates_loop;
+pub mod segments;
+pub mod step_checks;
+pub mod steps;
+pub mod sticking_joints;

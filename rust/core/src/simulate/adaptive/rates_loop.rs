@@ -1,0 +1,340 @@
+//! A closed loop whose state rates and their derivatives are programs (recorded computations). The exogenous input, the clock of a sampled
+//! controller, the modes of contacts and joints, and laws that the caller supplies are native code.
+//!
+//! A loop is recorded before its first evaluation. The interpreter computes the recording until machine code repays. For implicit methods
+//! and steppers, machine code is made at the start. The bits are the same in both cases. If an angle exceeds the range of the sines of
+//! machine code, the interpreter continues. A stepper uses machine code again from a state that the caller sets.
+
+use super::rates_evaluation::RatesEvaluation;
+use super::sticking_joints::StickingJoints;
+use crate::integrate::{Attempt, Buffer, Differentiable, Scheme, System};
+use crate::law::{ExternalSpec, LawSpec};
+use crate::linalg::Pairs;
+use crate::plant::Touch;
+use crate::simulate::assembly::{sampler, start, world};
+use crate::simulate::problem::Problem;
+use crate::simulate::problem::force::Wrench;
+use crate::simulate::record::key::Common;
+use crate::simulate::record::rates::{self, Rates};
+use crate::simulate::sampled::sampler::Sampler;
+use crate::simulate::simulated_loop::SimulatedLoop;
+use crate::simulate::world::{Exogenous, World};
+use crate::trace::{Engine, engine};
+
+/// The problem and the run of a loop, with the recorded rates of the problem.
+struct Source<'a> {
+    rates: &'a Rates,
+    problem: &'a Problem<'a>,
+    run: usize,
+}
+
+/// A loop of one run.
+pub struct RatesLoop<'a> {
+    pub(in crate::simulate) world: World<'a>,
+    /// The clock of a sampled controller, if it has one, see `assembly::sampler`.
+    sampler: Option<Sampler<f64>>,
+    /// The law, if the caller supplies it, and the number of the plant's states that it reads.
+    pub(in crate::simulate) law: Option<(ExternalSpec, usize)>,
+    /// The joints or motors with stick-slip friction.
+    pub(in crate::simulate) joints: Option<StickingJoints>,
+    /// The saturation limits of the input. Empty if there is no saturation.
+    pub(in crate::simulate) limits: Vec<f64>,
+    /// The numbers of states of the plant, and of plant and law together.
+    pub(in crate::simulate) states: [usize; 2],
+    pairs: Pairs,
+    /// The plant's input: the saturated output of the law at its last evaluation, the output that the sampler selected, or the input of the
+    /// caller.
+    pub(in crate::simulate) tau: Vec<f64>,
+    /// The other results of the law that belong to `tau`: the rate of its state, then its dissipation if that is monitored.
+    pub(in crate::simulate) dz: Vec<f64>,
+    /// Whether the input is held.
+    pub(in crate::simulate) held: bool,
+    pub(in crate::simulate) now: Exogenous<f64>,
+    /// Memory for the results of the law that the sampler selects, and for the state that the controller measures.
+    pub(in crate::simulate) acting: (Vec<f64>, Vec<f64>),
+    pub(in crate::simulate) measured: Vec<f64>,
+    /// The programs of the rates: the first with the law's output as the input, the second with a held input.
+    evaluations: [Option<RatesEvaluation>; 2],
+    /// Present while the interpreter computes until machine code repays.
+    waiting: Option<Source<'a>>,
+    /// Whether an angle has exceeded the range of machine code, so that the interpreter continues.
+    strayed: bool,
+}
+
+impl<'a> RatesLoop<'a> {
+    /// Return the loop of run `run` without programs, and the initial state.
+    fn without_programs(problem: &'a Problem, run: usize) -> (Self, Vec<f64>) {
+        let (plant, o) = (problem.plant(run), &problem.options);
+        let (world, x) = (world(problem, 1, |_| run), start::<f64>(problem, |_| run));
+        let (n, states, p) = (plant.n(), plant.states(), problem.law(run).initial_state().len());
+        let answer = p + usize::from(o.monitors && !problem.watches_storage());
+        let limits = o.tau_max.clone().unwrap_or_default();
+        let closed = RatesLoop {
+            sampler: sampler(problem, |_| run),
+            law: if let LawSpec::External(law) = problem.law(run) { Some((law.clone(), plant.seen())) } else { None },
+            joints: StickingJoints::of(problem, run),
+            limits,
+            states: [states, states + p],
+            // The plant's state is [q, v], [q, v, theta, theta_dot], or [q] without rates. The bristle deflections, the states of the law
+            // and the integrals of the monitors follow.
+            pairs: Pairs { joints: n, count: states / (2 * n), quadratures: x.len() - states - p },
+            tau: vec![0.0; n],
+            dz: vec![0.0; answer],
+            held: o.sampling.is_some(),
+            now: world.instant(),
+            acting: (vec![0.0; n], vec![0.0; answer]),
+            measured: x.clone(),
+            world,
+            evaluations: [None, None],
+            waiting: None,
+            strayed: false,
+        };
+        (closed, x)
+    }
+
+    /// Return the loop of run `run` of a problem, and the initial state.
+    pub fn new(problem: &'a Problem, run: usize, rates: &'a Rates) -> (Self, Vec<f64>) {
+        let (mut closed, x) = Self::without_programs(problem, run);
+        let (recorded, values) = rates.of_run(problem, run, closed.which() == 1);
+        let settled = problem.options.method.is_implicit() || recorded.programs.repays();
+        let engine = if settled { engine() } else { Engine::Interpreter };
+        rates.note(engine);
+        closed.waiting = Some(Source { rates, problem, run });
+        let which = closed.which();
+        closed.evaluations[which] = Some(RatesEvaluation::new(recorded, &values, engine));
+        if settled {
+            closed.stop_waiting();
+        }
+        (closed, x)
+    }
+
+    /// Return the loop of the one run of a problem for a stepper, and the initial state. The caller can replace the input.
+    pub fn stepped(problem: &Problem) -> (RatesLoop<'static>, Vec<f64>) {
+        let (closed, x) = RatesLoop::without_programs(problem, 0);
+        let unheld = closed.which() == 0;
+        let evaluations = [false, true].map(|held| {
+            (held || unheld).then(|| {
+                let (recorded, values) = rates::of_run(problem, 0, Common::of_functions(problem), held);
+                RatesEvaluation::new(recorded, &values, engine())
+            })
+        });
+        (RatesLoop { world: closed.world.into_owned(), evaluations, waiting: None, ..closed }, x)
+    }
+
+    /// Return memory for the exogenous input at one instant.
+    pub fn instant(&self) -> Exogenous<f64> {
+        self.world.instant()
+    }
+
+    /// The number of leading states whose error is controlled.
+    pub fn controlled(&self) -> usize {
+        self.states[1]
+    }
+
+    /// Return the times before `t_end` at which the sampler takes samples and at which their outputs act, s. Empty without a sampler.
+    pub fn instants(&self, t_end: f64) -> Vec<f64> {
+        self.sampler.as_ref().map_or(Vec::new(), |sampler| sampler.instants(t_end))
+    }
+
+    /// Whether machine code computes the rates, if the system permits it.
+    pub fn is_running(&self) -> bool {
+        self.waiting.is_none() && !self.strayed
+    }
+
+    /// The index of the programs in use.
+    fn which(&self) -> usize {
+        usize::from(self.held)
+    }
+
+    /// Use the programs of the process from now on.
+    fn stop_waiting(&mut self) {
+        let Some(Source { rates, problem, run }) = self.waiting.take() else { return };
+        rates.note(engine());
+        for evaluation in self.evaluations.iter_mut().flatten() {
+            evaluation.use_engine(engine());
+            evaluation.use_attempt(evaluation.recorded.attempt(problem, run, rates.common));
+        }
+    }
+
+    /// Count an evaluation by the interpreter. If machine code repays, use it from now on.
+    fn count(&mut self) {
+        let which = self.which();
+        if self.waiting.is_some() && !self.strayed && self.evaluations[which].as_ref().is_some_and(|rates| rates.recorded.programs.count(1))
+        {
+            self.stop_waiting();
+        }
+    }
+
+    fn use_engine(&mut self, engine: Engine) {
+        self.evaluations.iter_mut().flatten().for_each(|rates| rates.use_engine(engine));
+    }
+
+    /// Compute with the programs. If the result of machine code is not valid, the interpreter computes it again, and continues.
+    pub(in crate::simulate) fn compute(&mut self, mut of: impl FnMut(&mut RatesEvaluation, &mut World<'a>) -> bool) {
+        let which = self.which();
+        let Some(rates) = &mut self.evaluations[which] else { unreachable!("the loop has been recorded") };
+        if !of(rates, &mut self.world) && !self.strayed {
+            self.stray();
+            self.compute(of);
+        }
+    }
+
+    fn stray(&mut self) {
+        self.strayed = true;
+        self.use_engine(Engine::Interpreter);
+    }
+
+    /// Use machine code again.
+    fn use_machine_code(&mut self) {
+        if std::mem::take(&mut self.strayed) {
+            self.use_engine(engine());
+        }
+    }
+
+    /// Compute a function of the loop under the exogenous input at time `t`.
+    pub(in crate::simulate) fn compute_at(&mut self, t: f64, mut of: impl FnMut(&mut RatesEvaluation, &Exogenous<f64>) -> bool) {
+        let mut now = std::mem::replace(&mut self.now, Exogenous { t, desired: Vec::new(), wrench: [0.0; 6] });
+        self.world.sample(t, &mut now);
+        self.compute(|rates, _| of(rates, &now));
+        self.now = now;
+    }
+
+    /// Write the held input and the held rate of the law's state to the frames.
+    pub(in crate::simulate) fn hold(&mut self) {
+        if let [_, Some(rates)] = &mut self.evaluations {
+            rates.hold(&self.tau, &self.dz);
+        }
+    }
+
+    /// Write the modes of the joints to the frames.
+    pub(in crate::simulate) fn write_sides(&mut self) {
+        if let Some(joints) = &self.joints {
+            self.evaluations.iter_mut().flatten().for_each(|rates| rates.hold_sides(joints.sides()));
+        }
+    }
+
+    /// Hold the contacts of the plant in the modes `contacts`.
+    pub fn hold_contacts(&mut self, contacts: &[Touch]) {
+        let modes: Vec<f64> = contacts.iter().flat_map(|touch| touch.numbers()).collect();
+        self.evaluations.iter_mut().flatten().for_each(|rates| rates.hold_contacts(&modes));
+    }
+
+    /// Write the depth and the push of each contact of the plant at state `x` to `out` ([`Plant::contact`](crate::plant::Plant::contact)).
+    pub fn contacts(&mut self, x: &[f64], out: &mut [f64]) {
+        self.compute(|rates, _| rates.contacts(x, out));
+    }
+
+    /// Use `tau` as the plant's input instead of the law's output. If `tau` is `None`, the law computes the input, and `held` selects
+    /// whether this input is held.
+    pub fn drive(&mut self, tau: Option<&[f64]>, held: bool) {
+        self.held = held || tau.is_some();
+        if let Some(tau) = tau {
+            self.tau.copy_from_slice(tau);
+            self.saturate();
+            self.dz.fill(0.0);
+        }
+        self.hold();
+    }
+
+    /// Apply `wrench` instead of the external forces. `None` restores the forces.
+    pub fn push(&mut self, wrench: Option<&Wrench>) {
+        self.world.push(wrench);
+    }
+
+    /// Restart at `t = 0`.
+    pub fn rewind(&mut self) {
+        if let Some(sampler) = &mut self.sampler {
+            sampler.clear();
+        }
+    }
+
+    /// Undo a step from time `t`, s. `sides` are the modes of the joints before this step. A sample at `t` remains, unless its output is
+    /// not finite.
+    pub fn undo_step(&mut self, t: f64, sides: &[i8]) {
+        self.use_machine_code();
+        if let Some(sampler) = &mut self.sampler {
+            sampler.discard_at(t, true);
+        }
+        self.set_modes_of_joints(sides);
+    }
+
+    /// Continue at time `t`, s, from a state that the caller has set. A sample at `t` is taken again.
+    pub fn replace_state(&mut self, t: f64) {
+        self.use_machine_code();
+        if let Some(sampler) = &mut self.sampler {
+            sampler.discard_at(t, false);
+        }
+    }
+}
+
+impl System<f64> for RatesLoop<'_> {
+    type Input = Exogenous<f64>;
+
+    fn input(&mut self, t: f64, u: &mut Exogenous<f64>) {
+        self.world.sample(t, u);
+    }
+    fn rhs(&mut self, u: &Exogenous<f64>, x: &[f64], dx: &mut [f64]) {
+        self.count();
+        self.compute(|rates, _| rates.rates(u, x, dx));
+    }
+    fn attempt<C: Scheme, B: Buffer<f64>>(&mut self, attempt: &mut Attempt<f64, B>) -> bool {
+        let which = self.which();
+        let (Some(rates), world) = (&mut self.evaluations[which], &mut self.world) else { return false };
+        if self.strayed {
+            return false;
+        }
+        let valid = rates.attempt(attempt, |t, u| world.sample(t, u));
+        if valid == Some(false) {
+            self.stray();
+        }
+        valid == Some(true)
+    }
+    fn pairs(&self) -> Pairs {
+        self.pairs
+    }
+}
+
+impl SimulatedLoop<f64> for RatesLoop<'_> {
+    fn sample(&mut self, t: f64, x: &[f64]) {
+        if let Some(mut sampler) = self.sampler.take() {
+            self.sample_by(&mut sampler, t, x);
+            self.sampler = Some(sampler);
+        } else if self.held {
+            self.observe(t, x);
+        }
+        self.hold();
+    }
+    fn enter_step(&mut self, t: f64, x: &[f64]) -> bool {
+        !self.stays(t, x) && self.settle(t, x, None)
+    }
+    fn leave_step(&mut self, x: &mut [f64]) -> bool {
+        self.arrest(x)
+    }
+    fn input_at(&mut self, t: f64, x: &[f64]) -> &[f64] {
+        if !self.held {
+            self.observe(t, x);
+        }
+        &self.tau
+    }
+}
+
+impl Differentiable<f64> for RatesLoop<'_> {
+    fn linearise(&mut self, t: f64, u: &Exogenous<f64>, x: &[f64], dx: &mut [f64], j: &mut [f64]) {
+        self.compute(|rates, world| {
+            if rates.is_moving() {
+                let [u, u_dot] = rates.instants();
+                world.drift(t, u, u_dot);
+            }
+            rates.linearise(u, x, dx, j)
+        });
+    }
+    fn time_derivative(&mut self, _: f64, _: &Exogenous<f64>, _: &[f64], dft: &mut [f64]) {
+        let which = self.which();
+        if let Some(rates) = &self.evaluations[which] {
+            dft.copy_from_slice(rates.time_derivative());
+        }
+    }
+    fn autonomous(&self) -> bool {
+        (self.held || self.world.has_targets()) && !self.world.has_smooth_force()
+    }
+}

@@ -1,0 +1,253 @@
+//! A recorded loop with the interface of a closed loop. Its programs are the compiled recordings, and a frame is their memory. The method
+//! in [`super::step_method`] advances this loop by fixed steps.
+
+use super::log::{Log, MOST_LANES};
+use crate::integrate::System;
+use crate::scalar::Real;
+use crate::scalar::trig::REDUCTION_LIMIT;
+use crate::simulate::record::slots::Instant;
+use crate::simulate::record::step::Recorded;
+use crate::simulate::record::step_programs::Programs;
+use crate::simulate::sampled::sampler::Sampler;
+use crate::simulate::simulated_loop::SimulatedLoop;
+use crate::simulate::sink::Sink;
+use crate::simulate::world::{Exogenous, World};
+use crate::trace::{Engine, Frame, Slots, form};
+use std::sync::Arc;
+
+/// The loop of one run (`f64`), or of several runs with the same structure, one per lane.
+pub struct ProgramLoop<'a, S: Real> {
+    pub(in crate::simulate) recorded: Arc<Recorded>,
+    pub(in crate::simulate) programs: Arc<Programs>,
+    pub(in crate::simulate) world: World<'a>,
+    /// The frames for all lanes of `S`. The number of lanes of a frame depends on the instruction set.
+    pub(in crate::simulate) frames: Vec<Frame>,
+    now: Exogenous<S>,
+    pub(in crate::simulate) held: bool,
+    /// The clock of a sampled controller that does more than hold the law's output. `None` for other controllers.
+    sampler: Option<Sampler<S>>,
+    pub(in crate::simulate) tau: Vec<S>,
+    pub(in crate::simulate) dz: Vec<S>,
+    /// Memory for the results of the law that the sampler selects: `tau` and `dz`.
+    acting: (Vec<S>, Vec<S>),
+    /// The state that the controller measures.
+    seen: Vec<S>,
+    /// The exogenous inputs of all whole steps from step 0 on, if they were evaluated before the run.
+    pub(in crate::simulate) table: Option<&'a [f64]>,
+    /// The log of the records that programs compute. `None` if programs compute no records.
+    pub(in crate::simulate) log: Option<Log>,
+}
+
+impl<'a, S: Real> ProgramLoop<'a, S> {
+    /// Create the loop of several runs, one per lane. `given(lane)` are the loop parameters of a lane.
+    pub fn new<'b>(
+        (recorded, engine): (Arc<Recorded>, Engine),
+        world: World<'a>,
+        held: bool,
+        sampler: Option<Sampler<S>>,
+        table: Option<&'a [f64]>,
+        given: impl Fn(usize) -> &'b [f64],
+    ) -> Self {
+        let lanes = form(S::LANES > 1).lanes();
+        let programs = recorded.programs_for(engine);
+        let slots = programs.slots();
+        let frame = |first: usize| {
+            let mut frame = Frame::new(slots, lanes);
+            programs.prepare(&mut frame);
+            for lane in 0..lanes {
+                for (slot, &x) in given(first + lane).iter().enumerate() {
+                    frame.slot_mut(slot)[lane] = x;
+                }
+            }
+            frame
+        };
+        let frames = (0..S::LANES).step_by(lanes).map(frame).collect();
+        let (n, p) = (recorded.slots.tau.count, recorded.slots.law_rate.count);
+        let now = world.instant();
+        let answer = (vec![S::zero(); n], vec![S::zero(); p]);
+        ProgramLoop {
+            frames,
+            now,
+            held,
+            sampler,
+            tau: answer.0.clone(),
+            dz: answer.1.clone(),
+            acting: answer,
+            seen: vec![S::zero(); recorded.slots.carried().count],
+            recorded,
+            programs,
+            world,
+            table,
+            log: None,
+        }
+    }
+
+    /// Let the programs compute and store a record every `steps` steps.
+    pub fn note_every(&mut self, steps: usize) {
+        self.log = Some(Log::new(&self.recorded.slots, steps, &self.frames));
+    }
+
+    /// Write the exogenous input at time `t`, s, and the state `x` to the frames. Unless the input is held, also evaluate the law.
+    fn answer_in_frames(&mut self, t: f64, x: &[S]) {
+        if !self.held {
+            return self.observe(t, x);
+        }
+        let recorded = self.recorded.clone();
+        let slots = &recorded.slots;
+        self.world.sample(t, &mut self.now);
+        write_instant(&mut self.frames, slots.exogenous, &self.now);
+        write(&mut self.frames, slots.carried(), x);
+    }
+
+    /// Whether an angle of lane `lane` exceeded the range of the programs' sines.
+    pub fn strayed(&self, lane: usize) -> bool {
+        !(self.number(self.recorded.slots.signature.angle(), lane) < REDUCTION_LIMIT)
+    }
+
+    /// The number in slot `slot` of lane `lane`.
+    fn number(&self, slot: usize, lane: usize) -> f64 {
+        let lanes = self.frames[0].lanes();
+        self.frames[lane / lanes].numbers()[slot * lanes + lane % lanes]
+    }
+
+    /// Evaluate the law at time `t` and state `x = [plant, law, ..]`, and write its results to `self.tau` and the frames.
+    fn observe(&mut self, t: f64, x: &[S]) {
+        let recorded = self.recorded.clone();
+        let slots = &recorded.slots;
+        self.world.sample(t, &mut self.now);
+        write_instant(&mut self.frames, slots.exogenous, &self.now);
+        write(&mut self.frames, slots.carried(), x);
+        for frame in &mut self.frames {
+            self.programs.answer(frame);
+        }
+        read(&self.frames, slots.tau, &mut self.tau);
+        read(&self.frames, slots.law_rate, &mut self.dz);
+    }
+}
+
+/// Write the exogenous input of one instant to its slots.
+fn write_instant<S: Real>(frames: &mut [Frame], instant: Instant, u: &Exogenous<S>) {
+    let [desired, wrench] = instant.sizes();
+    write(frames, instant.slots, &u.desired);
+    write(frames, instant.slots.part(desired, wrench), &u.wrench[..wrench]);
+}
+
+/// Write `values` to the first slots of a group.
+fn write<S: Real>(frames: &mut [Frame], slots: Slots, values: &[S]) {
+    let lanes = frames[0].lanes();
+    let mut row = [0.0; MOST_LANES];
+    for (k, value) in values.iter().enumerate() {
+        value.store(&mut row[..S::LANES]);
+        for (frame, row) in frames.iter_mut().zip(row.chunks_exact(lanes)) {
+            frame.numbers_mut()[(slots.first + k) * lanes..][..lanes].copy_from_slice(row);
+        }
+    }
+}
+
+/// Read `values` from the first slots of a group.
+fn read<S: Real>(frames: &[Frame], slots: Slots, values: &mut [S]) {
+    let lanes = frames[0].lanes();
+    let mut row = [0.0; MOST_LANES];
+    for (k, value) in values.iter_mut().enumerate() {
+        for (frame, row) in frames.iter().zip(row.chunks_exact_mut(lanes)) {
+            row.copy_from_slice(&frame.numbers()[(slots.first + k) * lanes..][..lanes]);
+        }
+        *value = S::load(&row[..S::LANES]);
+    }
+}
+
+impl<S: Real> ProgramLoop<'_, S> {
+    /// Advance the state `x` by some steps of size `h`, s. `run(frame, k)` runs a program in frame `k`.
+    pub(in crate::simulate) fn advance(&mut self, h: f64, x: &mut [S], mut run: impl FnMut(&mut Frame, usize)) {
+        let (state, step) = (self.recorded.slots.carried(), self.recorded.slots.step);
+        write(&mut self.frames, state, x);
+        for (k, frame) in self.frames.iter_mut().enumerate() {
+            frame.fill(step, h);
+            run(frame, k);
+        }
+        read(&self.frames, state, x);
+    }
+
+    /// Let `sampler` take a sample at time `t` and state `x`, if one is due. Use the output that acts at `t`.
+    fn sample_by(&mut self, sampler: &mut Sampler<S>, t: f64, x: &[S]) {
+        let (n, p) = (self.tau.len(), self.dz.len());
+        let states = self.recorded.plant_states;
+        let (mut tau, mut dz) = std::mem::take(&mut self.acting);
+        let mut seen = std::mem::take(&mut self.seen);
+        seen.copy_from_slice(x);
+        let law = |measured: &[S], tau: &mut [S], dz: &mut [S]| {
+            seen[..states].copy_from_slice(measured);
+            self.observe(t, &seen);
+            tau.copy_from_slice(&self.tau);
+            dz.copy_from_slice(&self.dz);
+        };
+        sampler.run(t, &x[..states], n, law, &mut tau, &mut dz);
+        self.seen = seen;
+        let slots = &self.recorded.slots;
+        write(&mut self.frames, slots.tau, &tau[..n]);
+        write(&mut self.frames, slots.law_rate, &dz[..p]);
+        self.tau.copy_from_slice(&tau);
+        self.dz.copy_from_slice(&dz);
+        self.acting = (tau, dz);
+    }
+}
+
+impl<S: Real> System<S> for ProgramLoop<'_, S> {
+    type Input = Exogenous<S>;
+
+    fn input(&mut self, t: f64, u: &mut Exogenous<S>) {
+        self.world.sample(t, u);
+    }
+    fn rhs(&mut self, _: &Exogenous<S>, _: &[S], _: &mut [S]) {
+        unreachable!("a recorded loop advances by whole steps")
+    }
+}
+
+impl<S: Real> SimulatedLoop<S> for ProgramLoop<'_, S> {
+    fn sample(&mut self, t: f64, x: &[S]) {
+        if let Some(mut sampler) = self.sampler.take() {
+            self.sample_by(&mut sampler, t, x);
+            self.sampler = Some(sampler);
+        } else if self.held {
+            self.observe(t, x);
+        }
+    }
+    fn input_at(&mut self, t: f64, x: &[S]) -> &[S] {
+        if !self.held {
+            self.observe(t, x);
+        }
+        &self.tau
+    }
+    fn sum_up(&mut self, t: f64, h: f64, x: &mut [S]) {
+        let recorded = self.recorded.clone();
+        let slots = &recorded.slots;
+        self.answer_in_frames(t, x);
+        for frame in &mut self.frames {
+            frame.fill(slots.step, h);
+            self.programs.sum_up(frame);
+        }
+        read(&self.frames, slots.metrics, &mut x[slots.state.count..]);
+    }
+    fn note(&mut self, i: usize, t: f64, x: &[S]) {
+        self.answer_in_frames(t, x);
+        let (slots, programs) = (&self.recorded.slots, &self.programs);
+        for frame in &mut self.frames {
+            programs.note(frame);
+            if i == 0 && slots.reference.count > 0 {
+                let lanes = frame.lanes();
+                frame.numbers_mut().copy_within(slots.own_reference.numbers(lanes), slots.reference.first * lanes);
+                programs.note(frame);
+            }
+        }
+        for (k, frame) in self.frames.iter().enumerate() {
+            let Some(log) = &mut self.log else { return };
+            log.note_state(i, k, frame);
+            log.note_rest(i, k, frame);
+        }
+    }
+    fn pass_on(&mut self, time: &dyn Fn(usize) -> f64, sink: &mut dyn Sink) {
+        if let Some(log) = &mut self.log {
+            log.pass_on(time, |block| sink.block(block));
+        }
+    }
+}

@@ -1,0 +1,160 @@
+//! Runs of any plant with any law, by any method, on plain numbers or on lanes.
+
+use super::adaptive;
+use super::adaptive::rates_loop::RatesLoop;
+use super::adaptive::segments::Segments;
+use super::adaptive::step_checks::StepChecks;
+use super::fixed;
+use super::fixed::steps::Record;
+use super::monitors;
+use super::problem::{Division, Ended, Fixed, Problem};
+use super::record::rates::Rates;
+use super::run_observer::RunObserver;
+use super::simulated_loop::SimulatedLoop;
+use super::sink::Sink;
+use super::stop::Stop;
+use crate::integrate::{Adaptive, FixedStep, MethodKind, Tolerance, WithAdaptive, WithSteps};
+use crate::scalar::Real;
+
+/// The runs `first .. first + LANES` of a problem. If the problem has fewer runs, the remaining lanes repeat the last run.
+pub struct RunGroup<'a> {
+    pub problem: &'a Problem<'a>,
+    pub division: &'a Division,
+    pub first: usize,
+    pub stop: &'a dyn Stop,
+    pub sink: &'a mut dyn Sink,
+    /// Receives events, contact modes and polynomials of the steps, in addition to the records.
+    pub observer: Option<&'a mut RunObserver>,
+}
+
+/// Passes records to the sink, lane by lane. Negative zeros become zeros, because signs of zeros may differ between recordings
+/// of a loop.
+struct LaneRecorder<'a> {
+    sink: &'a mut dyn Sink,
+    /// Returns the time of each step.
+    time: &'a dyn Fn(usize) -> f64,
+    /// The number of states. The numbers after them in `x` are metrics.
+    size: usize,
+    x: Vec<f64>,
+    tau: Vec<f64>,
+}
+
+impl LaneRecorder<'_> {
+    #[inline(never)]
+    fn write<S: Real>(&mut self, i: usize, t: f64, x: &[S], tau: &[S]) {
+        for lane in 0..S::LANES {
+            for (to, from) in self.x.iter_mut().zip(x) {
+                *to = from.lane(lane) + 0.0;
+            }
+            for (to, from) in self.tau.iter_mut().zip(tau) {
+                *to = from.lane(lane) + 0.0;
+            }
+            let (x, stored) = self.x.split_at(self.size);
+            self.sink.record(i, lane, t, x, &self.tau);
+            if !stored.is_empty() {
+                self.sink.take(lane, stored, self.time);
+            }
+        }
+    }
+}
+
+impl<S: Real, F: SimulatedLoop<S>> Record<S, F> for LaneRecorder<'_> {
+    fn record(&mut self, i: usize, t: f64, closed: &mut F, x: &[S]) {
+        let tau = closed.input_at(t, x);
+        self.write(i, t, x, tau);
+    }
+    fn accept(&mut self, closed: &mut F) {
+        closed.pass_on(self.time, self.sink);
+    }
+}
+
+impl<'a> RunGroup<'a> {
+    /// Return a recorder for states with `all` numbers.
+    fn recorder<'b>(problem: &Problem, sink: &'b mut dyn Sink, time: &'b dyn Fn(usize) -> f64, all: usize) -> LaneRecorder<'b> {
+        LaneRecorder { sink, time, size: problem.state_size(), x: vec![0.0; all], tau: vec![0.0; problem.plant(0).n()] }
+    }
+
+    /// Run `closed` with fixed steps of `method`.
+    pub fn fixed<S, F, M>(self, fixed: &Fixed, closed: &mut F, x: Vec<S>, mut method: M) -> Ended
+    where
+        S: Real,
+        F: SimulatedLoop<S>,
+        M: FixedStep<S, F, Vec<S>>,
+    {
+        let time = |step: usize| fixed.schedule.time(step);
+        let mut recorder = Self::recorder(self.problem, self.sink, &time, x.len());
+        Ended::Fixed(fixed::steps::run(closed, &mut method, x, &fixed.schedule, fixed.hold, self.stop, &mut recorder))
+    }
+}
+
+/// A run of fixed steps, as a task for any method of fixed steps.
+struct FixedRun<'a, 'b> {
+    general: RunGroup<'a>,
+    fixed: &'b Fixed,
+}
+
+impl<'a> WithSteps<f64, RatesLoop<'a>> for FixedRun<'a, '_> {
+    type Output = Ended;
+
+    fn with<M: FixedStep<f64, RatesLoop<'a>, Vec<f64>>>(self, mut closed: RatesLoop<'a>, x: Vec<f64>, method: M) -> Ended {
+        self.general.fixed(self.fixed, &mut closed, x, method)
+    }
+}
+
+/// A run of adaptive steps, as a task for any adaptive method.
+struct AdaptiveRun<'a, 'b> {
+    general: RunGroup<'a>,
+    segments: &'b Segments,
+}
+
+impl<'a> WithAdaptive<f64, RatesLoop<'a>> for AdaptiveRun<'a, '_> {
+    type Output = Ended;
+
+    fn with<M: Adaptive<f64, RatesLoop<'a>, Vec<f64>>>(self, mut closed: RatesLoop<'a>, mut method: M) -> Ended {
+        let RunGroup { problem, first, stop, sink, observer, .. } = self.general;
+        // The samples of a controller also end segments. With random jitter, they differ between runs.
+        let instants = closed.instants(problem.options.t_end);
+        let segments = problem.limit_by_own_tables(self.segments.with_breaks(&instants), first);
+        let size = method.x().len();
+        let mut recorder = RunGroup::recorder(problem, sink, &|_| f64::NAN, size);
+        let mut i = 0;
+        let states = size - monitors::integrals(problem.options.monitors).count();
+        let mut watch = StepChecks::new(problem.plant(first), observer, states, method.x());
+        let record = |t: f64, closed: &mut RatesLoop, x: &[f64]| {
+            let tau = closed.input_at(t, x);
+            recorder.write(i, t, x, tau);
+            i += 1;
+        };
+        Ended::Adaptive(adaptive::steps::run(&mut closed, &mut method, &segments, stop, &mut watch, record))
+    }
+}
+
+impl Problem<'_> {
+    fn tolerance(&self, controlled: usize) -> Tolerance {
+        Tolerance { rtol: self.options.rtol, atol: self.options.atol, controlled }
+    }
+}
+
+impl<'a> RunGroup<'a> {
+    /// Compute only the run `first`, with the recorded rates of the problem.
+    pub fn run_single(self, rates: &'a Rates) -> Ended {
+        let (closed, x) = RatesLoop::new(self.problem, self.first, rates);
+        let (u, tolerance) = (closed.instant(), self.problem.tolerance(closed.controlled()));
+        match (self.problem.options.method.kind(), self.division) {
+            (MethodKind::ExplicitSteps(method), Division::Fixed(fixed)) => {
+                match method.apply(closed, x, u, FixedRun { general: self, fixed }) {
+                    Ok(ended) => ended,
+                    Err(_) => unreachable!("plants without velocities were refused"),
+                }
+            }
+            (MethodKind::ImplicitSteps(method), Division::Fixed(fixed)) => method.apply(closed, x, u, FixedRun { general: self, fixed }),
+            (MethodKind::ExplicitAdaptive(method), Division::Adaptive(segments)) => {
+                method.apply(closed, tolerance, x, u, AdaptiveRun { general: self, segments })
+            }
+            (MethodKind::ImplicitAdaptive(method), Division::Adaptive(segments)) => {
+                method.apply(closed, tolerance, x, u, AdaptiveRun { general: self, segments })
+            }
+            (_, _) => unreachable!("the division is that of the method"),
+        }
+    }
+}
