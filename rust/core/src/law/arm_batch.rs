@@ -3,7 +3,7 @@
 
 use super::ArmSolver;
 use crate::interrupt;
-use crate::priority::FEW;
+use crate::priority::FEWEST_ROWS;
 use crate::status::Status;
 use crate::trace::rows::Rows;
 use crate::trace::{Evaluation, Sym};
@@ -23,8 +23,8 @@ use crate::trace::{Evaluation, Sym};
 /// // Two rows of joint angles, and one velocity of the tip for both.
 /// batch.solve(&[0.3, 0.4, 0.5, 0.6], &[0.1, 0.0], &mut v, &mut status);
 /// assert_eq!(status, [Status::Success; 2]);
-/// solver.solve(&[0.5, 0.6], &[0.1, 0.0])?;
-/// assert!(v[2..].iter().zip(solver.solver().v()).all(|(row, single)| (row - single).abs() < 1e-12));
+/// let solution = solver.solve(&[0.5, 0.6], &[0.1, 0.0])?;
+/// assert!(v[2..].iter().zip(&solution.v).all(|(row, single)| (row - single).abs() < 1e-12));
 /// # Ok::<(), armlet_core::error::Error>(())
 /// ```
 #[derive(Clone)]
@@ -38,15 +38,15 @@ pub struct ArmBatch {
 /// while another thread holds the lock, a waiting call in the forked process would never end.
 fn program(solver: &ArmSolver) -> Option<Evaluation> {
     let (eps, bounds) = (solver.solver().eps(), solver.solver().bounds());
-    let mut kept = solver.kept().try_lock().ok();
-    if let Some(Some((made_with, program))) = kept.as_deref()
-        && (made_with.0.as_deref(), made_with.1.as_ref()) == (eps, bounds)
+    let mut shared = solver.shared_program().try_lock().ok();
+    if let Some(Some((settings, program))) = shared.as_deref()
+        && (settings.0.as_deref(), settings.1.as_ref()) == (eps, bounds)
     {
         return program.clone();
     }
     let program = recorded(solver);
-    if let Some(kept) = &mut kept {
-        **kept = Some(((eps.map(<[f64]>::to_vec), bounds.cloned()), program.clone()));
+    if let Some(shared) = &mut shared {
+        **shared = Some(((eps.map(<[f64]>::to_vec), bounds.cloned()), program.clone()));
     }
     program
 }
@@ -55,9 +55,7 @@ fn program(solver: &ArmSolver) -> Option<Evaluation> {
 fn recorded(solver: &ArmSolver) -> Option<Evaluation> {
     let (n, total) = (solver.n(), solver.rows().iter().sum::<usize>());
     solver.solver().recorded(
-        true,
         n + total,
-        false,
         || solver.stack().lift::<Sym>(),
         |mut tasks, inputs| {
             let (q, command) = inputs.split_at(n);
@@ -72,7 +70,7 @@ fn recorded(solver: &ArmSolver) -> Option<Evaluation> {
 impl ArmBatch {
     /// Create a batch for the tasks and options of `solver`, and for `rows` rows.
     pub fn new(solver: &ArmSolver, rows: usize) -> Self {
-        let program = if rows < FEW { None } else { program(solver) };
+        let program = if rows < FEWEST_ROWS { None } else { program(solver) };
         ArmBatch { program, single: solver.clone(), declined: Vec::new() }
     }
 
@@ -92,8 +90,8 @@ impl ArmBatch {
                 program.run();
                 let end = (at + lanes).min(status.len());
                 program.write(1, n, &mut v[at * n..end * n]);
-                let stands = program.output(0);
-                declined.extend((at..end).filter(|row| !(stands[row - at] == 1.0 && program.is_near(row - at))));
+                let valid = program.output(0);
+                declined.extend((at..end).filter(|row| !(valid[row - at] == 1.0 && program.is_near(row - at))));
             }
         } else {
             declined.extend(0..status.len());
@@ -103,9 +101,9 @@ impl ArmBatch {
             let command = if velocities.len() == m { velocities } else { &velocities[row * m..(row + 1) * m] };
             let v = &mut v[row * n..(row + 1) * n];
             match single.solve(&q[row * n..(row + 1) * n], command) {
-                Ok(ended) => {
-                    status[row] = ended;
-                    v.copy_from_slice(single.solver().v());
+                Ok(solution) => {
+                    status[row] = solution.status;
+                    v.copy_from_slice(&solution.v);
                 }
                 Err(_) => {
                     status[row] = Status::Diverged;

@@ -4,19 +4,16 @@
 use crate::arm::Arm;
 use crate::error::{Error, Result, finite};
 use crate::kinematics::{TaskFunction, TaskStack};
-use crate::priority::{Diagnosis, PriorityOptions, PrioritySolver, diagnose};
-use crate::status::Status;
+use crate::priority::{Diagnosis, PriorityOptions, PrioritySolver, Solution, diagnose};
 use crate::trace::Evaluation;
 use std::sync::{Arc, Mutex};
 
 /// The settings of a program, which is a recorded and compiled computation: thresholds `eps`, and bounds.
-type With = (Option<Vec<f64>>, Option<(Vec<f64>, Vec<f64>)>);
+type ProgramSettings = (Option<Vec<f64>>, Option<(Vec<f64>, Vec<f64>)>);
 
-/// The program of a solver with its settings. The outer `None` means that it was not made yet, the inner `None` that it cannot be made.
-type Made = Option<(With, Option<Evaluation>)>;
-
-/// The program of a solver, shared by copies of the solver.
-type SharedProgram = Arc<Mutex<Made>>;
+/// The program of a solver with its settings, shared by copies of the solver. The outer `None` means that it was not made yet, the inner
+/// `None` that it cannot be made.
+type SharedProgram = Arc<Mutex<Option<(ProgramSettings, Option<Evaluation>)>>>;
 
 /// A solver for tasks of one arm. `solve` does not allocate.
 ///
@@ -28,8 +25,7 @@ type SharedProgram = Arc<Mutex<Made>>;
 /// let tip = TaskFunction::frame(&arm, "link2", "xy")?;
 /// let mut solver = ArmSolver::new(&arm, vec![tip], &PriorityOptions::default())?;
 /// let q = [0.3, 0.4];
-/// solver.solve(&q, &[0.1, 0.0])?;
-/// let v = solver.solver().v().to_vec();
+/// let v = solver.solve(&q, &[0.1, 0.0])?.v.clone();
 /// let mut j = [0.0; 4];
 /// solver.jacobians(&q, &mut j);
 /// // J v is the commanded velocity of the tip, m/s.
@@ -75,7 +71,7 @@ impl ArmSolver {
         &self.stack
     }
 
-    pub(super) fn kept(&self) -> &SharedProgram {
+    pub(super) fn shared_program(&self) -> &SharedProgram {
         &self.program
     }
 
@@ -104,10 +100,10 @@ impl ArmSolver {
         jacobians(&mut self.stack, q, out)
     }
 
-    /// Solve at `q`, `(n,)`, for the stacked task velocities, `(sum rows,)`. The joint velocities are `solver().v()`, `(n,)`.
+    /// Solve at `q`, `(n,)`, for the stacked task velocities, `(sum rows,)`.
     ///
     /// Errors: `Input` for numbers that are not finite, `Solve` if the result overflows.
-    pub fn solve(&mut self, q: &[f64], velocities: &[f64]) -> Result<Status> {
+    pub fn solve(&mut self, q: &[f64], velocities: &[f64]) -> Result<&Solution> {
         self.prepare(q).copy_from_slice(velocities);
         self.solver.run().or_else(|error| {
             // If a Jacobian is not finite because `q` is not finite, the error names `q`.

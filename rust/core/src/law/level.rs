@@ -27,8 +27,7 @@ use crate::scalar::Real;
 /// let q0 = dvector![0.3, 0.4, 0.5];
 /// // Joint velocities for the task of the tip alone, at one configuration.
 /// let mut solver = ArmSolver::new(&arm, vec![tip.clone()], &PriorityOptions::default())?;
-/// solver.solve(q0.as_slice(), &[0.1, 0.0])?;
-/// assert_eq!(solver.solver().ranks(), [2]);
+/// assert_eq!(solver.solve(q0.as_slice(), &[0.1, 0.0])?.ranks(), [2]);
 /// // The same task as the first level of a law of accelerations.
 /// let levels = vec![
 ///     Level::new(tip, Motion::hold(dvector![0.7, 0.6])?, Gain::scalar("gain", 2, 25.0)?, None)?,

@@ -2,82 +2,43 @@
 //! stacks for which its result is not valid, and these are solved one by one. For small batches and large stacks there is no program, so
 //! all stacks are solved one by one. Every row has the bits, ranks and status of a single solve, and does not depend on other rows.
 
+use super::branch_free::{self, BranchFree, MOST_OPERATIONS, Regular, regular_ranks};
 use super::method::PriorityMethod;
-use super::regular::regular_ranks;
+use super::solution::Solution;
 use super::solver::PrioritySolver;
+use super::stack::{Stack, level_ranges};
 use crate::error::Result;
 use crate::interrupt;
-use crate::scalar::Real;
 use crate::status::Status;
 use crate::trace::Sym;
 use crate::trace::function::{Evaluation, record};
 use crate::trace::rows::Rows;
 
-/// The largest size of a program, as a rough number of operations. Larger stacks are solved one by one instead.
-const MOST: usize = 12_000;
-
 /// Batches of fewer rows are solved one by one, with the same bits.
-pub const FEW: usize = 32;
+pub const FEWEST_ROWS: usize = 32;
 
 impl PrioritySolver {
-    /// Record the algorithm `regular` as a program, for one row or for lanes. The program has `inputs` numbers as inputs. From the value of
-    /// `set_up` and these numbers, the function `stack` computes `rounding`, the Jacobians, and the command. `rounding` is the relative
-    /// error of the entries of the Jacobians.
+    /// Record the algorithm `regular` as a program for lanes. The program has `inputs` numbers as inputs. From the value of `set_up` and
+    /// these numbers, the function `stack` computes `rounding`, the Jacobians, and the command. `rounding` is the relative error of the
+    /// entries of the Jacobians.
     ///
-    /// The results are a flag, then `v` and, if requested, the residuals. The flag is one if the results are valid, otherwise zero. The
-    /// return value is `None` if the program would be too long.
+    /// The results are a flag, then `v`. The flag is one if `v` is valid, otherwise zero. The return value is `None` if the program would be
+    /// too long.
     pub fn recorded<T>(
         &self,
-        lanes: bool,
         inputs: usize,
-        residuals: bool,
         set_up: impl FnOnce() -> T,
         stack: impl FnOnce(T, &[Sym]) -> (Sym, Vec<Sym>, Vec<Sym>),
     ) -> Option<Evaluation> {
-        let size = self.n() * self.n() * self.rows().iter().sum::<usize>();
-        if size > MOST {
+        if Regular::<Sym>::operations(self.n(), self.rows()) > MOST_OPERATIONS {
             return None;
         }
         let set_up = || (self.regular::<Sym>(), set_up());
-        record(lanes, inputs, set_up, |(mut route, made), inputs| {
+        record(true, inputs, set_up, |(mut regular, made), inputs| {
             let (rounding, jacobian, command) = stack(made, inputs);
-            let stands = route.solve(rounding, &jacobian, &command);
-            let rest = if residuals { &route.residual[..] } else { &[] };
-            [&[stands], &route.v[..], rest].concat()
+            let valid = regular.solve(rounding, &jacobian, &command);
+            [&[valid], &regular.v[..]].concat()
         })
-    }
-}
-
-impl PrioritySolver {
-    /// Record the closed-form algorithm (`pairs.rs`) as a program for single stacks. The arguments are Jacobians and command. The results
-    /// are a flag of validity, `v`, residuals, ranks and, for each level, whether a direction is lost. Return `None` if the program would
-    /// be too long.
-    pub(super) fn of_pairs(&self) -> Option<Evaluation> {
-        let (n, total, levels) = (self.n(), self.rows().iter().sum::<usize>(), self.rows().len());
-        if n * total * (total + levels) > MOST {
-            return None;
-        }
-        let set_up = || self.pairs::<Sym>();
-        record(false, total * (n + 1), set_up, |route, inputs| {
-            let Some(mut route) = route else { return vec![Sym::zero(); 1 + n + total + 2 * levels] };
-            let (jacobian, command) = inputs.split_at(total * n);
-            let stands = route.solve(jacobian, command);
-            [&[stands], &route.v[..], &route.residual, &route.ranks, &route.lost].concat()
-        })
-    }
-}
-
-impl PrioritySolver {
-    /// Record the algorithm `regular` for stacks of plain matrices. The arguments are Jacobians, command, and the relative error `rounding`
-    /// of the entries of the Jacobians. The results are the flag of validity, `v` and the residuals. Return `None` if the program would be
-    /// too long.
-    pub(super) fn of_stacks(&self, lanes: bool) -> Option<Evaluation> {
-        let (n, total) = (self.n(), self.rows().iter().sum::<usize>());
-        let stack = |(), inputs: &[Sym]| {
-            let (jacobian, rest) = inputs.split_at(total * n);
-            (rest[total], jacobian.to_vec(), rest[..total].to_vec())
-        };
-        self.recorded(lanes, total * (n + 1) + 1, true, || (), stack)
     }
 }
 
@@ -142,6 +103,18 @@ impl<'a> StackAnswers<'a> {
             status: cut(&mut self.status, count),
         }
     }
+
+    /// Write the solution of stack `i`.
+    fn set(&mut self, i: usize, solution: &Solution) {
+        let (n, levels) = (solution.v.len(), solution.levels.len());
+        self.v[i * n..(i + 1) * n].copy_from_slice(&solution.v);
+        self.status[i] = solution.status.code();
+        for (k, level) in solution.levels.iter().enumerate() {
+            let residual = solution.residual(k);
+            self.residuals[k][i * residual.len()..(i + 1) * residual.len()].copy_from_slice(residual);
+            (self.ranks[i * levels + k], self.scales[i * levels + k]) = (level.rank as i64, level.scale);
+        }
+    }
 }
 
 /// Split off the first `size` elements.
@@ -172,6 +145,8 @@ fn cut<'a, T>(all: &mut &'a mut [T], size: usize) -> &'a mut [T] {
 pub struct StackBatch {
     program: Option<Evaluation>,
     single: PrioritySolver,
+    /// The solution of a row that fails.
+    failed: Solution,
     ranks: Vec<i64>,
     declined: Vec<usize>,
 }
@@ -180,12 +155,13 @@ impl StackBatch {
     /// Create a solver for batches of `rows` stacks, with the sizes and options of `solver`.
     pub fn new(solver: &PrioritySolver, rows: usize) -> Self {
         let (n, total) = (solver.n(), solver.rows().iter().sum::<usize>());
-        let mut program = if rows < FEW { None } else { solver.of_stacks(true) };
+        let mut program =
+            if rows < FEWEST_ROWS { None } else { branch_free::recorded::<Regular<Sym>>(&solver.given, &solver.settings, true) };
         if let Some(program) = &mut program {
-            program.inputs(total * (n + 1), 1).fill(solver.rounding());
+            program.inputs(total * (n + 1), 1).fill(solver.settings.rounding);
         }
         let ranks = regular_ranks(n, solver.rows()).map(|rank| rank as i64).collect();
-        StackBatch { program, single: solver.clone(), ranks, declined: Vec::new() }
+        StackBatch { program, single: solver.clone(), failed: Solution::new(n, solver.rows()), ranks, declined: Vec::new() }
     }
 
     /// The solver of single stacks from which this solver was made.
@@ -212,21 +188,10 @@ impl StackBatch {
             answers.scales.fill(1.0);
             answers.status.fill(Status::Success.code());
         }
-        let StackBatch { program, single, declined, .. } = self;
-        let (n, levels) = (single.n(), single.rows().len());
+        let StackBatch { program, single, failed, declined, .. } = self;
         for &i in declined.iter() {
             interrupt::check();
-            let ended = solve_one(single, given, first + i, program.is_some());
-            let sound = ended.is_ok();
-            let or_nan = |x: f64| if sound { x } else { f64::NAN };
-            answers.status[i] = ended.unwrap_or(Status::Diverged).code();
-            answers.v[i * n..(i + 1) * n].iter_mut().zip(single.v()).for_each(|(to, x)| *to = or_nan(*x));
-            for (level, residual) in answers.residuals.iter_mut().enumerate() {
-                let m = single.rows()[level];
-                residual[i * m..(i + 1) * m].iter_mut().zip(single.residual(level)).for_each(|(to, x)| *to = or_nan(*x));
-                answers.ranks[i * levels + level] = if sound { single.ranks()[level] as i64 } else { 0 };
-                answers.scales[i * levels + level] = or_nan(single.scales()[level]);
-            }
+            answers.set(i, solve_one(single, given, first + i, program.is_some()).unwrap_or(failed));
         }
     }
 
@@ -249,23 +214,18 @@ impl StackBatch {
                 program.write(residual, m, &mut answer[at * m..end * m]);
                 residual += m;
             }
-            declined.extend((at..end).zip(program.output(0)).filter(|(_, stands)| **stands != 1.0).map(|(row, _)| row));
+            declined.extend((at..end).zip(program.output(0)).filter(|(_, valid)| **valid != 1.0).map(|(row, _)| row));
         }
     }
 }
 
 /// Solve stack `i` of the batch alone. `declined`: whether the algorithm `regular` has already reported that it is not valid for this
 /// stack.
-fn solve_one(solver: &mut PrioritySolver, given: &StackRows, i: usize, declined: bool) -> Result<Status> {
-    let (n, levels) = (solver.n(), solver.rows().len());
-    let (mut at, mut to) = (0, 0);
-    for level in 0..levels {
-        let m = solver.rows()[level];
-        let (jacobian, command) = solver.inputs();
-        jacobian[at..at + m * n].copy_from_slice(row(given.jacobians[level], m * n, i));
-        command[to..to + m].copy_from_slice(row(given.velocities[level], m, i));
-        at += m * n;
-        to += m;
+fn solve_one<'a>(solver: &'a mut PrioritySolver, given: &StackRows, i: usize, declined: bool) -> Result<&'a Solution> {
+    let Stack { n, rows, jacobian, command } = &mut solver.given;
+    for ((level, jacobians), velocities) in level_ranges(rows).zip(given.jacobians).zip(given.velocities) {
+        jacobian[level.start * *n..level.end * *n].copy_from_slice(row(jacobians, level.len() * *n, i));
+        command[level.clone()].copy_from_slice(row(velocities, level.len(), i));
     }
     if declined { solver.run_declined() } else { solver.run() }
 }

@@ -55,9 +55,9 @@ pub fn joint_velocity_bounds<S: Real>(q: S, (q_min, q_max): (S, S), (v_min, v_ma
     let down = q - q_min;
     let (lower, upper) = ((-allowed_speed(down)).max(v_min).min(v_max), allowed_speed(q_max - q).max(v_min).min(v_max));
     // Beyond one limit, the return speed is at most the speed from which the joint can stop before the other limit.
-    let back = S::select(down.lt(zero), upper, lower);
+    let return_speed = S::select(down.lt(zero), upper, lower);
     let crossed = upper.lt(lower);
-    (S::select(crossed, back, lower), S::select(crossed, back, upper))
+    (S::select(crossed, return_speed, lower), S::select(crossed, return_speed, upper))
 }
 
 #[cfg(test)]

@@ -2,7 +2,7 @@
 //!
 //! `J_E` is the stack of the Jacobians `J_i` of all levels, and `overlap = sum rank J_i - rank J_E`. The singularity is **algorithmic** if
 //! `rank J_E < min(sum rank J_i, n)`. It is **kinematic** if a `rank J_i` is below its number of rows. Projected ranks follow the rank rule
-//! of the file `levels.rs`. The rank of the stack `J_E` is the sum of the projected ranks. `rank J_i` is the number of singular values
+//! `RankRule`. The rank of the stack `J_E` is the sum of the projected ranks. `rank J_i` is the number of singular values
 //! `s > rounding s_max`, with the largest singular value `s_max` of `J_i`. Each level has its own `s_max`, because tasks have different
 //! units.
 
@@ -13,9 +13,10 @@ use super::solver::PrioritySolver;
 use crate::error::Result;
 use crate::linalg::svd::Svd;
 use crate::linalg::{axpy, dot};
+use nalgebra::DMatrix;
 
 /// The lost part of a command counts as rounding error if it is at most this multiple of `rounding c (|v_i| + |J_i| |v|)`. Here `v` is the
-/// velocity of the levels above, and `c` the number of the rank rule in the file `levels.rs`.
+/// velocity of the levels above, and `c` the number of `RankRule`.
 const COMPATIBLE: f64 = 1e3;
 
 /// The kind of singularity of the stack.
@@ -158,53 +159,46 @@ impl Diagnosis {
 /// arm it is `DEFAULT_ROUNDING (1 + sum|q|)`, at most 0.5. Errors: `WrongShape` for wrong sizes, `Input` for numbers that are not finite.
 pub fn diagnose(n: usize, rows: &[usize], jacobians: &[&[f64]], velocities: Option<&[&[f64]]>, rounding: Option<f64>) -> Result<Diagnosis> {
     let rounding = rounding.unwrap_or(DEFAULT_ROUNDING);
-    let mut solver =
-        PrioritySolver::new(n, rows, &PriorityOptions { rounding: Some(rounding), ..PriorityOptions::new(PriorityMethod::Exact) })?;
+    let options = PriorityOptions { rounding: Some(rounding), ..PriorityOptions::new(PriorityMethod::Exact) };
+    let mut solver = PrioritySolver::new(n, rows, &options)?;
     let zeros: Vec<Vec<f64>> = rows.iter().map(|r| vec![0.0; *r]).collect();
     let zeros: Vec<&[f64]> = zeros.iter().map(Vec::as_slice).collect();
-    solver.load(jacobians, velocities.unwrap_or(&zeros))?;
-    solver.prepare()?;
-    let w = solver.workspace();
-    w.begin();
-    let (mut levels, mut compatibility, mut condition) = (Vec::new(), Vec::new(), 1.0);
-    for (i, &m) in rows.iter().enumerate() {
-        let freedom = w.project(i)?;
-        let norm = w.spectral_norm(i)?;
-        let projected_rank = w.svd.rank(rounding * norm * condition);
+    let PrioritySolver { settings, given, scaled, hierarchy, .. } = &mut solver;
+    given.load(jacobians, velocities.unwrap_or(&zeros))?;
+    scaled.load(given, settings)?;
+    hierarchy.start(settings);
+    let (mut levels, mut compatibility) = (Vec::new(), Vec::new());
+    for (i, level) in scaled.levels().enumerate() {
+        let (m, dim, condition) = (level.rows(), hierarchy.null_space.dim(), hierarchy.rank_rule.condition);
+        hierarchy.project(&level)?;
+        let (projected_rank, _) = hierarchy.count_rank(&level)?;
         let mut full = Svd::new(m.max(n), m.max(n));
         full.decompose(jacobians[i], m, n)?;
         let singular_values = full.s().to_vec();
         let rank = full.rank(rounding * singular_values.first().copied().unwrap_or(0.0));
         // Only the basis of right singular vectors is complete. So the left singular vectors beyond the rank come from the transpose.
-        let transposed: Vec<f64> = (0..freedom).flat_map(|c| (0..m).map(move |r| r * freedom + c)).map(|at| w.a[at]).collect();
-        full.decompose(&transposed, freedom, m)?;
+        let mut a = vec![0.0; m * dim];
+        hierarchy.null_space.project(&level, &mut a);
+        full.decompose(DMatrix::from_row_slice(m, dim, &a).as_slice(), dim, m)?;
         let lost: Vec<Vec<f64>> = (projected_rank..m).map(|j| full.v(j).to_vec()).collect();
-        w.rest(i);
-        // Undo the scaling of an extreme level by a power of two.
-        let unscale = |x: f64| x * 2f64.powi(-w.exponent[i] / 2) * 2f64.powi(-(w.exponent[i] - w.exponent[i] / 2));
+        let norm = hierarchy.projected.norm(&hierarchy.null_space);
+        let size = dot(level.command, level.command).sqrt() + norm * dot(&hierarchy.y, &hierarchy.y).sqrt();
+        hierarchy.step(&level, projected_rank, |s, along| along / s);
         let mut loss = vec![0.0; m];
-        lost.iter().for_each(|u| axpy(dot(u, &w.r[..m]), u, &mut loss));
-        let size = w.level(i).map(|r| w.c[r] * w.c[r]).sum::<f64>().sqrt() + norm * dot(&w.y, &w.y).sqrt();
+        lost.iter().for_each(|u| axpy(dot(u, &hierarchy.residual[..m]), u, &mut loss));
         let compatible = dot(&loss, &loss).sqrt() <= COMPATIBLE * rounding * condition * size;
-        compatibility.push(Compatibility { loss: loss.into_iter().map(unscale).collect(), compatible });
+        compatibility.push(Compatibility { loss: loss.into_iter().map(|x| level.unscaled(x)).collect(), compatible });
         levels.push(LevelDiagnosis {
             rows: m,
             rank,
             projected_rank,
             singular_values,
-            projected_singular_values: w.svd.s().iter().map(|s| unscale(*s)).collect(),
+            projected_singular_values: hierarchy.projected.svd.s().iter().map(|s| level.unscaled(*s)).collect(),
             kinematic: rank < m,
-            algorithmic: projected_rank < rank.min(freedom),
+            algorithmic: projected_rank < rank.min(dim),
             lost,
         });
-        for j in 0..projected_rank {
-            let gain = dot(w.svd.u(j), &w.r[..m]) / w.svd.s()[j];
-            w.move_along(j, gain);
-        }
-        if projected_rank > 0 {
-            condition *= norm / w.svd.s()[projected_rank - 1];
-        }
-        w.consume(projected_rank);
+        hierarchy.remove(&level, projected_rank);
     }
     let stacked_rank: usize = levels.iter().map(|l| l.projected_rank).sum();
     let sum: usize = levels.iter().map(|l| l.rank).sum();

@@ -3,8 +3,9 @@
 //! Near a singularity, and at a bound, a decomposition must branch on its numbers. So the formula has a decision
 //! ([`crate::trace::decision`]): native code with all algorithms of the module replaces the result of `regular`.
 
+use super::branch_free::{Regular, regular_ranks};
 use super::method::{PriorityMethod, PriorityOptions};
-use super::regular::{Regular, regular_ranks};
+use super::solution::Solution;
 use super::solver::PrioritySolver;
 use crate::error::Result;
 use crate::scalar::Real;
@@ -47,7 +48,7 @@ impl StackFormula {
     pub fn of(solver: &PrioritySolver) -> Self {
         let (n, rows) = (solver.n(), solver.rows().to_vec());
         let regular: Regular<Sym> = solver.regular();
-        let flags = [solver.eps().is_some(), regular.metric().is_some()].map(usize::from);
+        let flags = [solver.eps().is_some(), solver.settings.metric.is_some()].map(usize::from);
         let sizes = [&[n, solver.method() as usize], &flags[..], &rows].concat();
         let kind = kind("priority", sizes, |sizes| Box::new(NativeStack::new(sizes)));
         let results = vec![Sym::zero(); n + rows.iter().sum::<usize>() + rows.len()];
@@ -93,9 +94,6 @@ impl StackFormula {
 #[derive(Debug)]
 struct NativeStack {
     solver: PrioritySolver,
-    has_eps: bool,
-    has_metric: bool,
-    has_bounds: bool,
     eps: Vec<f64>,
 }
 
@@ -104,50 +102,42 @@ impl NativeStack {
     fn new(sizes: &[usize]) -> Self {
         let &[n, method, has_eps, has_metric, ref rows @ ..] = sizes else { unreachable!("the sizes of `StackFormula::of`") };
         let method = PriorityMethod::ALL[method];
-        let (has_eps, has_metric, has_bounds) = (has_eps > 0, has_metric > 0, method.has_bounds());
-        let bound = has_bounds.then(|| vec![f64::INFINITY; n]);
         let options = PriorityOptions {
-            eps: has_eps.then(|| vec![1.0]),
-            weight: has_metric.then(|| (0..n * n).map(|k| if k % (n + 1) == 0 { 1.0 } else { 0.0 }).collect()),
-            v_max: bound,
+            eps: (has_eps > 0).then(|| vec![1.0]),
+            weight: (has_metric > 0).then(|| (0..n * n).map(|k| if k % (n + 1) == 0 { 1.0 } else { 0.0 }).collect()),
+            v_max: method.has_bounds().then(|| vec![f64::INFINITY; n]),
             ..PriorityOptions::new(method)
         };
         let Ok(solver) = PrioritySolver::new(n, rows, &options) else { unreachable!("the sizes are those of a solver") };
-        NativeStack { solver, has_eps, has_metric, has_bounds, eps: vec![1.0; if has_eps { rows.len() } else { 0 }] }
+        NativeStack { solver, eps: vec![1.0; has_eps * rows.len()] }
     }
 
-    fn solve(&mut self, arguments: &[f64]) -> Result<()> {
+    fn solve(&mut self, arguments: &[f64]) -> Result<&Solution> {
         let (n, total) = (self.solver.n(), self.solver.rows().iter().sum::<usize>());
         let (stack, parameters) = arguments[2..].split_at(total * (n + 1));
         let (jacobian, command) = self.solver.inputs();
         jacobian.copy_from_slice(&stack[..total * n]);
         command.copy_from_slice(&stack[total * n..]);
         let (eps2, parameters) = parameters.split_at(self.eps.len());
-        if self.has_eps {
+        if !self.eps.is_empty() {
             self.eps.iter_mut().zip(eps2).for_each(|(eps, eps2)| *eps = eps2.sqrt());
             self.solver.set_eps(&self.eps)?;
         }
-        let (factor, bounds) = parameters.split_at(if self.has_metric { n * n } else { 0 });
-        if self.has_metric {
-            let NativeStack { solver, .. } = self;
-            solver.workspace().metric.iter_mut().for_each(|metric| metric.set_factor(factor));
-            solver.pairs.iter_mut().for_each(|pairs| pairs.set_metric(factor));
-        }
-        if self.has_bounds {
+        let (factor, bounds) = parameters.split_at(self.solver.settings.metric.iter().map(|metric| metric.factor().len()).sum());
+        self.solver.set_metric(factor);
+        if self.solver.method().has_bounds() {
             self.solver.set_bounds(&bounds[..n], &bounds[n..])?;
         }
         self.solver.set_rounding(arguments[1])?;
-        self.solver.run_declined().map(|_| ())
+        self.solver.run_declined()
     }
 }
 
 impl Decision for NativeStack {
     fn decide(&mut self, arguments: &[f64], results: &mut [f64]) {
-        if self.solve(arguments).is_err() {
-            return results.fill(f64::NAN);
-        }
-        let ranks = self.solver.ranks().iter().map(|&rank| rank as f64);
-        let found = self.solver.v().iter().chain(self.solver.residuals()).copied().chain(ranks);
+        let Ok(Solution { v, residuals, levels, .. }) = self.solve(arguments) else { return results.fill(f64::NAN) };
+        let ranks = levels.iter().map(|level| level.rank as f64);
+        let found = v.iter().chain(residuals).copied().chain(ranks);
         results.iter_mut().zip(found).for_each(|(to, found)| *to = found);
     }
 }

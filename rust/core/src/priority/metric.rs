@@ -3,7 +3,7 @@
 //! The methods use `J L^-T` instead of `J`, and `v = L^-T y` at the end. Singular values have the unit of `J` divided by the square root of
 //! the unit of `W`. The prime is the transpose.
 
-use super::lq::product;
+use super::branch_free::product;
 use crate::error::{Error, Result, finite};
 use crate::scalar::Real;
 
@@ -74,16 +74,16 @@ impl<S: Real> Metric<S> {
     /// Replace the row `x` of a Jacobian by `x L^-T`, the solution of `L x' = row'`.
     pub fn row(&self, x: &mut [S]) {
         for i in 0..self.n {
-            let rest = (0..i).fold(x[i], |rest, k| self.l[i * self.n + k].neg_mul_add(x[k], rest));
-            x[i] = rest / self.l[i * self.n + i];
+            let remaining = (0..i).fold(x[i], |sum, k| self.l[i * self.n + k].neg_mul_add(x[k], sum));
+            x[i] = remaining / self.l[i * self.n + i];
         }
     }
 
     /// Replace the coordinates `y` by the velocity `v = L^-T y`.
     pub fn velocity(&self, y: &mut [S]) {
         for i in (0..self.n).rev() {
-            let rest = (i + 1..self.n).fold(y[i], |rest, k| self.l[k * self.n + i].neg_mul_add(y[k], rest));
-            y[i] = rest / self.l[i * self.n + i];
+            let remaining = (i + 1..self.n).fold(y[i], |sum, k| self.l[k * self.n + i].neg_mul_add(y[k], sum));
+            y[i] = remaining / self.l[i * self.n + i];
         }
     }
 }

@@ -7,37 +7,32 @@
 //! methods compute `v` (`PriorityMethod`). `diagnose` reports the directions of each level that can be commanded, and why the other
 //! directions cannot be commanded. The page `docs/priority.md` has the derivation, the limits and a table of the methods.
 //!
-//! A *route* is one algorithm that computes the solution. The route `regular` uses LQ factorisations. Its result is valid only if it is
-//! proven that every singular value is large and that no bound is met. For `clamp` and `damped`, `pairs` solves levels of at most two rows
-//! in closed form, also at singularities. `levels` is the general recursion with singular values, and `sns` adds bounds. `batch` solves
-//! many stacks with a program: the recorded and compiled algorithm `regular`. `solver` owns the memory and selects the route.
+//! The branch-free algorithms solve most stacks. `regular` uses LQ factorisations. Its result is valid only if it is proven that every
+//! singular value is large and that no bound is met. For `clamp` and `damped`, `two_rows` solves levels of at most two rows in closed form,
+//! also at singularities. `hierarchy` is the general recursion over levels with singular values, and its file `sns` adds bounds. `solver`
+//! owns the memory and selects the algorithm. `batch` solves many stacks with a program: the recorded and compiled algorithm `regular`.
 //! `formula` is the solution within a recorded law.
 
 #[doc(hidden)]
 mod batch;
 mod bounds;
+#[doc(hidden)]
+mod branch_free;
 mod diagnose;
 mod formula;
-mod levels;
-mod lq;
-mod matrices;
+mod hierarchy;
 mod method;
 mod metric;
-mod own;
-mod pairs;
-#[doc(hidden)]
-mod regular;
-mod sns;
+mod settings;
 mod solution;
 mod solver;
-mod workspace;
+mod stack;
 
-pub use batch::{FEW, StackAnswers, StackBatch, StackRows};
+pub use batch::{FEWEST_ROWS, StackAnswers, StackBatch, StackRows};
 pub use bounds::{joint_velocity_bounds, velocity_bounds};
+pub use branch_free::Regular;
 pub use diagnose::{Compatibility, Diagnosis, LevelDiagnosis, SingularityKind, diagnose};
 pub use formula::StackFormula;
-pub use matrices::solve_levels;
 pub use method::{DEFAULT_EPS, DEFAULT_ROUNDING, PriorityMethod, PriorityOptions};
-pub use regular::Regular;
-pub use solution::{Solution, solve_priority};
+pub use solution::{LevelSolution, Solution, solve_levels, solve_priority};
 pub use solver::PrioritySolver;

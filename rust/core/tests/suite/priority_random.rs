@@ -105,9 +105,9 @@ fn prefix_eps(s: &Stack, levels: usize, method: PriorityMethod, eps: Option<Vec<
     let mut solver = PrioritySolver::new(s.n, &rows, &PriorityOptions { v_max, eps, ..PriorityOptions::new(method) }).unwrap();
     let j: Vec<&[f64]> = s.jacobians[..levels].iter().map(Vec::as_slice).collect();
     let v: Vec<&[f64]> = s.velocities[..levels].iter().map(Vec::as_slice).collect();
-    let status = solver.solve(&j, &v).unwrap();
-    assert!(solver.v().iter().chain(solver.residuals()).all(|x| x.is_finite()));
-    Answer { v: solver.v().to_vec(), scales: solver.scales().to_vec(), status }
+    let solution = solver.solve(&j, &v).unwrap();
+    assert!(solution.v.iter().chain(&solution.residuals).all(|x| x.is_finite()));
+    Answer { v: solution.v.clone(), scales: solution.scales(), status: solution.status }
 }
 
 fn eps(s: &Stack, i: usize) -> f64 {

@@ -107,8 +107,7 @@ impl ArmPrioritySolver {
                 at += velocity.len();
             }
             core.solver_mut().used();
-            core.solver_mut().run()?;
-            v.copy_from_slice(core.solver().v());
+            v.copy_from_slice(&core.solver_mut().run()?.v);
             Ok(())
         };
         match out {
@@ -201,8 +200,7 @@ impl ArmPrioritySolver {
         if one {
             let (q, velocities) = inputs()?;
             let core = &mut *self.state();
-            core.solve(&q, &velocities)?;
-            v.copy_from_slice(core.solver().v());
+            v.copy_from_slice(&core.solve(&q, &velocities)?.v);
             return Ok(());
         }
         let solver = self.state().clone();
@@ -307,14 +305,14 @@ impl ArmPrioritySolver {
     /// Residuals `v_i - J_i v` of the last single solve, a list of `(rows_i,)` per level.
     #[getter]
     fn residuals<'py>(&self) -> Result<Bound<'py, PyList>, Failure> {
-        let stacked = self.state().solver().residuals().to_vec();
+        let stacked = self.state().solver().solution().residuals.clone();
         residual_list(py, &self.rows, &stacked)
     }
 
     /// Number of directions of each level that the last single solve realised.
     #[getter]
     fn ranks<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        let ranks: Vec<i64> = self.state().solver().ranks().iter().map(|&r| r as i64).collect();
+        let ranks: Vec<i64> = self.state().solver().solution().levels.iter().map(|level| level.rank as i64).collect();
         let array = adopted(py, &[ranks.len()], ranks)?;
         array.call_method0("tolist")
     }
@@ -322,7 +320,7 @@ impl ArmPrioritySolver {
     /// Status of the last single solve.
     #[getter]
     fn status(&self, py: Python<'_>) -> PyResult<Py<PyAny>> {
-        let status = self.state().solver().status();
+        let status = self.state().solver().solution().status;
         status_member(py, status)
     }
 

@@ -53,12 +53,13 @@ impl SingleSolution {
 impl PrioritySolution {
     /// Copy the result of the solver's last run.
     pub fn of(solver: &Core, rows: Arc<[usize]>) -> Self {
-        let mut numbers = Vec::with_capacity(solver.n() + solver.residuals().len() + 2 * rows.len());
-        numbers.extend_from_slice(solver.v());
-        numbers.extend_from_slice(solver.residuals());
-        numbers.extend_from_slice(solver.scales());
-        numbers.extend(solver.ranks().iter().map(|&rank| rank as f64));
-        let found = SingleSolution { n: solver.n(), rows, numbers, status: solver.status() };
+        let solution = solver.solution();
+        let mut numbers = Vec::with_capacity(solver.n() + solution.residuals.len() + 2 * rows.len());
+        numbers.extend_from_slice(&solution.v);
+        numbers.extend_from_slice(&solution.residuals);
+        numbers.extend(solution.levels.iter().map(|level| level.scale));
+        numbers.extend(solution.levels.iter().map(|level| level.rank as f64));
+        let found = SingleSolution { n: solver.n(), rows, numbers, status: solution.status };
         let [v, residuals, ranks, scales, status] = [const { PyOnceLock::new() }; 5];
         PrioritySolution { found: Some(found), v, residuals, ranks, scales, status }
     }

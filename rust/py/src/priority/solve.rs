@@ -7,7 +7,6 @@ use crate::arrays::{of_shape, optional_number};
 use crate::errors::Failure;
 use armlet_core::error::Error;
 use armlet_core::priority::{DEFAULT_ROUNDING, PrioritySolver as Core};
-use armlet_core::status::Status;
 use armlet_macros::entered;
 use pyo3::prelude::*;
 use pyo3::types::{PyList, PyTuple};
@@ -40,7 +39,7 @@ fn solver(function: &str, n: usize, rows: &[usize], keywords: &Keywords) -> Resu
 }
 
 /// Copy one stack to the inputs of the solver, and solve it.
-fn solve_row(solver: &mut Core, stack: &Stack) -> Result<Status, Error> {
+fn solve_row(solver: &mut Core, stack: &Stack) -> Result<(), Error> {
     let (jacobian, command) = solver.inputs();
     let (mut at, mut to) = (0, 0);
     for (level, m) in stack.rows.iter().enumerate() {
@@ -49,7 +48,7 @@ fn solve_row(solver: &mut Core, stack: &Stack) -> Result<Status, Error> {
         at += m * stack.n;
         to += m;
     }
-    solver.run()
+    solver.run().map(|_| ())
 }
 
 /// Compute joint velocities for tasks `J_i v = v_i` with priorities: a task does not disturb the tasks of higher priority.

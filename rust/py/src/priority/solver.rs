@@ -79,8 +79,7 @@ impl PrioritySolver {
             to += v.len();
         }
         core.used();
-        core.run()?;
-        out.copy_from_slice(core.v());
+        out.copy_from_slice(&core.run()?.v);
         Ok(())
     }
 }
@@ -204,27 +203,27 @@ impl PrioritySolver {
     /// Residuals `v_i - J_i v` of the last solve, a list of `(rows_i,)` per level.
     #[getter]
     fn residuals<'py>(&self) -> Result<Bound<'py, PyList>, Failure> {
-        let stacked = self.state().core.residuals().to_vec();
+        let stacked = self.state().core.solution().residuals.clone();
         residual_list(py, &self.counts, &stacked)
     }
 
     /// Number of directions of each level that the last solve realised.
     #[getter]
     fn ranks(&self) -> Vec<usize> {
-        self.state().core.ranks().to_vec()
+        self.state().core.solution().ranks()
     }
 
     /// Scale of each level's command in the last solve, `(levels,)`; 1 except for "sns".
     #[getter]
     fn scales<'py>(&self) -> Result<Bound<'py, PyAny>, Failure> {
-        let scales = self.state().core.scales().to_vec();
+        let scales = self.state().core.solution().scales();
         copied(py, &[scales.len()], &scales)
     }
 
     /// Status of the last solve.
     #[getter]
     fn status(&self, py: Python<'_>) -> PyResult<Py<PyAny>> {
-        let status = self.state().core.status();
+        let status = self.state().core.solution().status;
         status_member(py, status)
     }
 

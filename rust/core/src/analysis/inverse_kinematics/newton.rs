@@ -238,12 +238,12 @@ impl NewtonSearch {
             for (i, _) in self.held.iter().enumerate().filter(|(_, held)| **held) {
                 jacobian.chunks_exact_mut(n).for_each(|row| row[i] = 0.0);
             }
-            self.solver.solver_mut().run()?;
-            if !blocked(q, self.solver.solver().v(), &self.bounds, &mut self.held) {
+            let v = &self.solver.solver_mut().run()?.v;
+            if !blocked(q, v, &self.bounds, &mut self.held) {
                 break;
             }
         }
-        Ok(advance(q, self.solver.solver().v(), &self.bounds, self.search.step_max))
+        Ok(advance(q, &self.solver.solver().solution().v, &self.bounds, self.search.step_max))
     }
 
     /// Draw a random start, uniform within the limits. A revolute joint without limits has a range of one revolution. A prismatic joint

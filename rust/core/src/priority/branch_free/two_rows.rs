@@ -4,18 +4,18 @@
 //! `G = R J_i P`,  `v += G' diag(h) R (v_i - J_i v)`,  `P <- P - G' diag(q) G`,  `q = 1 / max(s^2, eps^2)`.
 //!
 //! `R` is the rotation, `s` the norm of a row of `G`, and `P` the projector on the free directions, at first `P = I`. For `clamp`, `h = q`.
-//! For `damped`, `h = 1 / (s^2 + lambda^2)`. The result equals the result of `levels` if `P` is a projector before every level that has a
+//! For `damped`, `h = 1 / (s^2 + lambda^2)`. The result equals the result of `hierarchy` if `P` is a projector before every level that has a
 //! following level. So only the last two levels may use a direction partially. Otherwise the algorithm reports that its result is not
 //! valid. The result is also not valid if a threshold is so small that one rotation is not accurate enough.
 //!
 //! The code does not branch on numbers, so that a program (the recorded and compiled code) and a direct solve have the same bits.
 
 use super::lq::product;
-use super::method::{PriorityMethod, TAME};
-use super::metric::{Metric, load};
-use super::regular::threshold2;
+use super::{BranchFree, Parameters};
+use crate::priority::method::{PriorityMethod, TAME};
+use crate::priority::metric::load;
+use crate::priority::settings::Settings;
 use crate::scalar::Real;
-use crate::trace::function::Evaluation;
 
 /// The algorithm is valid only if the square of the threshold exceeds this fraction of the squared Frobenius norm of the level. The
 /// rounding error divided by the threshold is then about 1e-13 at most.
@@ -24,18 +24,13 @@ const LEAST: f64 = 1e-6;
 /// If the square of a singular value is below this fraction of the squared threshold, its direction counts as unused.
 const UNUSED: f64 = 1e-16;
 
-/// The number of direct solves after which a program is made.
-pub(super) const CALLS_BEFORE_PROGRAM: u64 = 16;
-
 /// The closed-form algorithm for stacks of one size, with its memory.
 #[derive(Debug, Clone)]
-pub(super) struct PairRoute<S> {
+pub struct TwoRowLevels<S> {
     n: usize,
     rows: Vec<usize>,
     damped: bool,
-    /// The squares of the thresholds in the options.
-    eps2: Option<Vec<S>>,
-    metric: Option<Metric<S>>,
+    parameters: Parameters<S>,
     /// The stack in the coordinates of the metric.
     j: Vec<S>,
     /// The rows of the stack multiplied with the projectors of the levels above.
@@ -51,8 +46,8 @@ pub(super) struct PairRoute<S> {
     pub residual: Vec<S>,
     /// The number of realised directions of each level.
     pub ranks: Vec<S>,
-    /// For each level, one if a direction is lost, otherwise zero.
-    pub lost: Vec<S>,
+    /// For each level, one if it is singular, otherwise zero.
+    pub singular: Vec<S>,
 }
 
 /// One direction of a level: its row `g`, its command, and whether it is used.
@@ -65,20 +60,21 @@ struct Direction<'a, S> {
     open: S,
 }
 
-impl<S: Real> PairRoute<S> {
-    /// Return the closed-form algorithm for levels of these sizes, thresholds and metric. The result is `None` if a level has more than two
-    /// rows, and for other methods than `clamp` and `damped`.
-    pub fn new(n: usize, rows: &[usize], method: PriorityMethod, eps: Option<&[f64]>, metric: Option<&Metric>) -> Option<Self> {
-        if !method.damps() || rows.iter().any(|&m| m > 2) {
-            return None;
-        }
+impl<S> TwoRowLevels<S> {
+    /// Whether the algorithm applies: no level has more than two rows, and the method is `clamp` or `damped`.
+    pub fn applies(rows: &[usize], method: PriorityMethod) -> bool {
+        method.damps() && rows.iter().all(|&m| m <= 2)
+    }
+}
+
+impl<S: Real> BranchFree<S> for TwoRowLevels<S> {
+    fn new(n: usize, rows: &[usize], settings: &Settings) -> Self {
         let (zeros, total) = (|k: usize| vec![S::zero(); k], rows.iter().sum::<usize>());
-        Some(PairRoute {
+        TwoRowLevels {
             n,
             rows: rows.to_vec(),
-            damped: method == PriorityMethod::Damped,
-            eps2: eps.map(|eps| eps.iter().map(|eps| S::varying(eps * eps)).collect()),
-            metric: metric.map(Metric::lift),
+            damped: settings.method == PriorityMethod::Damped,
+            parameters: Parameters::new(settings),
             j: zeros(total * n),
             projected: zeros(total * n),
             y: zeros(n),
@@ -87,70 +83,79 @@ impl<S: Real> PairRoute<S> {
             v: zeros(n),
             residual: zeros(total),
             ranks: zeros(rows.len()),
-            lost: zeros(rows.len()),
-        })
+            singular: zeros(rows.len()),
+        }
     }
 
-    fn set_eps(&mut self, eps: &[f64]) {
-        let own = self.eps2.get_or_insert_with(|| vec![S::zero(); eps.len()]);
-        own.iter_mut().zip(eps).for_each(|(own, eps)| *own = S::varying(eps * eps));
+    fn operations(n: usize, rows: &[usize]) -> usize {
+        let total = rows.iter().sum::<usize>();
+        n * total * (total + rows.len())
     }
 
-    /// Solve the stack `jacobian`, shape `(sum rows, n)`, for the command `command`. Return one if the result is valid, otherwise zero.
-    pub fn solve(&mut self, jacobian: &[S], command: &[S]) -> S {
+    fn results(&self) -> [&[S]; 4] {
+        [&self.v, &self.residual, &self.ranks, &self.singular]
+    }
+
+    fn parameters(&mut self) -> &mut Parameters<S> {
+        &mut self.parameters
+    }
+
+    fn solve(&mut self, _rounding: S, jacobian: &[S], command: &[S]) -> S {
         let (zero, one) = (S::zero(), S::splat(1.0));
-        let PairRoute { n, rows, j, projected, metric, y, eps2, threshold2: thresholds, .. } = self;
+        let TwoRowLevels { n, rows, j, projected, parameters, y, threshold2: thresholds, .. } = self;
         let (n, total) = (*n, j.len() / *n);
         y.fill(zero);
-        let (mut at, mut stands) = (0, one);
+        let (mut at, mut valid) = (0, one);
         for (i, &m) in rows.iter().enumerate() {
             let level = at * n..(at + m) * n;
             at += m;
-            let [most2, norm2] = load(&jacobian[level.clone()], metric.as_ref(), &mut j[level], n);
-            let threshold2 = threshold2(eps2.as_deref(), i, most2);
+            let [row_norm2, norm2] = load(&jacobian[level.clone()], parameters.metric.as_ref(), &mut j[level], n);
+            let threshold2 = parameters.threshold2(i, row_norm2);
             thresholds[i] = threshold2;
             if m > 0 {
                 let bounds = [(S::splat(TAME.start), norm2), (norm2, S::splat(TAME.end)), (S::splat(LEAST) * norm2, threshold2)];
                 let bounds = bounds.into_iter().chain([(threshold2, S::splat(TAME.end))]);
-                stands = bounds.fold(stands, |stands, (low, high)| S::select(low.lt(high), stands, zero));
+                valid = bounds.fold(valid, |valid, (low, high)| S::select(low.lt(high), valid, zero));
             }
         }
         projected.copy_from_slice(j);
-        let (mut at, mut used, mut whole) = (0, zero, one);
+        let (mut at, mut used, mut is_projector) = (0, zero, one);
         for i in 0..self.rows.len() {
             let m = self.rows[i];
-            (self.ranks[i], self.lost[i]) = (zero, zero);
+            (self.ranks[i], self.singular[i]) = (zero, zero);
             if m == 0 {
                 continue;
             }
             if at + m < total {
-                stands = S::select(zero.lt(whole), stands, zero);
+                valid = S::select(zero.lt(is_projector), valid, zero);
             }
-            whole = self.level(i, at, command, used) * whole;
+            is_projector = self.level(i, at, command, used) * is_projector;
             used += self.ranks[i];
             at += m;
         }
-        let PairRoute { v, y, metric, residual, .. } = self;
+        let TwoRowLevels { v, y, parameters, residual, .. } = self;
         v.copy_from_slice(y);
-        if let Some(metric) = metric {
+        if let Some(metric) = &parameters.metric {
             metric.velocity(v);
         }
         let infinity = S::splat(f64::INFINITY);
-        residual.iter_mut().zip(jacobian.chunks_exact(n)).zip(command).fold(stands, |stands, ((residual, row), &command)| {
+        residual.iter_mut().zip(jacobian.chunks_exact(n)).zip(command).fold(valid, |valid, ((residual, row), &command)| {
             *residual = command - product(row, v);
-            S::select(residual.abs().lt(infinity), stands, zero)
+            S::select(residual.abs().lt(infinity), valid, zero)
         })
     }
+}
 
+impl<S: Real> TwoRowLevels<S> {
     /// Solve level `i`, whose rows begin at `at`, when `used` directions are already used. Return one if `P` is still a projector,
     /// otherwise zero.
     fn level(&mut self, i: usize, at: usize, command: &[S], used: S) -> S {
-        let PairRoute { n, rows, j, projected, y, full, damped, threshold2, ranks, lost, .. } = self;
+        let TwoRowLevels { n, rows, j, projected, y, full, damped, threshold2, ranks, singular, .. } = self;
         let (n, m, threshold2, zero, one) = (*n, rows[i], threshold2[i], S::zero(), S::splat(1.0));
         let (above, below) = projected.split_at_mut((at + m) * n);
-        let mut rest = [zero; 2];
+        let mut errors = [zero; 2];
         let rows = j[at * n..(at + m) * n].chunks_exact(n);
-        rest.iter_mut().zip(&command[at..]).zip(rows).for_each(|((rest, &command), row)| *rest = command - product(row, y));
+        errors.iter_mut().zip(&command[at..]).zip(rows).for_each(|((error, &command), row)| *error = command - product(row, y));
         let (turned, own) = above.split_at_mut(at * n);
         // The projection is repeated, because rounding errors along used directions would be divided by the square of the threshold.
         for row in own.chunks_exact_mut(n) {
@@ -158,7 +163,7 @@ impl<S: Real> PairRoute<S> {
         }
         let (first, second) = own.split_at_mut(n);
         if m == 2 {
-            rotate(first, second, &mut rest);
+            rotate(first, second, &mut errors);
         }
         let free = S::splat(n as f64) - used;
         let squares = [product(first, first), product(second, second)];
@@ -169,11 +174,11 @@ impl<S: Real> PairRoute<S> {
             let lesser = squares[0].lt(squares[1]);
             open = [(both, some), (some, both)].map(|(yes, no)| S::select(lesser, yes, no));
         }
-        let of = |k: usize, g| Direction { g, s2: squares[k], command: rest[k], open: open[k] };
+        let of = |k: usize, g| Direction { g, s2: squares[k], command: errors[k], open: open[k] };
         let directions = [of(0, &*first), of(1, &*second)];
         let directions = &directions[..m];
         let lambda2 = if *damped { lambda2(directions, threshold2) } else { zero };
-        let (mut whole, mut shares) = (one, [zero; 2]);
+        let (mut is_projector, mut shares) = (one, [zero; 2]);
         for (k, (direction, share)) in directions.iter().zip(&mut shares).enumerate() {
             let &Direction { g, s2, command, open } = direction;
             let (there, partial) = (zero.lt(open), s2.lt(threshold2));
@@ -184,10 +189,10 @@ impl<S: Real> PairRoute<S> {
             y.iter_mut().zip(g).for_each(|(y, &g)| *y = along.mul_add(g, *y));
             ranks[i] += S::select(there, S::select(partial, zero, one), zero);
             let leaves = S::select(partial, S::select((S::splat(UNUSED) * threshold2).lt(s2), zero, one), one);
-            whole = S::select(there, leaves * whole, whole);
+            is_projector = S::select(there, leaves * is_projector, is_projector);
         }
         let most = S::splat(m as f64).min(free) - S::splat(0.5);
-        lost[i] = S::select(ranks[i].lt(most), one, zero);
+        singular[i] = S::select(ranks[i].lt(most), one, zero);
         for row in below.chunks_exact_mut(n) {
             match directions {
                 [one] => remove(row, [(one.g, shares[0])]),
@@ -195,7 +200,7 @@ impl<S: Real> PairRoute<S> {
                 _ => {}
             }
         }
-        whole
+        is_projector
     }
 }
 
@@ -208,7 +213,7 @@ fn remove<S: Real, const K: usize>(x: &mut [S], directions: [(&[S], S); K]) {
 }
 
 /// Rotate two rows and their commands so that the rows become orthogonal. Of the two possible angles, use the smaller one.
-fn rotate<S: Real>(a: &mut [S], b: &mut [S], rest: &mut [S; 2]) {
+fn rotate<S: Real>(a: &mut [S], b: &mut [S], commands: &mut [S; 2]) {
     let (one, both) = (S::splat(1.0), product(a, b));
     let (d, w) = (product(b, b) - product(a, a), both + both);
     let root = d.mul_add(d, w.mul_add(w, S::splat(f64::MIN_POSITIVE))).sqrt();
@@ -217,8 +222,8 @@ fn rotate<S: Real>(a: &mut [S], b: &mut [S], rest: &mut [S; 2]) {
     let s = t * c;
     let turn = |a: S, b: S| (s.neg_mul_add(b, c * a), s.mul_add(a, c * b));
     a.iter_mut().zip(b).for_each(|(a, b)| (*a, *b) = turn(*a, *b));
-    let [r0, r1] = *rest;
-    (rest[0], rest[1]) = turn(r0, r1);
+    let [c0, c1] = *commands;
+    (commands[0], commands[1]) = turn(c0, c1);
 }
 
 /// Return the square of `lambda = eps (1 - prod min(1, s / eps))`. The product is over the free directions of the level. `threshold2` is
@@ -231,77 +236,4 @@ fn lambda2<S: Real>(directions: &[Direction<S>], threshold2: S) -> S {
     });
     let left = one - manipulability;
     threshold2 * left * left
-}
-
-/// The closed-form algorithm for single stacks.
-#[derive(Debug, Clone)]
-pub(super) struct SinglePairs {
-    direct: PairRoute<f64>,
-    /// The program of the algorithm, after it has been made. It has the same bits as `direct`.
-    program: Option<Evaluation>,
-    solves: u64,
-}
-
-/// The results: joint velocities, residuals, numbers of realised directions, and whether a direction is lost.
-pub(super) struct Answer<'a> {
-    pub v: &'a mut [f64],
-    pub residual: &'a mut [f64],
-    pub ranks: &'a mut [usize],
-    pub lost: &'a mut [bool],
-}
-
-impl SinglePairs {
-    /// Create the algorithm with [`PairRoute::new`].
-    pub fn new(n: usize, rows: &[usize], method: PriorityMethod, eps: Option<&[f64]>, metric: Option<&Metric>) -> Option<Self> {
-        PairRoute::new(n, rows, method, eps, metric).map(|direct| SinglePairs { direct, program: None, solves: 0 })
-    }
-
-    /// Set the thresholds, and discard the program, which contains the old thresholds.
-    pub fn set_eps(&mut self, eps: &[f64]) {
-        (self.program, self.solves) = (None, 0);
-        self.direct.set_eps(eps);
-    }
-
-    /// Replace the factor of the metric, and discard the program, which contains the old factor.
-    pub fn set_metric(&mut self, factor: &[f64]) {
-        (self.program, self.solves) = (None, 0);
-        if let Some(metric) = &mut self.direct.metric {
-            metric.set_factor(factor);
-        }
-    }
-
-    /// Whether a program should be made now, because of repeated calls.
-    pub fn wants_program(&self) -> bool {
-        self.program.is_none() && self.solves == CALLS_BEFORE_PROGRAM
-    }
-
-    /// From now on, use a program made with `PrioritySolver::of_pairs`.
-    pub fn take(&mut self, program: Option<Evaluation>) {
-        self.solves += 1;
-        self.program = program;
-    }
-
-    /// Solve a stack. Return false if the result is not valid.
-    pub fn solve(&mut self, jacobian: &[f64], command: &[f64], answer: Answer) -> bool {
-        let Answer { v, residual, ranks, lost } = answer;
-        let (n, total, levels) = (v.len(), residual.len(), ranks.len());
-        if let Some(program) = &mut self.program {
-            let (given, rest) = program.inputs(0, jacobian.len() + command.len()).split_at_mut(jacobian.len());
-            given.copy_from_slice(jacobian);
-            rest.copy_from_slice(command);
-            program.run();
-            v.copy_from_slice(program.outputs(1, n));
-            residual.copy_from_slice(program.outputs(1 + n, total));
-            ranks.iter_mut().zip(program.outputs(1 + n + total, levels)).for_each(|(to, &rank)| *to = rank as usize);
-            lost.iter_mut().zip(program.outputs(1 + n + total + levels, levels)).for_each(|(to, &lost)| *to = lost > 0.0);
-            return program.output(0) == [1.0];
-        }
-        self.solves += u64::from(self.solves < CALLS_BEFORE_PROGRAM);
-        let stands = self.direct.solve(jacobian, command);
-        v.copy_from_slice(&self.direct.v);
-        residual.copy_from_slice(&self.direct.residual);
-        ranks.iter_mut().zip(&self.direct.ranks).for_each(|(to, rank)| *to = *rank as usize);
-        lost.iter_mut().zip(&self.direct.lost).for_each(|(to, lost)| *to = *lost > 0.0);
-        stands == 1.0
-    }
 }

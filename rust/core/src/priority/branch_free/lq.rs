@@ -1,7 +1,7 @@
 //! LQ and QR factorisations for the algorithm `regular` (Golub and Van Loan, Matrix Computations, 5.1 and 5.2).
 //!
-//! `Factor` is the factorisation `J_E = L Q` of the Jacobian rows of several levels, by Householder reflections of rows. `tall` solves a
-//! level with more rows than free directions by least squares. `inverse_norm2` computes `|T^-1|_F^2` of a triangular block `T`.
+//! `Factor` is the factorisation `J_E = L Q` of the Jacobian rows of several levels, by Householder reflections of rows. `least_squares`
+//! solves a level with more rows than free directions. `inverse_norm2` computes `|T^-1|_F^2` of a triangular block `T`.
 
 use crate::scalar::Real;
 
@@ -76,20 +76,20 @@ impl<S: Real> Factor<S> {
     }
 
     /// Transform a row that is not a row of `L` to the coordinates of `L`.
-    pub fn turn(&self, row: &mut [S]) {
+    pub fn transform(&self, row: &mut [S]) {
         (0..self.fit()).for_each(|at| self.reflect(at, row));
     }
 
     /// Compute `v = Q' y`.
-    pub fn turn_back(&self, v: &mut [S]) {
-        self.turn_back_first(self.n, v);
+    pub fn velocity(&self, v: &mut [S]) {
+        self.velocity_of_first(self.n, v);
     }
 
     /// Compute `v = Q' y` from the first `used` coordinates of `y`. The other coordinates count as zero.
-    pub fn turn_back_first(&self, used: usize, v: &mut [S]) {
-        let (first, rest) = v.split_at_mut(used);
+    pub fn velocity_of_first(&self, used: usize, v: &mut [S]) {
+        let (first, others) = v.split_at_mut(used);
         first.copy_from_slice(&self.y[..used]);
-        rest.fill(S::zero());
+        others.fill(S::zero());
         (0..self.fit().min(used)).rev().for_each(|at| self.reflect(at, v));
     }
 
@@ -101,11 +101,11 @@ impl<S: Real> Factor<S> {
 
 /// Solve a level with more rows than free directions: least squares by a QR factorisation of its columns from `used` on. Return
 /// `|T^-1|_F^2` of the triangular factor `T`.
-pub(super) fn tall<S: Real>(rows: &mut [S], command: &[S], used: usize, y: &mut [S], r: &mut [S], z: &mut [S]) -> S {
+pub(super) fn least_squares<S: Real>(rows: &mut [S], command: &[S], used: usize, y: &mut [S], r: &mut [S], z: &mut [S]) -> S {
     let (n, m) = (y.len(), command.len());
     let zero = S::zero();
     for (i, row) in rows.chunks_exact(n).enumerate() {
-        r[i] = (0..used).fold(command[i], |rest, c| row[c].neg_mul_add(y[c], rest));
+        r[i] = (0..used).fold(command[i], |remaining, c| row[c].neg_mul_add(y[c], remaining));
     }
     for a in 0..n - used {
         let col = used + a;
@@ -125,8 +125,8 @@ pub(super) fn tall<S: Real>(rows: &mut [S], command: &[S], used: usize, y: &mut 
         rows[a * n + col] = S::select(negative, inverse, -inverse);
     }
     for a in (0..n - used).rev() {
-        let rest = (used + a + 1..n).fold(r[a], |rest, c| rows[a * n + c].neg_mul_add(y[c], rest));
-        y[used + a] = rest * rows[a * n + used + a];
+        let remaining = (used + a + 1..n).fold(r[a], |remaining, c| rows[a * n + c].neg_mul_add(y[c], remaining));
+        y[used + a] = remaining * rows[a * n + used + a];
     }
     // The inverses of a triangle and of its transpose have the same norm.
     inverse_norm2(n - used, z, |i, j| rows[j * n + used + i])
@@ -139,7 +139,7 @@ fn inverse_norm2<S: Real>(m: usize, z: &mut [S], t: impl Fn(usize, usize) -> S) 
         z[b] = t(b, b);
         sum = z[b].mul_add(z[b], sum);
         for i in b + 1..m {
-            z[i] = -(b..i).fold(S::zero(), |rest, l| t(i, l).mul_add(z[l], rest)) * t(i, i);
+            z[i] = -(b..i).fold(S::zero(), |sum, l| t(i, l).mul_add(z[l], sum)) * t(i, i);
             sum = z[i].mul_add(z[i], sum);
         }
     }
@@ -154,7 +154,7 @@ fn add<S: Real>(s: S, w: &[S], y: &mut [S]) {
 }
 
 /// Return the scalar product. Two independent sums shorten the chain of operations that depend on each other.
-pub(super) fn product<S: Real>(a: &[S], b: &[S]) -> S {
+pub fn product<S: Real>(a: &[S], b: &[S]) -> S {
     let (mut even, mut odd) = (S::zero(), S::zero());
     for (i, (&a, &b)) in a.iter().zip(b).enumerate() {
         if i % 2 == 0 {

@@ -3,16 +3,17 @@
 //!
 //! It uses an LQ factorisation of the rows. A level with more rows than joints is solved by least squares.
 
-use super::lq::{Factor, tall};
-use super::metric::{Metric, load};
+use super::lq::{Factor, least_squares};
+use crate::priority::metric::{Metric, load};
 use crate::scalar::Real;
 
 /// The solver of single levels, with its memory.
 #[derive(Debug, Clone)]
-pub(super) struct Own<S> {
+pub(super) struct SingleLevels<S> {
     levels: Vec<LevelFactor<S>>,
-    r: Vec<S>,
-    z: Vec<S>,
+    /// Memory for the residual of a tall level, and for a column of an inverse.
+    residual: Vec<S>,
+    column: Vec<S>,
     /// The solution `J_i# v_i`, shape `(n,)`.
     pub v: Vec<S>,
 }
@@ -24,7 +25,7 @@ struct LevelFactor<S> {
     tall: Vec<S>,
 }
 
-impl<S: Real> Own<S> {
+impl<S: Real> SingleLevels<S> {
     /// Allocate memory for levels with these numbers of rows.
     pub fn new(n: usize, rows: &[usize]) -> Self {
         let zeros = |k: usize| vec![S::zero(); k];
@@ -33,23 +34,23 @@ impl<S: Real> Own<S> {
             true => LevelFactor { factor: Factor::new(n, m), tall: Vec::new() },
             false => LevelFactor { factor: Factor::new(n, 0), tall: zeros(m * n) },
         };
-        Own { levels: rows.iter().map(level).collect(), r: zeros(most), z: zeros(most), v: zeros(n) }
+        SingleLevels { levels: rows.iter().map(level).collect(), residual: zeros(most), column: zeros(most), v: zeros(n) }
     }
 
     /// Solve level `i`, and write the solution to `v`. Return `|J_i#|_F^2` and the square of the largest row norm.
     pub fn solve(&mut self, i: usize, jacobian: &[S], metric: Option<&Metric<S>>, command: &[S]) -> [S; 2] {
-        let Own { levels, r, z, v } = self;
+        let SingleLevels { levels, residual, column, v } = self;
         let LevelFactor { factor, tall: rows } = &mut levels[i];
         factor.y.fill(S::zero());
         if rows.is_empty() {
-            let [most2, _] = load(jacobian, metric, &mut factor.l, v.len());
+            let [row_norm2, _] = load(jacobian, metric, &mut factor.l, v.len());
             command.iter().enumerate().for_each(|(at, &command)| factor.eliminate(at, command));
-            factor.turn_back(v);
-            return [factor.inverse_norm2(0, command.len(), z), most2];
+            factor.velocity(v);
+            return [factor.inverse_norm2(0, command.len(), column), row_norm2];
         }
-        let [most2, _] = load(jacobian, metric, rows, v.len());
-        let inverse2 = tall(rows, command, 0, &mut factor.y, r, z);
+        let [row_norm2, _] = load(jacobian, metric, rows, v.len());
+        let inverse2 = least_squares(rows, command, 0, &mut factor.y, residual, column);
         v.copy_from_slice(&factor.y);
-        [inverse2, most2]
+        [inverse2, row_norm2]
     }
 }
