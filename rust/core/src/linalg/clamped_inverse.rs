@@ -72,8 +72,8 @@ impl<S: Real> ClampedInverse<S> {
         let rotation = JacobiRotation::new(b[p * m + p], b[q * m + q], between, least);
         b[p * m + p] = rotation.t.neg_mul_add(between, b[p * m + p]);
         b[q * m + q] = rotation.t.mul_add(between, b[q * m + q]);
-        let rest = S::select(rotation.there, S::zero(), between);
-        (b[p * m + q], b[q * m + p]) = (rest, rest);
+        let entry = S::select(rotation.there, S::zero(), between);
+        (b[p * m + q], b[q * m + p]) = (entry, entry);
         for k in (0..m).filter(|&k| k != p && k != q) {
             let (x, y) = rotation.turn(b[k * m + p], b[k * m + q]);
             (b[k * m + p], b[p * m + k], b[k * m + q], b[q * m + k]) = (x, x, y, y);

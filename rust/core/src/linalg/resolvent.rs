@@ -39,7 +39,7 @@ impl Pairs {
 
     /// Call `each(k, i)` for each component `i` of `n` that is neither a position nor a quadrature. `k` counts the calls.
     #[inline]
-    fn kept(self, n: usize, mut each: impl FnMut(usize, usize)) {
+    fn unknowns_each(self, n: usize, mut each: impl FnMut(usize, usize)) {
         for block in 0..self.count {
             for i in 0..self.joints {
                 each(block * self.joints + i, (2 * block + 1) * self.joints + i);
@@ -76,9 +76,9 @@ impl Pairs {
     ) -> bool {
         let m = self.rows(n);
         let (j, lu, inverse) = (&j[..n * n], &mut lu[..m * m], s.inverse());
-        self.kept(n, |r, row| {
+        self.unknowns_each(n, |r, row| {
             let (from, to) = (&j[row * n..(row + 1) * n], &mut lu[r * m..(r + 1) * m]);
-            self.kept(n, |c, column| to[c] = E::real(-from[column]));
+            self.unknowns_each(n, |c, column| to[c] = E::real(-from[column]));
             self.positions_each(|c, column| to[c] = to[c].less(inverse, E::real(from[column])));
             to[r] = to[r].less(E::real(E::Real::splat(-1.0)), s);
         });
@@ -93,13 +93,13 @@ impl Pairs {
         // `inverse` is `-1/s`, because `less` subtracts a product, and the sums below add these products.
         let (j, b, work, inverse) = (&j[..n * n], &mut b[..n], &mut work[..m], s.times(E::real(E::Real::splat(-1.0))).inverse());
         self.positions_each(|_, column| b[column] = b[column].times(inverse));
-        self.kept(n, |r, row| {
+        self.unknowns_each(n, |r, row| {
             let mut sum = b[row];
             self.positions_each(|_, column| sum = sum.less(E::real(j[row * n + column]), b[column]));
             work[r] = sum;
         });
         lu::solve(m, lu, pivots, work);
-        self.kept(n, |r, row| b[row] = work[r]);
+        self.unknowns_each(n, |r, row| b[row] = work[r]);
         let zero = E::real(E::Real::zero());
         self.positions_each(|k, column| b[column] = zero.less(E::real(E::Real::splat(1.0)), b[column]).less(inverse, work[k]));
         let (states, quadratures) = b.split_at_mut(n - self.quadratures);
@@ -129,11 +129,11 @@ mod tests {
     /// The tolerance covers a dozen roundings. The entries are up to 1e6, and `s` is above and below them.
     #[test]
     fn with_positions_eliminated_the_solution_solves_the_whole_system() {
-        for (joints, count, rest, quadratures) in
+        for (joints, count, others, quadratures) in
             [(2, 2, 0, 0), (2, 2, 2, 0), (3, 1, 4, 0), (1, 1, 0, 0), (0, 0, 5, 0), (2, 1, 3, 2), (0, 0, 4, 1), (1, 2, 0, 3)]
         {
             let pairs = Pairs { joints, count, quadratures };
-            let n = 2 * joints * count + rest + quadratures;
+            let n = 2 * joints * count + others + quadratures;
             let mut j: Vec<f64> = (0..n * n).map(|k| (12.9898 * k as f64).sin() * if k % 3 == 0 { 1e6 } else { 1.0 }).collect();
             for i in 0..n {
                 if let Some(k) = pairs.rate_of(i) {
@@ -147,7 +147,7 @@ mod tests {
             for s in [4e-3, 1.0, 4e5, 4e7] {
                 let complex = b.iter().map(|&b| Complex(b, 1.0 - b)).collect();
                 let worst = residual(pairs, n, s, &j, b.clone()).max(residual(pairs, n, Complex(s, 0.7 * s), &j, complex));
-                assert!(worst < 1e-14, "{joints} {count} {rest} {quadratures} {s}: {worst:e}");
+                assert!(worst < 1e-14, "{joints} {count} {others} {quadratures} {s}: {worst:e}");
             }
         }
     }

@@ -18,12 +18,16 @@ const MAX_SWEEPS: usize = 60;
 /// The memory and the result of a decomposition. `new` allocates, and `decompose` does not.
 #[derive(Debug, Clone)]
 pub struct Svd {
+    /// The sizes of the present matrix, and their minimum.
     m: usize,
     k: usize,
     p: usize,
+    /// The Householder vectors of the triangular factorisation, with the factors `beta`.
     work: Vec<f64>,
-    g: Vec<f64>,
     beta: Vec<f64>,
+    /// The columns of the triangular factor as rows. Rotations make them orthogonal.
+    g: Vec<f64>,
+    /// The right and the left singular vectors as rows, and the singular values.
     vt: Vec<f64>,
     ut: Vec<f64>,
     s: Vec<f64>,
