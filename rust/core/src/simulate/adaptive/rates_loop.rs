@@ -16,7 +16,7 @@ use crate::simulate::problem::Problem;
 use crate::simulate::problem::force::Wrench;
 use crate::simulate::record::key::Common;
 use crate::simulate::record::rates::{self, Rates};
-use crate::simulate::sampled::sampler::Sampler;
+use crate::simulate::sampled::control::Control;
 use crate::simulate::simulated_loop::SimulatedLoop;
 use crate::simulate::world::{Exogenous, World};
 use crate::trace::{Engine, engine};
@@ -31,8 +31,7 @@ struct Source<'a> {
 /// A loop of one run.
 pub struct RatesLoop<'a> {
     pub(in crate::simulate) world: World<'a>,
-    /// The clock of a sampled controller, if it has one, see `assembly::sampler`.
-    sampler: Option<Sampler<f64>>,
+    pub(in crate::simulate) control: Control<f64>,
     /// The law, if the caller supplies it, and the number of the plant's states that it reads.
     pub(in crate::simulate) law: Option<(ExternalSpec, usize)>,
     /// The joints or motors with stick-slip friction.
@@ -42,17 +41,7 @@ pub struct RatesLoop<'a> {
     /// The numbers of states of the plant, and of plant and law together.
     pub(in crate::simulate) states: [usize; 2],
     pairs: Pairs,
-    /// The plant's input: the saturated output of the law at its last evaluation, the output that the sampler selected, or the input of the
-    /// caller.
-    pub(in crate::simulate) tau: Vec<f64>,
-    /// The other results of the law that belong to `tau`: the rate of its state, then its dissipation if that is monitored.
-    pub(in crate::simulate) dz: Vec<f64>,
-    /// Whether the input is held.
-    pub(in crate::simulate) held: bool,
     pub(in crate::simulate) now: Exogenous<f64>,
-    /// Memory for the results of the law that the sampler selects, and for the state that the controller measures.
-    pub(in crate::simulate) acting: (Vec<f64>, Vec<f64>),
-    pub(in crate::simulate) measured: Vec<f64>,
     /// The programs of the rates: the first with the law's output as the input, the second with a held input.
     evaluations: [Option<RatesEvaluation>; 2],
     /// Present while the interpreter computes until machine code repays.
@@ -70,7 +59,7 @@ impl<'a> RatesLoop<'a> {
         let answer = p + usize::from(o.monitors && !problem.watches_storage());
         let limits = o.tau_max.clone().unwrap_or_default();
         let closed = RatesLoop {
-            sampler: sampler(problem, |_| run),
+            control: Control::new(sampler(problem, |_| run), o.sampling.is_some(), [n, answer], [states, x.len()]),
             law: if let LawSpec::External(law) = problem.law(run) { Some((law.clone(), plant.seen())) } else { None },
             joints: StickingJoints::of(problem, run),
             limits,
@@ -78,12 +67,7 @@ impl<'a> RatesLoop<'a> {
             // The plant's state is [q, v], [q, v, theta, theta_dot], or [q] without rates. The bristle deflections, the states of the law
             // and the integrals of the monitors follow.
             pairs: Pairs { joints: n, count: states / (2 * n), quadratures: x.len() - states - p },
-            tau: vec![0.0; n],
-            dz: vec![0.0; answer],
-            held: o.sampling.is_some(),
             now: world.instant(),
-            acting: (vec![0.0; n], vec![0.0; answer]),
-            measured: x.clone(),
             world,
             evaluations: [None, None],
             waiting: None,
@@ -133,7 +117,7 @@ impl<'a> RatesLoop<'a> {
 
     /// Return the times before `t_end` at which the sampler takes samples and at which their outputs act, s. Empty without a sampler.
     pub fn instants(&self, t_end: f64) -> Vec<f64> {
-        self.sampler.as_ref().map_or(Vec::new(), |sampler| sampler.instants(t_end))
+        self.control.sampler.as_ref().map_or(Vec::new(), |sampler| sampler.instants(t_end))
     }
 
     /// Whether machine code computes the rates, if the system permits it.
@@ -143,7 +127,7 @@ impl<'a> RatesLoop<'a> {
 
     /// The index of the programs in use.
     fn which(&self) -> usize {
-        usize::from(self.held)
+        usize::from(self.control.held)
     }
 
     /// Use the programs of the process from now on.
@@ -199,13 +183,6 @@ impl<'a> RatesLoop<'a> {
         self.now = now;
     }
 
-    /// Write the held input and the held rate of the law's state to the frames.
-    pub(in crate::simulate) fn hold(&mut self) {
-        if let [_, Some(rates)] = &mut self.evaluations {
-            rates.hold(&self.tau, &self.dz);
-        }
-    }
-
     /// Write the modes of the joints to the frames.
     pub(in crate::simulate) fn write_sides(&mut self) {
         if let Some(joints) = &self.joints {
@@ -227,11 +204,11 @@ impl<'a> RatesLoop<'a> {
     /// Use `tau` as the plant's input instead of the law's output. If `tau` is `None`, the law computes the input, and `held` selects
     /// whether this input is held.
     pub fn drive(&mut self, tau: Option<&[f64]>, held: bool) {
-        self.held = held || tau.is_some();
+        self.control.held = held || tau.is_some();
         if let Some(tau) = tau {
-            self.tau.copy_from_slice(tau);
+            self.control.tau.copy_from_slice(tau);
             self.saturate();
-            self.dz.fill(0.0);
+            self.control.dz.fill(0.0);
         }
         self.hold();
     }
@@ -243,7 +220,7 @@ impl<'a> RatesLoop<'a> {
 
     /// Restart at `t = 0`.
     pub fn rewind(&mut self) {
-        if let Some(sampler) = &mut self.sampler {
+        if let Some(sampler) = &mut self.control.sampler {
             sampler.clear();
         }
     }
@@ -252,7 +229,7 @@ impl<'a> RatesLoop<'a> {
     /// not finite.
     pub fn undo_step(&mut self, t: f64, sides: &[i8]) {
         self.use_machine_code();
-        if let Some(sampler) = &mut self.sampler {
+        if let Some(sampler) = &mut self.control.sampler {
             sampler.discard_at(t, true);
         }
         self.set_modes_of_joints(sides);
@@ -261,7 +238,7 @@ impl<'a> RatesLoop<'a> {
     /// Continue at time `t`, s, from a state that the caller has set. A sample at `t` is taken again.
     pub fn replace_state(&mut self, t: f64) {
         self.use_machine_code();
-        if let Some(sampler) = &mut self.sampler {
+        if let Some(sampler) = &mut self.control.sampler {
             sampler.discard_at(t, false);
         }
     }
@@ -295,26 +272,28 @@ impl System<f64> for RatesLoop<'_> {
 }
 
 impl SimulatedLoop<f64> for RatesLoop<'_> {
-    fn sample(&mut self, t: f64, x: &[f64]) {
-        if let Some(mut sampler) = self.sampler.take() {
-            self.sample_by(&mut sampler, t, x);
-            self.sampler = Some(sampler);
-        } else if self.held {
-            self.observe(t, x);
+    fn control(&mut self) -> &mut Control<f64> {
+        &mut self.control
+    }
+    fn observe(&mut self, t: f64, x: &[f64]) {
+        let mut now = std::mem::replace(&mut self.now, Exogenous { t, desired: Vec::new(), wrench: [0.0; 6] });
+        self.world.sample(t, &mut now);
+        self.evaluate_law(&now, x);
+        self.now = now;
+        if self.control.held {
+            self.hold();
         }
-        self.hold();
+    }
+    fn hold(&mut self) {
+        if let [_, Some(rates)] = &mut self.evaluations {
+            rates.hold(&self.control.tau, &self.control.dz);
+        }
     }
     fn enter_step(&mut self, t: f64, x: &[f64]) -> bool {
         !self.stays(t, x) && self.settle(t, x, None)
     }
     fn leave_step(&mut self, x: &mut [f64]) -> bool {
         self.arrest(x)
-    }
-    fn input_at(&mut self, t: f64, x: &[f64]) -> &[f64] {
-        if !self.held {
-            self.observe(t, x);
-        }
-        &self.tau
     }
 }
 
@@ -335,6 +314,6 @@ impl Differentiable<f64> for RatesLoop<'_> {
         }
     }
     fn autonomous(&self) -> bool {
-        (self.held || self.world.has_targets()) && !self.world.has_smooth_force()
+        (self.control.held || self.world.has_targets()) && !self.world.has_smooth_force()
     }
 }

@@ -8,6 +8,7 @@ use crate::scalar::trig::REDUCTION_LIMIT;
 use crate::simulate::record::slots::Instant;
 use crate::simulate::record::step::Recorded;
 use crate::simulate::record::step_programs::Programs;
+use crate::simulate::sampled::control::Control;
 use crate::simulate::sampled::sampler::Sampler;
 use crate::simulate::simulated_loop::SimulatedLoop;
 use crate::simulate::sink::Sink;
@@ -16,29 +17,21 @@ use crate::trace::{Engine, Frame, Slots, form};
 use std::sync::Arc;
 
 /// The loop of one run (`f64`), or of several runs with the same structure, one per lane.
-pub struct ProgramLoop<'a, S: Real> {
+pub struct StepLoop<'a, S: Real> {
     pub(in crate::simulate) recorded: Arc<Recorded>,
     pub(in crate::simulate) programs: Arc<Programs>,
     pub(in crate::simulate) world: World<'a>,
     /// The frames for all lanes of `S`. The number of lanes of a frame depends on the instruction set.
     pub(in crate::simulate) frames: Vec<Frame>,
     now: Exogenous<S>,
-    pub(in crate::simulate) held: bool,
-    /// The clock of a sampled controller that does more than hold the law's output. `None` for other controllers.
-    sampler: Option<Sampler<S>>,
-    pub(in crate::simulate) tau: Vec<S>,
-    pub(in crate::simulate) dz: Vec<S>,
-    /// Memory for the results of the law that the sampler selects: `tau` and `dz`.
-    acting: (Vec<S>, Vec<S>),
-    /// The state that the controller measures.
-    seen: Vec<S>,
+    control: Control<S>,
     /// The exogenous inputs of all whole steps from step 0 on, if they were evaluated before the run.
     pub(in crate::simulate) table: Option<&'a [f64]>,
     /// The log of the records that programs compute. `None` if programs compute no records.
     pub(in crate::simulate) log: Option<Log>,
 }
 
-impl<'a, S: Real> ProgramLoop<'a, S> {
+impl<'a, S: Real> StepLoop<'a, S> {
     /// Create the loop of several runs, one per lane. `given(lane)` are the loop parameters of a lane.
     pub fn new<'b>(
         (recorded, engine): (Arc<Recorded>, Engine),
@@ -64,22 +57,8 @@ impl<'a, S: Real> ProgramLoop<'a, S> {
         let frames = (0..S::LANES).step_by(lanes).map(frame).collect();
         let (n, p) = (recorded.slots.tau.count, recorded.slots.law_rate.count);
         let now = world.instant();
-        let answer = (vec![S::zero(); n], vec![S::zero(); p]);
-        ProgramLoop {
-            frames,
-            now,
-            held,
-            sampler,
-            tau: answer.0.clone(),
-            dz: answer.1.clone(),
-            acting: answer,
-            seen: vec![S::zero(); recorded.slots.carried().count],
-            recorded,
-            programs,
-            world,
-            table,
-            log: None,
-        }
+        let states = [recorded.plant_states, recorded.slots.carried().count];
+        StepLoop { frames, now, control: Control::new(sampler, held, [n, p], states), recorded, programs, world, table, log: None }
     }
 
     /// Let the programs compute and store a record every `steps` steps.
@@ -87,16 +66,17 @@ impl<'a, S: Real> ProgramLoop<'a, S> {
         self.log = Some(Log::new(&self.recorded.slots, steps, &self.frames));
     }
 
-    /// Write the exogenous input at time `t`, s, and the state `x` to the frames. Unless the input is held, also evaluate the law.
-    fn answer_in_frames(&mut self, t: f64, x: &[S]) {
-        if !self.held {
-            return self.observe(t, x);
-        }
-        let recorded = self.recorded.clone();
-        let slots = &recorded.slots;
+    /// Write the exogenous input at time `t`, s, and the state `x` to the frames.
+    fn write_arguments(&mut self, t: f64, x: &[S]) {
+        let slots = &self.recorded.slots;
         self.world.sample(t, &mut self.now);
         write_instant(&mut self.frames, slots.exogenous, &self.now);
         write(&mut self.frames, slots.carried(), x);
+    }
+
+    /// Write these arguments to the frames. Unless the input is held, also evaluate the law.
+    fn answer_in_frames(&mut self, t: f64, x: &[S]) {
+        if self.control.held { self.write_arguments(t, x) } else { self.observe(t, x) }
     }
 
     /// Whether an angle of lane `lane` exceeded the range of the programs' sines.
@@ -108,20 +88,6 @@ impl<'a, S: Real> ProgramLoop<'a, S> {
     fn number(&self, slot: usize, lane: usize) -> f64 {
         let lanes = self.frames[0].lanes();
         self.frames[lane / lanes].numbers()[slot * lanes + lane % lanes]
-    }
-
-    /// Evaluate the law at time `t` and state `x = [plant, law, ..]`, and write its results to `self.tau` and the frames.
-    fn observe(&mut self, t: f64, x: &[S]) {
-        let recorded = self.recorded.clone();
-        let slots = &recorded.slots;
-        self.world.sample(t, &mut self.now);
-        write_instant(&mut self.frames, slots.exogenous, &self.now);
-        write(&mut self.frames, slots.carried(), x);
-        for frame in &mut self.frames {
-            self.programs.answer(frame);
-        }
-        read(&self.frames, slots.tau, &mut self.tau);
-        read(&self.frames, slots.law_rate, &mut self.dz);
     }
 }
 
@@ -156,7 +122,7 @@ fn read<S: Real>(frames: &[Frame], slots: Slots, values: &mut [S]) {
     }
 }
 
-impl<S: Real> ProgramLoop<'_, S> {
+impl<S: Real> StepLoop<'_, S> {
     /// Advance the state `x` by some steps of size `h`, s. `run(frame, k)` runs a program in frame `k`.
     pub(in crate::simulate) fn advance(&mut self, h: f64, x: &mut [S], mut run: impl FnMut(&mut Frame, usize)) {
         let (state, step) = (self.recorded.slots.carried(), self.recorded.slots.step);
@@ -167,32 +133,9 @@ impl<S: Real> ProgramLoop<'_, S> {
         }
         read(&self.frames, state, x);
     }
-
-    /// Let `sampler` take a sample at time `t` and state `x`, if one is due. Use the output that acts at `t`.
-    fn sample_by(&mut self, sampler: &mut Sampler<S>, t: f64, x: &[S]) {
-        let (n, p) = (self.tau.len(), self.dz.len());
-        let states = self.recorded.plant_states;
-        let (mut tau, mut dz) = std::mem::take(&mut self.acting);
-        let mut seen = std::mem::take(&mut self.seen);
-        seen.copy_from_slice(x);
-        let law = |measured: &[S], tau: &mut [S], dz: &mut [S]| {
-            seen[..states].copy_from_slice(measured);
-            self.observe(t, &seen);
-            tau.copy_from_slice(&self.tau);
-            dz.copy_from_slice(&self.dz);
-        };
-        sampler.run(t, &x[..states], n, law, &mut tau, &mut dz);
-        self.seen = seen;
-        let slots = &self.recorded.slots;
-        write(&mut self.frames, slots.tau, &tau[..n]);
-        write(&mut self.frames, slots.law_rate, &dz[..p]);
-        self.tau.copy_from_slice(&tau);
-        self.dz.copy_from_slice(&dz);
-        self.acting = (tau, dz);
-    }
 }
 
-impl<S: Real> System<S> for ProgramLoop<'_, S> {
+impl<S: Real> System<S> for StepLoop<'_, S> {
     type Input = Exogenous<S>;
 
     fn input(&mut self, t: f64, u: &mut Exogenous<S>) {
@@ -203,20 +146,23 @@ impl<S: Real> System<S> for ProgramLoop<'_, S> {
     }
 }
 
-impl<S: Real> SimulatedLoop<S> for ProgramLoop<'_, S> {
-    fn sample(&mut self, t: f64, x: &[S]) {
-        if let Some(mut sampler) = self.sampler.take() {
-            self.sample_by(&mut sampler, t, x);
-            self.sampler = Some(sampler);
-        } else if self.held {
-            self.observe(t, x);
-        }
+impl<S: Real> SimulatedLoop<S> for StepLoop<'_, S> {
+    fn control(&mut self) -> &mut Control<S> {
+        &mut self.control
     }
-    fn input_at(&mut self, t: f64, x: &[S]) -> &[S] {
-        if !self.held {
-            self.observe(t, x);
+    fn observe(&mut self, t: f64, x: &[S]) {
+        self.write_arguments(t, x);
+        for frame in &mut self.frames {
+            self.programs.answer(frame);
         }
-        &self.tau
+        let slots = &self.recorded.slots;
+        read(&self.frames, slots.tau, &mut self.control.tau);
+        read(&self.frames, slots.law_rate, &mut self.control.dz);
+    }
+    fn hold(&mut self) {
+        let slots = &self.recorded.slots;
+        write(&mut self.frames, slots.tau, &self.control.tau);
+        write(&mut self.frames, slots.law_rate, &self.control.dz);
     }
     fn sum_up(&mut self, t: f64, h: f64, x: &mut [S]) {
         let recorded = self.recorded.clone();

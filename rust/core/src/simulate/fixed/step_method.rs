@@ -6,7 +6,7 @@
 
 use super::log::Log;
 use super::schedule::Schedule;
-use super::step_loop::ProgramLoop;
+use super::step_loop::StepLoop;
 use crate::integrate::FixedStep;
 use crate::interrupt;
 use crate::memory;
@@ -25,7 +25,7 @@ const STREAM_STEPS: usize = 32;
 const LARGEST_TABLE: usize = 1 << 20;
 
 /// The fixed-step method of a recorded loop.
-pub struct ProgramStep<S> {
+pub struct StepMethod<S> {
     /// The times at which some steps need the exogenous inputs, one step after another.
     times: Vec<f64>,
     /// The exogenous inputs at `times`: one stream for all frames, or one stream per frame.
@@ -60,14 +60,14 @@ fn equal(from: usize, to: usize, h: f64) -> impl ExactSizeIterator<Item = [f64; 
     (from..to).map(move |step| [step as f64 * h, h, (step + 1) as f64 * h])
 }
 
-impl<S: Real> ProgramStep<S> {
-    pub fn new(closed: &ProgramLoop<S>) -> Self {
+impl<S: Real> StepMethod<S> {
+    pub fn new(closed: &StepLoop<S>) -> Self {
         let (slots, world) = (&closed.recorded.slots, &closed.world);
         let most = slots.new_instants() * STREAM_STEPS + 1;
         let numbers = slots.exogenous.slots.count * most;
         let lanes = if slots.shared { vec![1] } else { closed.frames.iter().map(Frame::lanes).collect() };
         let covers = |table: &&Table| slots.shared && slots.exogenous.slots.count == 3 * table.dof();
-        ProgramStep {
+        StepMethod {
             times: Vec::with_capacity(most),
             streams: lanes.iter().map(|&lanes| Frame::new(numbers, lanes)).collect(),
             lane: vec![0.0; if slots.shared { 0 } else { numbers }],
@@ -126,9 +126,9 @@ impl<S: Real> ProgramStep<S> {
     }
 }
 
-impl<S: Real> ProgramStep<S> {
+impl<S: Real> StepMethod<S> {
     /// Compute several steps in parts, while the state remains in the frames.
-    fn stride_in_parts(&mut self, system: &mut ProgramLoop<'_, S>, first: usize, count: usize, h: f64, x: &mut [S]) {
+    fn stride_in_parts(&mut self, system: &mut StepLoop<'_, S>, first: usize, count: usize, h: f64, x: &mut [S]) {
         let (recorded, all) = (system.recorded.clone(), system.programs.clone());
         let slots = &recorded.slots;
         for from in (first..first + count).step_by(STREAM_STEPS) {
@@ -201,8 +201,8 @@ pub fn tabulate(slots: &StepSlots, programs: &Programs, world: &World, schedule:
     Some(table)
 }
 
-impl<S: Real> FixedStep<S, ProgramLoop<'_, S>, Vec<S>> for ProgramStep<S> {
-    fn step(&mut self, system: &mut ProgramLoop<'_, S>, t: f64, h: f64, end: f64, x: &mut Vec<S>) {
+impl<S: Real> FixedStep<S, StepLoop<'_, S>, Vec<S>> for StepMethod<S> {
+    fn step(&mut self, system: &mut StepLoop<'_, S>, t: f64, h: f64, end: f64, x: &mut Vec<S>) {
         let (recorded, programs) = (system.recorded.clone(), system.programs.clone());
         self.sample(&recorded.slots, &system.world, std::iter::once([t, h, end]));
         let slots = &recorded.slots;
@@ -215,7 +215,7 @@ impl<S: Real> FixedStep<S, ProgramLoop<'_, S>, Vec<S>> for ProgramStep<S> {
         });
     }
 
-    fn stride(&mut self, system: &mut ProgramLoop<'_, S>, first: usize, count: usize, h: f64, x: &mut Vec<S>) -> bool {
+    fn stride(&mut self, system: &mut StepLoop<'_, S>, first: usize, count: usize, h: f64, x: &mut Vec<S>) -> bool {
         let (recorded, programs) = (system.recorded.clone(), system.programs.clone());
         let Some(program) = programs.repeated() else {
             self.stride_in_parts(system, first, count, h, x);

@@ -6,8 +6,8 @@
 
 use super::log::Block;
 use super::schedule::Within;
-use super::step_loop::ProgramLoop;
-use super::step_method::{ProgramStep, tabulate};
+use super::step_loop::StepLoop;
+use super::step_method::{StepMethod, tabulate};
 use super::steps::Faults;
 use crate::scalar::{Array8, Real};
 use crate::simulate::assembly::{sampler, start, world};
@@ -141,7 +141,7 @@ pub fn run<S: Real>(structures: &Structures, group: RunGroup, fixed: &Fixed) -> 
         let row = |lane: usize| at(if same(lane).is_some() { lane } else { lead });
         let given = |lane: usize| same(lane).map_or(own.as_slice(), |(_, values)| values.as_slice());
         let mut closed = loop_of::<S>(problem, (recorded, structures.engine), row, structures.table.as_deref(), given);
-        let method = ProgramStep::new(&closed);
+        let method = StepMethod::new(&closed);
         let mut chosen = SelectedLanes { sink: &mut *sink, lanes: lanes.clone() };
         let group = RunGroup { problem, division, first, stop, sink: &mut chosen, observer: None };
         let within = match structures.common {
@@ -191,9 +191,9 @@ fn loop_of<'a, 'b, S: Real>(
     row: impl Fn(usize) -> usize + Copy,
     table: Option<&'a [f64]>,
     given: impl Fn(usize) -> &'b [f64],
-) -> ProgramLoop<'a, S> {
+) -> StepLoop<'a, S> {
     let held = problem.options.sampling.is_some();
-    ProgramLoop::new((recorded.clone(), engine), world(problem, S::LANES, row), held, sampler(problem, row), table, given)
+    StepLoop::new((recorded.clone(), engine), world(problem, S::LANES, row), held, sampler(problem, row), table, given)
 }
 
 /// Compute run `run` in lane `lane` of a group with the interpreter of its recording.
@@ -205,7 +205,7 @@ fn interpreted(structures: &Structures, group: RunGroup, fixed: &Fixed, (run, la
     let mut closed = loop_of::<f64>(problem, (&recorded, Engine::Interpreter), |_| run, None, |_| &parameters.values);
     let mut chosen = SelectedLanes { sink, lanes: vec![Some(lane)] };
     let alone = RunGroup { problem, division, first: run, stop, sink: &mut chosen, observer: None };
-    let method = ProgramStep::new(&closed);
+    let method = StepMethod::new(&closed);
     structures.repeated.fetch_add(1, Ordering::Relaxed);
     replace(faults, lane, alone.fixed(fixed, &mut closed, start::<f64>(problem, |_| run), method));
 }

@@ -1,6 +1,7 @@
-//! Sampled controllers: their settings (`sampling`), their clock (`sampler`), the law at a sample (`loop_law`), torque sensors
-//! (`torque_sensing`), and the stability of motor loops (`motor_loop`).
+//! Sampled controllers. `sampling` has their settings, `sampler` their clock, `control` the held input, and `torque_sensing` their torque
+//! sensors. `loop_law` evaluates the law, and `motor_loop` checks the stability of motor loops.
 
+pub mod control;
 pub mod loop_law;
 pub mod motor_loop;
 pub mod sampler;
