@@ -41,6 +41,7 @@ mod null_space;
 mod pd_gravity;
 mod pid;
 mod printed;
+mod printed_motion;
 mod priority_acceleration;
 mod priority_velocity;
 mod projection;
@@ -207,9 +208,9 @@ impl LawSpec {
     /// The samples of the law's motions at time `t`, in the order of [`Law::evaluate`].
     pub fn desired<S: Real>(&self, t: f64) -> Vec<S> {
         let motions = self.motions();
-        let mut desired = vec![S::zero(); motions.iter().map(|motion| 3 * motion.dof()).sum()];
+        let mut desired = vec![0.0; motions.iter().map(|motion| 3 * motion.dof()).sum()];
         sample_all(motions, t, &mut desired);
-        desired
+        desired.into_iter().map(S::splat).collect()
     }
 
     /// A copy of the law whose spring is `kappa` times as stiff; `None` for a law without a spring. The spring has the stiffness `K_m` of a

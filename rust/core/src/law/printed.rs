@@ -10,10 +10,10 @@ use super::evaluator::{recording, start_recording};
 use super::{CLoop, LawSpec, Route};
 use crate::dynamics::{Quantity, Query, given};
 use crate::error::{Error, Result};
-use crate::motion::{Motion, array};
+use crate::motion::Motion;
 use crate::plant::PlantKind;
 use crate::scalar::hex::hex;
-use crate::trace::c::{CFile, COptions, CSource, Routine};
+use crate::trace::c::{CFile, COptions, CSource, Routine, array};
 
 /// The largest number of steps of the law's state between two calls. If more are necessary, one step covers the whole time.
 const MOST_STEPS: u32 = 10_000;
@@ -110,11 +110,9 @@ impl LawSpec {
     fn print_motions(&self, source: &mut CSource) -> Result<String> {
         let (mut calls, mut at) = (String::new(), 0);
         for (k, motion) in self.motions().into_iter().enumerate() {
-            let name = format!("{}_motion_{}", source.prefix(), k + 1);
-            let sin_cos = format!("{}_sin_cos", source.prefix());
-            if let Some(text) = motion.print_c(&name, &sin_cos, &|a, b, c| source.multiply_add(a, b, c))? {
-                source.write(&text);
-                calls += &format!("    {name}(t, x + {at});\n");
+            let name = format!("motion_{}", k + 1);
+            if motion.print_c(source, &name)? {
+                calls += &format!("    {}_{name}(t, x + {at});\n", source.prefix());
                 at += 3 * motion.dof();
             }
         }

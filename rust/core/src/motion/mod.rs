@@ -1,16 +1,20 @@
 //! Desired motions: functions of time `t -> (q_d, v_d, a_d)`. A motion with a start and an end holds its first position before the start,
 //! and its last position after the end.
+//!
+//! The formula of a motion is written once, for every number type [`Real`](crate::scalar::Real). `f64` computes samples, and
+//! lanes compute several samples. A recording is printed as C (`law::printed_motion`). Native code selects the piece that contains a time.
 
-mod path;
-mod printed;
-mod rest_to_rest;
+pub(crate) mod path;
+pub(crate) mod polynomial;
+pub(crate) mod rest_to_rest;
+pub(crate) mod rows;
 mod sample;
 mod sinusoid;
-mod table;
-mod timed_path;
+pub(crate) mod table;
+pub(crate) mod timed_path;
 
-pub use path::{Ends, Path, TERMS};
-pub(crate) use printed::array;
+pub use path::{Ends, Path};
+pub use polynomial::TERMS;
 pub use rest_to_rest::{BangBang, Quintic};
 pub use sample::MotionSample;
 pub use sinusoid::Sinusoid;
@@ -19,7 +23,6 @@ pub use table::Table;
 pub use timed_path::TimedPath;
 
 use crate::error::{Error, Result, finite};
-use crate::scalar::Real;
 use nalgebra::DVector;
 
 /// A desired motion of `n` joints. It is an enum, so that loops require neither virtual calls nor a copy of their code per motion.
@@ -64,7 +67,8 @@ impl Motion {
         match self {
             Motion::Table(table) => table.numbers(),
             Motion::TimedPath(path) => path.numbers(),
-            Motion::Hold(_) | Motion::Sinusoid(_) | Motion::Quintic(_) | Motion::BangBang(_) => 10 * self.dof(),
+            Motion::Sinusoid(m) => 10 * (m.dof() + m.terms()),
+            Motion::Hold(_) | Motion::Quintic(_) | Motion::BangBang(_) => 10 * self.dof(),
         }
     }
 
@@ -80,38 +84,34 @@ impl Motion {
         }
     }
 
-    /// Write `[q_d, v_d, a_d]` at time `t`, s, to `out`, `(3 n,)`.
-    pub fn sample<S: Real>(&self, t: f64, out: &mut [S]) {
+    /// Write the position and its first `K - 1` derivatives with respect to time at time `t`, s, to `out`, `(K, n)`.
+    #[inline(always)]
+    fn evaluate<const K: usize>(&self, t: f64, out: &mut [f64]) {
         match self {
-            Motion::Hold(q) => {
-                let n = q.len();
-                for i in 0..n {
-                    out[i] = S::splat(q[i]);
-                    out[n + i] = S::zero();
-                    out[2 * n + i] = S::zero();
-                }
-            }
-            Motion::Sinusoid(m) => m.sample(t, out),
-            Motion::Quintic(m) => m.sample(t, out),
-            Motion::BangBang(m) => m.sample(t, out),
-            Motion::Table(m) => m.sample(t, out),
-            Motion::TimedPath(m) => m.sample(t, out),
+            Motion::Hold(q) => rows::hold::<_, K>(q, out),
+            Motion::Sinusoid(m) => m.evaluate::<_, K>(t, out),
+            Motion::Quintic(m) => m.evaluate::<K>(t, out),
+            Motion::BangBang(m) => m.evaluate::<K>(t, out),
+            Motion::Table(m) => m.evaluate::<K>(t, out),
+            Motion::TimedPath(m) => m.evaluate::<K>(t, out),
         }
+    }
+
+    /// Write `[q_d, v_d, a_d]` at time `t`, s, to `out`, `(3 n,)`.
+    pub fn sample(&self, t: f64, out: &mut [f64]) {
+        self.evaluate::<3>(t, out);
     }
 
     /// Write `[q_d, v_d, a_d]` at each of `times`, s, to one row of `out`, with the same bits as [`Motion::sample`]. Rows of `out` are
     /// `stride` numbers apart.
     pub fn sample_each(&self, times: &[f64], stride: usize, out: &mut [f64]) {
-        #[inline(always)]
-        fn each(times: &[f64], rows: std::slice::ChunksMut<f64>, sample: impl Fn(f64, &mut [f64])) {
-            times.iter().zip(rows).for_each(|(&t, row)| sample(t, row));
-        }
+        let rows = times.iter().zip(out.chunks_mut(stride));
         match self {
             Motion::Sinusoid(m) => m.sample_each(times, stride, out),
-            Motion::Quintic(m) => each(times, out.chunks_mut(stride), |t, row| m.sample(t, row)),
-            Motion::BangBang(m) => each(times, out.chunks_mut(stride), |t, row| m.sample(t, row)),
-            Motion::Table(m) => each(times, out.chunks_mut(stride), |t, row| m.sample(t, row)),
-            Motion::Hold(_) | Motion::TimedPath(_) => each(times, out.chunks_mut(stride), |t, row| self.sample(t, row)),
+            Motion::Quintic(m) => rows.for_each(|(&t, row)| m.evaluate::<3>(t, row)),
+            Motion::BangBang(m) => rows.for_each(|(&t, row)| m.evaluate::<3>(t, row)),
+            Motion::Table(m) => rows.for_each(|(&t, row)| m.evaluate::<3>(t, row)),
+            Motion::Hold(_) | Motion::TimedPath(_) => rows.for_each(|(&t, row)| self.sample(t, row)),
         }
     }
 
@@ -119,7 +119,7 @@ impl Motion {
     /// the polynomial that the table `base` uses at this time. If this time is a knot, `side` selects the polynomial.
     pub(crate) fn sample_with(&self, base: &Motion, t: f64, side: Side, out: &mut [f64]) {
         match (self, base) {
-            (Motion::Table(table), Motion::Table(base)) => table.sample_with(base, t, side, out),
+            (Motion::Table(table), Motion::Table(base)) => table.evaluate_with(base, t, side, out),
             _ => self.sample(t, out),
         }
     }
@@ -134,15 +134,15 @@ impl Motion {
     pub fn breaks(&self) -> Vec<f64> {
         match self {
             Motion::Hold(_) | Motion::Sinusoid(_) | Motion::Table(_) => Vec::new(),
-            Motion::Quintic(m) => vec![0.0, m.duration()],
-            Motion::BangBang(m) => vec![0.0, 0.5 * m.duration(), m.duration()],
+            Motion::Quintic(m) => m.breaks(),
+            Motion::BangBang(m) => m.breaks(),
             Motion::TimedPath(m) => m.breaks(),
         }
     }
 }
 
 /// Write the desired position, velocity and acceleration of each motion at time `t`, s, to `out`, one motion after another.
-pub fn sample_all<'a, S: Real>(motions: impl IntoIterator<Item = &'a Motion>, t: f64, out: &mut [S]) {
+pub fn sample_all<'a>(motions: impl IntoIterator<Item = &'a Motion>, t: f64, out: &mut [f64]) {
     let mut at = 0;
     for motion in motions {
         let width = 3 * motion.dof();

@@ -11,15 +11,14 @@
 //! waypoint). The knots are at the path positions `s_k`. `h_k = s_(k+1) - s_k` is the length of piece `k`, and `'` is `d/ds`. A table of
 //! `q, q', q''` is interpolated by the quintic that has all three values at both ends of a piece.
 
+use super::polynomial::{TERMS, hermite, polynomial, scaled};
 use crate::error::{Error, Result, finite};
 use crate::interrupt;
 use crate::memory;
+use crate::scalar::Real;
 
 /// Number of knots between two checks for an interrupt.
 const CHECK_INTERVAL: usize = 1 << 10;
-
-/// Number of coefficients per piece and joint.
-pub const TERMS: usize = 6;
 
 /// Consecutive waypoints that are closer together than this fraction of the path's length are the same point.
 const SAME: f64 = 1e-12;
@@ -262,10 +261,7 @@ impl Path {
             let h = s[p + 1] - s[p];
             for j in 0..n {
                 let (i, k) = (p * n + j, (p + 1) * n + j);
-                let (c0, c1, c2) = (q[i], h * dq[i], 0.5 * h * h * ddq[i]);
-                // A quadratic polynomial has the three values of the start. `r0`, `r1` and `r2` are its errors at the end of the piece.
-                let (r0, r1, r2) = ((q[k] - c0) - c1 - c2, h * dq[k] - c1 - 2.0 * c2, h * h * ddq[k] - 2.0 * c2);
-                let terms = [c0, c1, c2, 10.0 * r0 - 4.0 * r1 + 0.5 * r2, -15.0 * r0 + 7.0 * r1 - r2, 6.0 * r0 - 3.0 * r1 + 0.5 * r2];
+                let terms = hermite([q[i], dq[i], ddq[i]], [q[k], dq[k], ddq[k]], h);
                 for (k, term) in terms.into_iter().enumerate() {
                     c[(p * TERMS + k) * n + j] = term;
                 }
@@ -323,19 +319,31 @@ impl Path {
         self.knots.partition_point(|&knot| knot <= s).clamp(1, self.knots.len() - 1) - 1
     }
 
-    /// Evaluate `q`, `q' = dq/ds` and `q'' = d^2 q/ds^2` at `s` in piece `p`, and call `put(joint, q, q', q'')` for each joint.
-    pub fn evaluate(&self, p: usize, s: f64, mut put: impl FnMut(usize, f64, f64, f64)) {
-        let n = self.n;
-        let rate = 1.0 / (self.knots[p + 1] - self.knots[p]);
-        let x = (s - self.knots[p]) * rate;
-        let c = &self.coefficients[p * TERMS * n..(p + 1) * TERMS * n];
-        let (c0, c1, c2) = (&c[..n], &c[n..2 * n], &c[2 * n..3 * n]);
-        let (c3, c4, c5) = (&c[3 * n..4 * n], &c[4 * n..5 * n], &c[5 * n..6 * n]);
-        for j in 0..n {
-            let q = c0[j] + x * (c1[j] + x * (c2[j] + x * (c3[j] + x * (c4[j] + x * c5[j]))));
-            let d = c1[j] + x * (2.0 * c2[j] + x * (3.0 * c3[j] + x * (4.0 * c4[j] + x * (5.0 * c5[j]))));
-            let e = 2.0 * c2[j] + x * (6.0 * c3[j] + x * (12.0 * c4[j] + x * (20.0 * c5[j])));
-            put(j, q, d * rate, e * rate * rate);
-        }
+    /// Evaluate the path at `s` in piece `p`, and call `put(joint, [q, q', q'', ..])` for each joint, where `'` is `d/ds`.
+    ///
+    /// ```
+    /// use armlet_core::motion::{Ends, Path};
+    ///
+    /// let (path, _) = Path::waypoints(&[0.0, 1.0, 0.0], 1, None, Ends::NotAKnot)?;
+    /// // The path is the parabola 4 s (1 - s).
+    /// path.evaluate(path.piece(0.5), 0.5, |_, values| assert_eq!(values, [1.0, 0.0, -8.0, 0.0]));
+    /// # Ok::<(), armlet_core::error::Error>(())
+    /// ```
+    #[inline(always)]
+    pub fn evaluate<const K: usize>(&self, p: usize, s: f64, put: impl FnMut(usize, [f64; K])) {
+        let c = &self.coefficients[p * TERMS * self.n..(p + 1) * TERMS * self.n];
+        on_piece(self.n, [self.knots[p], self.knots[p + 1]], c, s, put);
+    }
+}
+
+/// Call `put(joint, [q, q', ..])` for each of `n` joints at `s`, on the piece between two `knots` with the coefficients `c`, `(TERMS, n)`.
+#[inline(always)]
+pub(crate) fn on_piece<S: Real, const K: usize>(n: usize, knots: [S; 2], c: &[S], s: S, mut put: impl FnMut(usize, [S; K])) {
+    let rate = S::splat(1.0) / (knots[1] - knots[0]);
+    let x = (s - knots[0]) * rate;
+    let part = |k: usize| &c[k * n..(k + 1) * n];
+    let (c0, c1, c2, c3, c4, c5) = (part(0), part(1), part(2), part(3), part(4), part(5));
+    for j in 0..n {
+        put(j, scaled(polynomial([c0[j], c1[j], c2[j], c3[j], c4[j], c5[j]], x), rate));
     }
 }

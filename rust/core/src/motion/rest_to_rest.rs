@@ -3,6 +3,7 @@
 //! - quintic, with zero end accelerations: `s = 10 x^3 - 15 x^4 + 6 x^5`, `x = t / T`;
 //! - symmetric bang-bang: `s_ddot = 4 / T^2` for `T/2`, then its negative. The acceleration is right-continuous, and zero from `T` on.
 
+use super::polynomial::{constant, scaled};
 use crate::error::{Error, Result, finite, positive};
 use crate::scalar::Real;
 use nalgebra::DVector;
@@ -10,8 +11,11 @@ use std::marker::PhantomData;
 
 /// A timing `s(t)` from 0 to 1.
 pub trait Timing {
-    /// Return `s`, its rate and its acceleration at time `t`, for a motion that takes `duration`, s.
-    fn at(t: f64, duration: f64) -> [f64; 3];
+    /// The times at which the timing changes its formula, divided by the duration. The first is 0 and the last is 1.
+    const BREAKS: &'static [f64];
+    /// Return `s` and its derivatives with respect to `t / duration`, at time `t` after break number `piece`, for a motion that takes
+    /// `duration`, s.
+    fn at<S: Real>(piece: usize, t: S, duration: f64) -> [S; 5];
 }
 
 #[derive(Clone, Debug, PartialEq)]
@@ -35,34 +39,36 @@ pub struct RestToRest<P> {
 }
 
 impl Timing for QuinticTiming {
-    fn at(t: f64, duration: f64) -> [f64; 3] {
-        let rate = 1.0 / duration;
-        if t <= 0.0 {
-            [0.0; 3]
-        } else if t >= duration {
-            [1.0, 0.0, 0.0]
-        } else {
-            let x = t * rate;
-            let y = 1.0 - x;
-            // With respect to x, the derivatives of s are 30 x^2 (1-x)^2 and 60 x (1-x)(1-2x). In this factored form they vanish exactly at
-            // the ends.
-            [x * x * x * (10.0 + x * (6.0 * x - 15.0)), 30.0 * (x * y) * (x * y) * rate, 60.0 * x * y * (y - x) * rate * rate]
-        }
+    const BREAKS: &'static [f64] = &[0.0, 1.0];
+
+    #[inline(always)]
+    fn at<S: Real>(_: usize, t: S, duration: f64) -> [S; 5] {
+        let k = S::splat;
+        let x = t * k(1.0 / duration);
+        let y = k(1.0) - x;
+        // The first two derivatives are 30 x^2 (1-x)^2 and 60 x (1-x)(1-2x). In this factored form they vanish exactly at the ends.
+        [
+            x * x * x * (k(10.0) + x * (k(6.0) * x - k(15.0))),
+            k(30.0) * (x * y) * (x * y),
+            k(60.0) * x * y * (y - x),
+            k(60.0) * (k(1.0) - k(6.0) * x * y),
+            k(360.0) * (x - y),
+        ]
     }
 }
 
 impl Timing for BangBangTiming {
-    fn at(t: f64, duration: f64) -> [f64; 3] {
-        let rate = 1.0 / duration;
-        let (x, y) = (t * rate, (duration - t) * rate);
-        if t < 0.0 {
-            [0.0; 3]
-        } else if t >= duration {
-            [1.0, 0.0, 0.0]
-        } else if t < 0.5 * duration {
-            [2.0 * x * x, 4.0 * x * rate, 4.0 * rate * rate]
+    const BREAKS: &'static [f64] = &[0.0, 0.5, 1.0];
+
+    #[inline(always)]
+    fn at<S: Real>(piece: usize, t: S, duration: f64) -> [S; 5] {
+        let k = S::splat;
+        if piece == 0 {
+            let x = t * k(1.0 / duration);
+            [k(2.0) * x * x, k(4.0) * x, k(4.0), k(0.0), k(0.0)]
         } else {
-            [1.0 - 2.0 * y * y, 4.0 * y * rate, -4.0 * rate * rate]
+            let y = (k(duration) - t) * k(1.0 / duration);
+            [k(1.0) - k(2.0) * y * y, k(4.0) * y, k(-4.0), k(0.0), k(0.0)]
         }
     }
 }
@@ -96,17 +102,40 @@ impl<P: Timing> RestToRest<P> {
         self.duration
     }
 
-    pub(super) fn ends(&self) -> (&[f64], &[f64]) {
-        (&self.q0, &self.q1)
+    /// The times at which the motion changes its formula, s.
+    pub(crate) fn breaks(&self) -> Vec<f64> {
+        P::BREAKS.iter().map(|part| part * self.duration).collect()
     }
 
-    pub(super) fn sample<S: Real>(&self, t: f64, out: &mut [S]) {
-        let ([s, ds, dds], n) = (P::at(t, self.duration), self.dof());
+    /// Write the position and its derivatives at time `t`, s, to `out`, `(K, n)`.
+    #[inline(never)]
+    pub(crate) fn evaluate<const K: usize>(&self, t: f64, out: &mut [f64]) {
+        // The comparisons are false for NaN, which gives a moving piece and so NaN.
+        let mut piece = if t < 0.0 { 0 } else { 1 };
+        for part in &P::BREAKS[1..] {
+            piece += usize::from(t >= part * self.duration);
+        }
+        self.on_piece::<_, K>(piece, t, out);
+    }
+
+    /// Write the position and its derivatives at time `t`, s, to `out`, `(K, n)`, with the formula after `piece` of the breaks.
+    #[inline(always)]
+    pub(crate) fn on_piece<S: Real, const K: usize>(&self, piece: usize, t: S, out: &mut [S]) {
+        let (n, one) = (self.dof(), S::splat(1.0));
+        let timing = match piece {
+            0 => [S::zero(); 5],
+            piece if piece == P::BREAKS.len() => constant(one),
+            piece => P::at(piece - 1, t, self.duration),
+        };
+        let timing = scaled(timing, S::splat(1.0 / self.duration));
+        // Where the timing rounds to one, the position is exactly `q1`.
+        let ended = (timing[0] - one).abs().lt(S::splat(f64::MIN_POSITIVE));
         for i in 0..n {
-            let d = self.q1[i] - self.q0[i];
-            out[i] = S::splat(if s == 1.0 { self.q1[i] } else { self.q0[i] + d * s });
-            out[n + i] = S::splat(d * ds);
-            out[2 * n + i] = S::splat(d * dds);
+            let d = S::splat(self.q1[i] - self.q0[i]);
+            out[i] = S::select(ended, S::splat(self.q1[i]), S::splat(self.q0[i]) + d * timing[0]);
+            for k in 1..K {
+                out[k * n + i] = d * timing[k];
+            }
         }
     }
 }

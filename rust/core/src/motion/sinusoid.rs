@@ -1,5 +1,7 @@
 //! A sum of sinusoids per joint: `q_d,i = offset_i + sum_k amplitude_ik sin(frequency_ik t + phase_ik)`.
 
+use super::polynomial::constant;
+use super::rows::put;
 use crate::error::{Error, Result, finite};
 use crate::scalar::{GenericKernel, Real, run_lanes};
 
@@ -50,34 +52,35 @@ impl Sinusoid {
         self.offset.len()
     }
 
-    /// The offsets, then amplitudes, frequencies and phases.
-    pub(super) fn parts(&self) -> (&[f64], [&[f64]; 3]) {
-        (&self.offset, [&self.amplitude, &self.frequency, &self.phase])
+    /// Number of terms of all joints.
+    pub(crate) fn terms(&self) -> usize {
+        self.amplitude.len()
     }
 
-    /// Write `[q_d, v_d, a_d]` at time `t` to `out`.
-    pub(super) fn sample<S: Real>(&self, t: f64, out: &mut [S]) {
-        let n = self.offset.len();
-        for i in 0..n {
-            [out[i], out[n + i], out[2 * n + i]] = self.joint(i, t).map(S::splat);
-        }
+    /// Write the position and its derivatives at time `t`, s, to `out`, `(K, n)`.
+    #[inline(never)]
+    pub(crate) fn evaluate<S: Real, const K: usize>(&self, t: S, out: &mut [S]) {
+        let n = self.dof();
+        (0..n).for_each(|i| put::<_, K>(n, out, i, self.joint(i, t)));
     }
 
-    /// Position, rate and acceleration of joint `i` at time `t`.
+    /// Position of joint `i` and its derivatives at time `t`: the derivatives of `sin` are `cos`, `-sin`, `-cos` and `sin`.
     #[inline(always)]
-    fn joint<S: Real>(&self, i: usize, t: S) -> [S; 3] {
-        let (mut q, mut v, mut a) = (S::splat(self.offset[i]), S::zero(), S::zero());
+    fn joint<S: Real, const K: usize>(&self, i: usize, t: S) -> [S; K] {
+        let mut sums = constant(S::splat(self.offset[i]));
         for k in i * self.terms..(i + 1) * self.terms {
-            let (w, amplitude) = (self.frequency[k], self.amplitude[k]);
+            let (w, mut size) = (self.frequency[k], self.amplitude[k]);
             let (sin, cos) = (S::splat(w) * t + S::splat(self.phase[k])).sin_cos();
-            q = S::splat(amplitude).mul_add(sin, q);
-            v = S::splat(amplitude * w).mul_add(cos, v);
-            a = S::splat(amplitude * w * w).neg_mul_add(sin, a);
+            for (order, sum) in sums.iter_mut().enumerate() {
+                let wave = if order % 2 == 0 { sin } else { cos };
+                *sum = if order % 4 < 2 { S::splat(size).mul_add(wave, *sum) } else { S::splat(size).neg_mul_add(wave, *sum) };
+                size *= w;
+            }
         }
-        [q, v, a]
+        sums
     }
 
-    /// Sample the motion as in [`super::Motion::sample_each`], with the bits of [`Self::sample`].
+    /// Sample the motion as in [`super::Motion::sample_each`], with the bits of [`Self::evaluate`].
     pub(super) fn sample_each(&self, times: &[f64], stride: usize, out: &mut [f64]) {
         run_lanes(Samples { motion: self, times, stride, out });
     }

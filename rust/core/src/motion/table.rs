@@ -3,6 +3,8 @@
 //!
 //! Between two knots, the motion is the quintic polynomial in `x = (t - t_k)/dt` with the values `q, v, a` at both ends.
 
+use super::polynomial::{hermite, polynomial, scaled};
+use super::rows::{hold, put};
 use crate::error::{Error, Result, finite, positive};
 use crate::interrupt;
 use crate::memory;
@@ -142,38 +144,26 @@ impl Table {
         (on && inside).then(|| 3 * self.dof * first as usize)
     }
 
-    /// Write `[q_d, v_d, a_d]` at time `t`, s, to `out`, `(3 n,)`.
-    pub fn sample<S: Real>(&self, t: f64, out: &mut [S]) {
+    /// Write the position and its derivatives at time `t`, s, to `out`, `(K, n)`. At a knot, derivatives of the third and
+    /// higher orders are those after the knot. At the last knot they are those before it.
+    #[inline]
+    pub(crate) fn evaluate<const K: usize>(&self, t: f64, out: &mut [f64]) {
         let u = (t - self.start) * self.rate;
-        let last = self.knots - 1;
-        // A cast saturates, so NaN, negative and huge times give the index of a knot, never one out of bounds.
-        let k = ((u + 0.5) as usize).min(last);
-        let off = u - k as f64;
-        if off.abs() < ON_KNOT {
-            let row = self.row(k);
-            for i in 0..3 * self.dof {
-                out[i] = S::splat(row[i]);
-            }
-            return;
+        let knot = self.knot(u);
+        if K > 3 || knot.is_none() {
+            self.on_piece::<K>(self.piece(u, knot, Side::Moving), u, out);
         }
-        self.write_piece(self.piece(u), u, out);
+        if let Some(k) = knot {
+            let exact = K.min(3) * self.dof;
+            out[..exact].copy_from_slice(&self.row(k)[..exact]);
+        }
     }
 
-    /// Write the motion at time `t`, s, like [`Table::sample`], but on the piece on which the table `base` is at this time. If `base` is at a
+    /// Write `q`, `v` and `a` at time `t`, s, to `out`, `(K, n)`, on the piece on which the table `base` is at this time. If `base` is at a
     /// knot, `side` selects the piece. So the result is a smooth function of the numbers of this table.
-    pub(super) fn sample_with(&self, base: &Table, t: f64, side: Side, out: &mut [f64]) {
-        let (u, last) = ((t - base.start) * base.rate, base.knots - 1);
-        let k = ((u + 0.5) as usize).min(last);
-        let piece = match side {
-            _ if (u - k as f64).abs() >= ON_KNOT => base.piece(u),
-            Side::Before if k == 0 => Piece::First,
-            Side::After if k == last => Piece::Last,
-            Side::Before => Piece::Between(k - 1),
-            Side::After => Piece::Between(k),
-            Side::Moving if last == 0 => Piece::First,
-            Side::Moving => Piece::Between(k.min(last - 1)),
-        };
-        self.write_piece(piece, (t - self.start) * self.rate, out);
+    pub(super) fn evaluate_with(&self, base: &Table, t: f64, side: Side, out: &mut [f64]) {
+        let u = (t - base.start) * base.rate;
+        self.on_piece::<3>(base.piece(u, base.knot(u), side), (t - self.start) * self.rate, out);
     }
 
     /// The times of the first and the last knot, s, if velocity or acceleration jump there.
@@ -183,43 +173,47 @@ impl Table {
         [0, last].into_iter().filter(|&k| moves(k)).map(|k| self.start + k as f64 * self.dt).collect()
     }
 
-    /// The piece at `u` intervals after the first knot.
-    fn piece(&self, u: f64) -> Piece {
+    /// The knot at `u` intervals after the first knot, if there is one.
+    #[inline]
+    fn knot(&self, u: f64) -> Option<usize> {
+        // A cast saturates, so NaN, negative and huge times give the index of a knot, never one out of bounds.
+        let k = ((u + 0.5) as usize).min(self.knots - 1);
+        ((u - k as f64).abs() < ON_KNOT).then_some(k)
+    }
+
+    /// The piece at `u` intervals after the first knot. If there is a `knot`, `side` selects the piece.
+    #[inline]
+    fn piece(&self, u: f64, knot: Option<usize>, side: Side) -> Piece {
         let last = self.knots - 1;
-        match u {
-            _ if u > 0.0 && u < last as f64 => Piece::Between(u as usize),
-            _ if u > 0.0 => Piece::Last,
-            _ => Piece::First,
+        match (knot, side) {
+            (None, _) if u > 0.0 && u < last as f64 => Piece::Between(u as usize),
+            (None, _) if u > 0.0 => Piece::Last,
+            (None, _) | (Some(0), Side::Before) => Piece::First,
+            (Some(k), Side::After) if k == last => Piece::Last,
+            (Some(k), Side::After) => Piece::Between(k),
+            (Some(k), Side::Before) => Piece::Between(k - 1),
+            (Some(_), Side::Moving) if last == 0 => Piece::First,
+            (Some(k), Side::Moving) => Piece::Between(k.min(last - 1)),
         }
     }
 
+    /// Write the position and its derivatives at `u` intervals after the first knot to `out`, `(K, n)`, with the formula of `piece`.
     #[inline(never)]
-    fn write_piece<S: Real>(&self, piece: Piece, u: f64, out: &mut [S]) {
-        let n = self.dof;
-        let k = match piece {
-            Piece::Between(k) => k,
-            Piece::First | Piece::Last => {
-                let row = self.row(if piece == Piece::Last { self.knots - 1 } else { 0 });
-                for i in 0..n {
-                    (out[i], out[n + i], out[2 * n + i]) = (S::splat(row[i]), S::zero(), S::zero());
-                }
-                return;
-            }
-        };
-        let (p, r) = (self.row(k), self.row(k + 1));
-        let (x, h, rate) = (u - k as f64, self.dt, self.rate);
-        for i in 0..n {
-            let (c0, c1, c2) = (p[i], h * p[n + i], 0.5 * h * h * p[2 * n + i]);
-            // A quadratic polynomial has the values q, v, a of the first knot. `dq`, `dv` and `da` are its errors at the second knot.
-            let dq = r[i] - c0 - c1 - c2;
-            let dv = h * r[n + i] - c1 - 2.0 * c2;
-            let da = h * h * r[2 * n + i] - 2.0 * c2;
-            let c3 = 10.0 * dq - 4.0 * dv + 0.5 * da;
-            let c4 = -15.0 * dq + 7.0 * dv - da;
-            let c5 = 6.0 * dq - 3.0 * dv + 0.5 * da;
-            out[i] = S::splat(c0 + x * (c1 + x * (c2 + x * (c3 + x * (c4 + x * c5)))));
-            out[n + i] = S::splat(rate * (c1 + x * (2.0 * c2 + x * (3.0 * c3 + x * (4.0 * c4 + x * 5.0 * c5)))));
-            out[2 * n + i] = S::splat(rate * rate * (2.0 * c2 + x * (6.0 * c3 + x * (12.0 * c4 + x * 20.0 * c5))));
+    fn on_piece<const K: usize>(&self, piece: Piece, u: f64, out: &mut [f64]) {
+        match piece {
+            Piece::Between(k) => between::<_, K>(self.dof, u - k as f64, [self.row(k), self.row(k + 1)], [self.dt, self.rate], out),
+            Piece::First => hold::<_, K>(&self.row(0)[..self.dof], out),
+            Piece::Last => hold::<_, K>(&self.row(self.knots - 1)[..self.dof], out),
         }
+    }
+}
+
+/// Write the position of `n` joints and its derivatives to `out`, `(K, n)`, for the polynomial in `x` with the rows `[q, v, a]` at its
+/// ends. The interval of the polynomial takes `h` seconds, and `rate` is `1 / h`.
+#[inline(always)]
+pub(crate) fn between<S: Real, const K: usize>(n: usize, x: S, [p, r]: [&[S]; 2], [h, rate]: [f64; 2], out: &mut [S]) {
+    for i in 0..n {
+        let (start, end) = ([p[i], p[n + i], p[2 * n + i]], [r[i], r[n + i], r[2 * n + i]]);
+        put::<_, K>(n, out, i, scaled(polynomial(hermite(start, end, S::splat(h)), x), S::splat(rate)));
     }
 }

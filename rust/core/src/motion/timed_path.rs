@@ -15,6 +15,8 @@
 //! has the path speed of the last grid point.
 
 use super::Path;
+use super::polynomial::chain;
+use super::rows::{hold, put};
 use crate::error::{Error, Result, finite};
 use crate::memory;
 use crate::scalar::Real;
@@ -77,18 +79,38 @@ fn arc(z: f64) -> f64 {
 }
 
 /// `cosh(w)`, `sinh(w)/w` and `tanh(w/2)/w` with `w^2 = z`. For `z < 0`: `cos(w)`, `sin(w)/w` and `tan(w/2)/w` with `w^2 = -z`.
-fn waves(z: f64) -> (f64, f64, f64) {
+fn waves(z: f64) -> [f64; 3] {
     if z.abs() < 1e-3 {
         let cosh = 1.0 + z * (1.0 / 2.0 + z * (1.0 / 24.0 + z * (1.0 / 720.0 + z * (1.0 / 40320.0 + z / 3628800.0))));
         let sinh = 1.0 + z * (1.0 / 6.0 + z * (1.0 / 120.0 + z * (1.0 / 5040.0 + z / 362880.0)));
-        (cosh, sinh, sinh / (1.0 + cosh))
+        [cosh, sinh, sinh / (1.0 + cosh)]
     } else if z > 0.0 {
         let w = z.sqrt();
-        (w.cosh(), w.sinh() / w, (0.5 * w).tanh() / w)
+        [w.cosh(), w.sinh() / w, (0.5 * w).tanh() / w]
     } else {
         let w = (-z).sqrt();
-        (w.cos(), w.sin() / w, (0.5 * w).tan() / w)
+        [w.cos(), w.sin() / w, (0.5 * w).tan() / w]
     }
+}
+
+/// Path position and its derivatives at `d` seconds after `[s_i, r_i, u_0, b]`, for a path acceleration linear in `s`. `waves` is that of
+/// `b d^2`, and `end` is the end of the segment.
+#[inline(always)]
+pub(crate) fn linear_in_position<S: Real>(d: S, [s, rate, u, b]: [S; 4], waves: [S; 3], end: S) -> [S; 5] {
+    let [cosh, sinh, tanh] = waves;
+    let speed = (rate * cosh + u * d * sinh).max(S::zero());
+    let advance = (rate + speed) * d * tanh;
+    let u = u + b * advance;
+    [(s + advance).clamped(s, end), speed, u, b * speed, b * u]
+}
+
+/// Path position and its derivatives at `d` seconds after `[s_i, r_i, u_i, du/dt]`, for a path acceleration linear in time. The path
+/// position remains between `ends`.
+#[inline(always)]
+pub(crate) fn linear_in_time<S: Real>(d: S, [s, rate, u, jolt]: [S; 4], ends: [S; 2]) -> [S; 5] {
+    let advance = d * (rate + d * (u / S::splat(2.0) + d * jolt / S::splat(6.0)));
+    let speed = (rate + d * (u + d * jolt / S::splat(2.0))).max(S::zero());
+    [(s + advance).clamped(ends[0], ends[1]), speed, u + d * jolt, jolt, S::zero()]
 }
 
 impl TimedPath {
@@ -186,58 +208,58 @@ impl TimedPath {
     }
 
     /// Path acceleration at the start and at the end of segment `i`, if it is linear in `s`.
-    pub(super) fn end_accelerations(&self, i: usize) -> (f64, f64) {
+    pub(crate) fn end_accelerations(&self, i: usize) -> (f64, f64) {
         let h = self.s[i + 1] - self.s[i];
         let (mean, turn) = (0.5 * (self.x[i + 1] - self.x[i]) / h, 0.5 * h * self.u_slope[i]);
         (mean - turn, mean + turn)
     }
 
-    /// The state at time `t`: index of the segment, path position, path speed and path acceleration. The result is `None` before the start,
-    /// after the end, and for a motion of duration zero.
-    pub fn phase(&self, t: f64) -> Option<(usize, f64, f64, f64)> {
+    /// The state at time `t`: index of the segment, and path position with its derivatives with respect to time. The result is `None` before
+    /// the start, after the end, and for a motion of duration zero.
+    #[inline]
+    pub fn phase(&self, t: f64) -> Option<(usize, [f64; 5])> {
         let last = self.s.len() - 1;
         if !(t >= 0.0 && t <= self.t[last]) || self.t[last] == 0.0 {
             return None;
         }
         if t == self.t[last] {
-            let u = if self.x[last] == 0.0 || !self.u.is_empty() { 0.0 } else { self.end_accelerations(last - 1).1 };
-            return Some((last - 1, self.s[last], self.x[last].sqrt(), u));
+            let (rate, u, b) = (self.x[last].sqrt(), self.end_acceleration(), self.u_slope[last - 1]);
+            return Some((last - 1, [self.s[last], rate, u, b * rate, b * u]));
         }
         let i = self.t.partition_point(|&at| at <= t).clamp(1, last) - 1;
-        let d = t - self.t[i];
+        let (d, rate) = (t - self.t[i], self.x[i].sqrt());
         if !self.u.is_empty() {
-            let (rate, u, jolt) = (self.x[i].sqrt(), self.u[i], (self.u[i + 1] - self.u[i]) / (self.t[i + 1] - self.t[i]));
-            let on = d * (rate + d * (u / 2.0 + d * jolt / 6.0));
-            let s = (self.s[i] + on).clamp(self.s[0], self.s[last]);
-            return Some((i, s, (rate + d * (u + d * jolt / 2.0)).max(0.0), u + d * jolt));
+            let jolt = (self.u[i + 1] - self.u[i]) / (self.t[i + 1] - self.t[i]);
+            return Some((i, linear_in_time(d, [self.s[i], rate, self.u[i], jolt], [self.s[0], self.s[last]])));
         }
-        let ((u, _), rate, b) = (self.end_accelerations(i), self.x[i].sqrt(), self.u_slope[i]);
-        let (cosh, sinh, tanh) = waves(b * d * d);
-        let speed = (rate * cosh + u * d * sinh).max(0.0);
-        let on = (rate + speed) * d * tanh;
-        Some((i, (self.s[i] + on).clamp(self.s[i], self.s[i + 1]), speed, u + b * on))
+        let ((u, _), b) = (self.end_accelerations(i), self.u_slope[i]);
+        Some((i, linear_in_position(d, [self.s[i], rate, u, b], waves(b * d * d), self.s[i + 1])))
+    }
+
+    /// Path acceleration at the end of the motion.
+    pub(crate) fn end_acceleration(&self) -> f64 {
+        let last = self.s.len() - 1;
+        if self.x[last] == 0.0 || !self.u.is_empty() { 0.0 } else { self.end_accelerations(last - 1).1 }
     }
 
     /// Write `[q_d, v_d, a_d]` at time `t`, s, to `out`, `(3 n,)`.
-    pub fn sample<S: Real>(&self, t: f64, out: &mut [S]) {
-        let n = self.dof();
+    pub fn sample(&self, t: f64, out: &mut [f64]) {
+        self.evaluate::<3>(t, out);
+    }
+
+    /// Write the position and its derivatives at time `t`, s, to `out`, `(K, n)`.
+    #[inline(never)]
+    pub(crate) fn evaluate<const K: usize>(&self, t: f64, out: &mut [f64]) {
         let (start, end) = self.path.ends();
-        let hold = if t > 0.0 { end } else { start };
-        let here = if t.is_nan() || self.duration().is_nan() { Some((0, f64::NAN, f64::NAN, f64::NAN)) } else { self.phase(t) };
-        let Some((i, s, rate, u)) = here else {
-            for j in 0..n {
-                (out[j], out[n + j], out[2 * n + j]) = (S::splat(hold[j]), S::zero(), S::zero());
-            }
-            return;
+        let phase = if t.is_nan() || self.duration().is_nan() { Some((0, [f64::NAN; 5])) } else { self.phase(t) };
+        let Some((i, s)) = phase else {
+            return hold::<_, K>(if t > 0.0 { end } else { start }, out);
         };
-        let piece = if self.piece.is_empty() { self.path.piece(s) } else { self.piece[i] };
-        self.path.evaluate(piece, s, |j, q, d, e| {
-            (out[j], out[n + j], out[2 * n + j]) = (S::splat(q), S::splat(d * rate), S::splat(d * u + e * rate * rate));
-        });
-        if s == self.s[self.s.len() - 1] {
-            for j in 0..n {
-                out[j] = S::splat(end[j]);
-            }
+        let piece = if self.piece.is_empty() { self.path.piece(s[0]) } else { self.piece[i] };
+        let n = end.len();
+        self.path.evaluate(piece, s[0], |j, q| put::<_, K>(n, out, j, chain(q, s)));
+        if s[0] == self.s[self.s.len() - 1] {
+            out[..n].copy_from_slice(end);
         }
     }
 
@@ -245,13 +267,15 @@ impl TimedPath {
     /// If the path acceleration is linear in time, it has no jumps between the ends.
     pub fn breaks(&self) -> Vec<f64> {
         let last = self.s.len() - 1;
-        if !self.u.is_empty() {
-            return vec![0.0, self.t[last]];
-        }
-        let largest = (0..last).map(|i| self.end_accelerations(i)).fold(0.0_f64, |most, (a, b)| most.max(a.abs()).max(b.abs()));
-        let jump = |i: &usize| (self.end_accelerations(*i).0 - self.end_accelerations(*i - 1).1).abs() > 0.01 * largest;
-        let inner = (1..last).filter(jump).map(|i| self.t[i]);
+        let inner = self.inner_jumps().map(|i| self.t[i]);
         std::iter::once(0.0).chain(inner).chain([self.t[last]]).filter(|t| t.is_finite()).collect()
+    }
+
+    /// The grid points between start and end at which the path acceleration jumps by more than 1 % of its largest magnitude.
+    pub(super) fn inner_jumps(&self) -> impl Iterator<Item = usize> {
+        let last = if self.u.is_empty() { self.s.len() - 1 } else { 0 };
+        let largest = (0..last).map(|i| self.end_accelerations(i)).fold(0.0_f64, |most, (a, b)| most.max(a.abs()).max(b.abs()));
+        (1..last).filter(move |&i| (self.end_accelerations(i).0 - self.end_accelerations(i - 1).1).abs() > 0.01 * largest)
     }
 
     /// The slope `b = du/ds` of the path acceleration `u` in each segment, `(N,)`.
@@ -260,7 +284,7 @@ impl TimedPath {
     }
 
     /// The index of the piece of the path that contains each segment. Empty if segments may extend over several pieces.
-    pub(super) fn pieces(&self) -> &[usize] {
+    pub(crate) fn pieces(&self) -> &[usize] {
         &self.piece
     }
 

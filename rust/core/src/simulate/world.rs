@@ -95,16 +95,12 @@ impl<'a> World<'a> {
         let mut at = 0;
         for motions in &self.motions {
             let width = 3 * motions[0].dof();
-            let out = &mut u.desired[at..at + width];
-            if motions.len() == 1 {
-                motions[0].sample(t, out);
-            } else {
-                for (motion, row) in motions.iter().zip(self.rows.chunks_exact_mut(width)) {
-                    motion.sample(t, row);
-                }
-                for (k, out) in out.iter_mut().enumerate() {
-                    *out = S::from_lanes(|lane| self.rows[lane * width + k]);
-                }
+            for (motion, row) in motions.iter().zip(self.rows.chunks_exact_mut(width)) {
+                motion.sample(t, row);
+            }
+            let first = |lane: usize| if motions.len() == 1 { 0 } else { lane * width };
+            for (k, out) in u.desired[at..at + width].iter_mut().enumerate() {
+                *out = S::from_lanes(|lane| self.rows[first(lane) + k]);
             }
             at += width;
         }

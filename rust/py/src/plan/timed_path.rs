@@ -118,7 +118,7 @@ impl TimedPath {
             if !(first..=last).contains(&s) {
                 return Err(Error::input("s", format!("is not on the path: expected {first} to {last} (first bad index {k})")));
             }
-            path.evaluate(path.piece(s), s, |j, q, d, e| (row[j], row[n + j], row[2 * n + j]) = (q, d, e));
+            path.evaluate(path.piece(s), s, |j, values| [row[j], row[n + j], row[2 * n + j]] = values);
             Ok(())
         })
     }

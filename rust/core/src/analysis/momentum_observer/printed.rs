@@ -9,10 +9,9 @@ use crate::error::{Error, Result};
 use crate::law::parents;
 use crate::linalg::AnyGain;
 use crate::linalg::cholesky::factor_into;
-use crate::motion::array;
 use crate::scalar::Real;
 use crate::trace::Sym;
-use crate::trace::c::{CFile, COptions, CSource, Routine};
+use crate::trace::c::{CFile, COptions, CSource, Routine, array};
 use crate::trace::function::{Recorded, recorded};
 
 /// The largest number of joints of an arm whose observer is printed.

@@ -72,7 +72,7 @@ fn averaged(fast: &TimedPath, window: f64, pieces: usize) -> Nodes {
     let total = fast.duration() + window;
     let count = ((NODES_PER_WINDOW * total / window) as usize).max(NODES_PER_PIECE * pieces).clamp(NODES.0, NODES.1);
     let step = total / count as f64;
-    let speed = |t: f64| fast.phase(t).map_or(0.0, |(_, _, r, _)| r);
+    let speed = |t: f64| fast.phase(t).map_or(0.0, |(_, [_, r, ..])| r);
     let t: Vec<f64> = (0..=count).map(|k| step * k as f64).collect();
     let mut u: Vec<f64> = t.iter().map(|&t| (speed(t) - speed(t - window)) / window).collect();
     (u[0], u[count]) = (0.0, 0.0);

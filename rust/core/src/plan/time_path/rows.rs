@@ -99,7 +99,7 @@ impl Points<'_> {
                     Request::Motion { rate } => rate(first + k),
                     Request::Coefficients { .. } => (1.0, 0.0),
                 };
-                path.evaluate(piece, s, |j, x, d, e| {
+                path.evaluate(piece, s, |j, [x, d, e]| {
                     (q[k * n + j], v[k * n + j]) = (x, d * rate);
                     a[k * n + j] = match &request {
                         Request::Motion { .. } => d * u + e * rate * rate,

@@ -13,4 +13,4 @@ mod source;
 
 pub use comment::comment;
 pub use routine::{Printed, Routine};
-pub use source::{CFile, COptions, CSource, STATUSES, require_names};
+pub use source::{CFile, COptions, CSource, STATUSES, array, require_names};

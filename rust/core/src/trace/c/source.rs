@@ -4,6 +4,7 @@ use super::comment::comment;
 use super::routine::{Printed, Routine};
 use super::sines::{multiply_add, sin_cos};
 use crate::error::{Error, Result};
+use crate::scalar::hex::hex;
 use std::collections::HashSet;
 use std::fmt::Write;
 
@@ -59,6 +60,16 @@ impl COptions {
         let expected = format!("a letter, then letters, digits and _, at most {LONGEST_PREFIX}, no word of C");
         Err(Error::input("prefix", format!("is no name in C: expected {expected}, got {prefix:?}")))
     }
+}
+
+/// Number of values on a line of an array.
+const NUMBERS_PER_LINE: usize = 6;
+
+/// Print a constant array of hexadecimal numbers.
+pub fn array(name: &str, values: &[f64]) -> String {
+    let lines: Vec<String> =
+        values.chunks(NUMBERS_PER_LINE).map(|row| row.iter().map(|&x| hex(x)).collect::<Vec<_>>().join(", ")).collect();
+    format!("    static const double {name}[{}] = {{\n        {}\n    }};\n", values.len(), lines.join(",\n        "))
 }
 
 /// Names of functions that a source file defines for internal use. In the file, the prefix and `_` precede each name. The functions of the
@@ -159,8 +170,13 @@ impl CSource {
 
     /// Add the functions of a routine. Return the lines of code that call them, and the size of the array `w`.
     pub fn routine(&mut self, routine: &Routine, name: &str) -> (String, usize) {
-        let Printed { functions, calls, slots, statements } =
-            routine.print(&format!("{}_{name}", self.options.prefix), &self.options.prefix);
+        let prefix = self.options.prefix.clone();
+        self.routine_with_sines(routine, name, &prefix)
+    }
+
+    /// Add the functions of a routine as in [`CSource::routine`]. The function for sines and cosines has the name `sines` and `_sin_cos`.
+    pub fn routine_with_sines(&mut self, routine: &Routine, name: &str, sines: &str) -> (String, usize) {
+        let Printed { functions, calls, slots, statements } = routine.print(&format!("{}_{name}", self.options.prefix), sines);
         self.body += &functions;
         self.statements += statements;
         (calls.into_iter().map(|call| format!("    sound &= {call};\n")).collect(), slots)
