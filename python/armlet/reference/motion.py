@@ -8,10 +8,13 @@
                points q_k,   q_k + h v_k/5,   q_k + 2 h v_k/5 + h^2 a_k/20,   and in the same form from the second knot
                derivatives   from differences of the points
 
-Quintic and BangBang are at rest at q0 before t = 0, and at rest at q1 from t = T on. Accelerations that jump are continuous from the right.
+`derivatives(t, order)` returns the position and its derivatives with respect to time up to `order`, (order + 1, n). Order 3 is the jerk,
+and 4 the snap. Quintic and BangBang are at rest at q0 before t = 0, and at rest at q1 from t = T on. Accelerations that jump are continuous
+from the right.
 """
 
 from collections.abc import Callable
+from math import factorial
 
 import numpy as np
 from numpy.polynomial import Polynomial
@@ -21,6 +24,7 @@ from .lagrange import Array
 
 Sample = tuple[Array, Array, Array]
 Motion = Callable[[float], Sample]
+SNAP = 4  # the highest order of a derivative
 
 
 class Hold:
@@ -33,6 +37,9 @@ class Hold:
 
     def __call__(self, t: float) -> Sample:
         return self.q.copy(), np.zeros_like(self.q), np.zeros_like(self.q)
+
+    def derivatives(self, t: float, order: int) -> Array:
+        return np.array([self.q, *np.zeros((order, self.q.size))])
 
 
 class Sinusoid:
@@ -50,13 +57,14 @@ class Sinusoid:
         self.phasor = amplitudes.reshape(terms) * np.exp(1j * phases)
 
     def __call__(self, t: float) -> Sample:
+        q, v, a = self.derivatives(t, 2)
+        return q, v, a
+
+    def derivatives(self, t: float, order: int) -> Array:
         turning = self.phasor * np.exp(1j * self.frequency * t)
-        rate = 1j * self.frequency
-        return (
-            self.offset + turning.sum(axis=-1).imag,
-            (rate * turning).sum(axis=-1).imag,
-            (rate * rate * turning).sum(axis=-1).imag,
-        )
+        rows = np.array([((1j * self.frequency) ** k * turning).sum(axis=-1).imag for k in range(order + 1)])
+        rows[0] += self.offset
+        return rows
 
 
 class _Piecewise:
@@ -68,18 +76,22 @@ class _Piecewise:
         if not breaks[-1] > breaks[0]:
             raise ValueError(f"duration is not positive: got {breaks[-1]}")
         self.breaks = breaks
-        self.pieces = [(piece, piece.deriv(), piece.deriv(2)) for piece in pieces]
+        self.pieces = [[piece.deriv(k) for k in range(SNAP + 1)] for piece in pieces]
 
     def __call__(self, t: float) -> Sample:
-        rest = np.zeros_like(self.q0)
-        if t < self.breaks[0]:
-            return self.q0.copy(), rest, rest.copy()
-        if t >= self.breaks[-1]:
-            return self.q1.copy(), rest, rest.copy()
+        q, v, a = self.derivatives(t, 2)
+        return q, v, a
+
+    def derivatives(self, t: float, order: int) -> Array:
+        rows = np.zeros((order + 1, self.q0.size))
+        if not self.breaks[0] <= t < self.breaks[-1]:
+            rows[0] = self.q0 if t < self.breaks[0] else self.q1
+            return rows
         index = int(np.searchsorted(self.breaks, t, side="right")) - 1
-        span = self.q1 - self.q0
-        share, speed, curvature = (float(piece(t)) for piece in self.pieces[index])
-        return self.q0 + span * share, span * speed, span * curvature
+        for k, piece in enumerate(self.pieces[index][: order + 1]):
+            rows[k] = (self.q1 - self.q0) * piece(t)
+        rows[0] += self.q0
+        return rows
 
 
 class Quintic(_Piecewise):
@@ -104,6 +116,11 @@ class BangBang(_Piecewise):
         fall = 1.0 - rise(Polynomial([T, -1.0]))
         super().__init__(q0, q1, (0.0, T / 2, T), [rise, fall])
 
+    def derivatives(self, t: float, order: int) -> Array:
+        if order > 2:
+            raise ValueError(f"the acceleration jumps: expected an order of at most 2, got {order}")
+        return super().derivatives(t, order)
+
 
 class Table:
     """A motion through q, v, a (K, n) at the knots start + k dt. It is at rest before the first knot and after the last one."""
@@ -115,21 +132,33 @@ class Table:
         self.q, self.v, self.a = (np.asarray(x, dtype=np.float64) for x in (q, v, a))
 
     def __call__(self, t: float) -> Sample:
+        q, v, a = self.derivatives(t, 2)
+        return q, v, a
+
+    def derivatives(self, t: float, order: int) -> Array:
+        """At a knot, derivatives of order 3 and 4 are those after it; at the last knot, those before it."""
         u, last = (t - self.start) / self.dt, len(self.q) - 1
-        k = int(np.clip(np.round(u), 0, last))
-        if abs(u - k) < 1e-9:
-            return self.q[k].copy(), self.v[k].copy(), self.a[k].copy()
-        if not 0.0 < u < last:
-            rest = np.zeros_like(self.q[0])
-            return self.q[0 if u < 0.0 else last].copy(), rest, rest.copy()
-        k, h = int(u), self.dt
-        points = []
+        knot = int(np.clip(np.round(u), 0, last))
+        on_knot = abs(u - knot) < 1e-9
+        rows = np.zeros((order + 1, self.q.shape[1]))
+        if not (on_knot or 0.0 < u < last) or last == 0:
+            rows[0] = self.q[0 if u < 0.0 else last]
+        else:
+            k = min(knot, last - 1) if on_knot else int(u)
+            rows = self._between(k, u - k, order)
+        if on_knot:
+            rows[:3] = np.array([self.q[knot], self.v[knot], self.a[knot]])[: order + 1]
+        return rows
+
+    def _between(self, k: int, x: float, order: int) -> Array:
+        points, h = [], self.dt
         for row, step in ((k, h), (k + 1, -h)):
             second = self.q[row] + 2 * step * self.v[row] / 5 + step**2 * self.a[row] / 20
             points.append([self.q[row], self.q[row] + step * self.v[row] / 5, second])
         hull = np.array([*points[0], *points[1][::-1]])
-        rate = 5 * np.diff(hull, axis=0) / h
-        return _casteljau(hull, u - k), _casteljau(rate, u - k), _casteljau(4 * np.diff(rate, axis=0) / h, u - k)
+        # The control points of a derivative are differences of the control points.
+        hulls = [hull] + [factorial(5) / factorial(5 - d) * np.diff(hull, d, axis=0) / h**d for d in range(1, order + 1)]
+        return np.array([_casteljau(points, x) for points in hulls])
 
 
 def _casteljau(points: Array, x: float) -> Array:

@@ -5,12 +5,14 @@
         b by bisection from the mean speed:   2 h / ((r_0 + r_1)(t_1 - t_0)) = tanh(y)/y,   y = b^1/2 (t_1 - t_0)/2  (b < 0: tan)
     or x(t) the cubic with these positions and speeds at both ends                           (path acceleration linear in time)
     q, q_s, q_ss of the path at s:   v = q_s s',  a = q_s s'' + q_ss s'^2
+    jerk and snap from powers of the Taylor polynomial  y = s(t + d) - s(t):   q(s(t + d)) = q + q_s y + q_ss y^2/2 + q_sss y^3/6
 
 ' is the time derivative, and q_s, q_ss are derivatives with respect to s. 0 and 1 are the ends of an interval of s. The motion is at rest
 at the start before time 0, and at rest at the end after the last time.
 """
 
 from collections.abc import Callable
+from math import factorial
 
 import numpy as np
 from numpy.polynomial import Polynomial
@@ -20,6 +22,7 @@ from .lagrange import Array
 from .motion import Sample
 
 Path = Callable[[Array], tuple[Array, Array, Array]]
+STEP = 1e-6  # of s, for the slope of q_ss
 TERMS = 40  # number of terms of the series: (b t^2)^20 / 40! is below the rounding error of the sum for b t^2 < 50
 
 
@@ -70,8 +73,30 @@ class TimedPath:
     def __call__(self, t: float) -> Sample:
         if not 0.0 <= t <= self.t[-1]:
             return self._at(float(self.s[0 if t < 0.0 else -1]), 0.0, 0.0)
-        i = min(int(np.searchsorted(self.t, t, side="right")), self.t.size - 1) - 1
-        h, T, d = float(self.s[i + 1] - self.s[i]), float(self.t[i + 1] - self.t[i]), float(t - self.t[i])
-        on = (_linear_in_time if self.cubic else _linear_in_position)((float(self.s_dot[i]), float(self.s_dot[i + 1])), h, T)
+        start, x, d = self._segment(t)
         at_rest = t == self.t[-1] and (self.cubic or self.s_dot[-1] == 0.0)  # from the last time on, the motion is at rest
-        return self._at(float(self.s[i] + on(d)), float(on.deriv()(d)), 0.0 if at_rest else float(on.deriv(2)(d)))
+        return self._at(start + float(x(d)), float(x.deriv()(d)), 0.0 if at_rest else float(x.deriv(2)(d)))
+
+    def _segment(self, t: float) -> tuple[float, Polynomial, float]:
+        """The start s_i of the segment at time t, the polynomial x, and the time since the start of the segment."""
+        i = min(int(np.searchsorted(self.t, t, side="right")), self.t.size - 1) - 1
+        h, T = float(self.s[i + 1] - self.s[i]), float(self.t[i + 1] - self.t[i])
+        linear = _linear_in_time if self.cubic else _linear_in_position
+        return float(self.s[i]), linear((float(self.s_dot[i]), float(self.s_dot[i + 1])), h, T), float(t - self.t[i])
+
+    def derivatives(self, t: float, order: int) -> Array:
+        """The position and its derivatives up to `order`, (order + 1, n), for a path of cubic polynomials in s, before the last time."""
+        if not 0.0 <= t < self.t[-1]:
+            return np.array([self(t)[0], *np.zeros((order, self(t)[0].size))])
+        start, x, d = self._segment(t)
+        y = Polynomial(x(Polynomial([d, 1.0])).coef[: order + 1])
+        s = start + float(y.coef[0])
+        y.coef[0] = 0.0
+        q, slope, curvature = (rows[0] for rows in self.path(np.array([s])))
+        # q_ss is linear in s up to the next knot.
+        third = (self.path(np.array([s + STEP]))[2][0] - curvature) / STEP
+        rows = np.zeros((order + 1, q.size))
+        for k, coefficient in enumerate((q, slope, curvature / 2.0, third / 6.0)):
+            power = (y**k).coef[: order + 1]
+            rows[: power.size] += power[:, None] * coefficient
+        return rows * np.array([factorial(k) for k in range(order + 1)])[:, None]

@@ -1,8 +1,8 @@
 //! `armlet.Motion` and its subclasses: desired motions as functions of time.
 
 use crate::arrays::{
-    ArrayArgument, Axis, Form, SCALAR, any_vector, copied, elements, new_vector, number, numbers, optional_number, owned, require_finite,
-    spread, vector, written_arrays,
+    ArrayArgument, Axis, Form, SCALAR, any_vector, copied, elements, new_vector, nonnegative_integer, number, numbers, optional_number,
+    owned, require_finite, spread, vector, written_array, written_arrays,
 };
 use crate::constructor_call::{NamedValues, constructor_repr, defined_by_arguments};
 use crate::errors::{Failure, entry, input_error};
@@ -35,7 +35,18 @@ impl Motion {
 pub type Triple<'py> = (Bound<'py, PyAny>, Bound<'py, PyAny>, Bound<'py, PyAny>);
 
 /// The number of times that are evaluated between two checks for Ctrl-C.
-const LOOK: usize = 1 << 8;
+const CHECK_INTERVAL: usize = 1 << 8;
+
+/// Read finite numbers, and return their shape and a copy. Check that there is memory for `width` numbers of results for each.
+fn finite_array(function: &str, name: &str, x: &Bound<'_, PyAny>, width: usize) -> Result<(Vec<usize>, Vec<f64>), Failure> {
+    let array = ArrayArgument::new(function, name, x)?;
+    memory::require(elements(&array.shape)?.saturating_mul(8 * (1 + width)))?;
+    let (shape, values) = array.values()?;
+    // Use a copy, because other threads may write to the caller's array during the evaluation.
+    let values = owned(values)?;
+    require_finite(x.py(), function, name, &shape, &values)?;
+    Ok((shape, values))
+}
 
 /// Evaluate a motion at every number of `x`, and return three arrays `(..., n)`. `write(index, x, row)` writes a row of `3 n` numbers.
 pub fn rows<'py>(
@@ -46,19 +57,14 @@ pub fn rows<'py>(
     write: impl Fn(usize, f64, &mut [f64]) -> Result<(), Error> + Sync,
 ) -> Result<Triple<'py>, Failure> {
     let py = x.py();
-    let argument = ArrayArgument::new(function, name, x)?;
-    memory::require(elements(&argument.shape)?.saturating_mul(8 * (1 + 3 * n)))?;
-    let (mut shape, values) = argument.values()?;
-    // Use a copy, because other threads may write to the caller's array during the evaluation.
-    let values = owned(values)?;
-    require_finite(py, function, name, &shape, &values)?;
+    let (mut shape, values) = finite_array(function, name, x, 3 * n)?;
     shape.push(n);
     let [q, v, a] = written_arrays(py, &shape, |[q, v, a]| {
         long(py, || {
             let mut row = vec![0.0; 3 * n];
             let outs = q.chunks_exact_mut(n).zip(v.chunks_exact_mut(n)).zip(a.chunks_exact_mut(n));
             for (i, (x, ((q, v), a))) in values.iter().zip(outs).enumerate() {
-                if i % LOOK == 0 {
+                if i % CHECK_INTERVAL == 0 {
                     interrupt::check();
                 }
                 write(i, *x, &mut row)?;
@@ -104,6 +110,47 @@ impl Motion {
                 })
             };
             Ok((part(0)?, part(1)?, part(2)?))
+        })
+    }
+
+    /// Compute the position and its derivatives with respect to time at the time `t`, for feed-forward on elastic joints.
+    ///
+    /// The derivatives are velocity, acceleration, jerk and snap. Where the jerk or the snap jumps, the result is the value after the jump.
+    /// They jump at the ends of a `Quintic`, at the knots of a `Table`, and at the knots and grid points of a `TimedPath`. The snap does not
+    /// contain the impulses at jumps of the jerk. At the end of a `Table` or `TimedPath`, the result is that of its last interval.
+    ///
+    /// Args:
+    ///     t: time, s, or an array of times.
+    ///     order: the highest derivative, 0 to 4; at most 2 if the acceleration jumps, as in `BangBang` and most results of `time_path`.
+    ///
+    /// Returns:
+    ///     Rows of position, velocity, acceleration, .., `(order + 1, n)`; `(..., order + 1, n)` for an array of times.
+    ///
+    /// Raises:
+    ///     InputError: a time is not finite, or the motion does not have the derivatives.
+    ///     SolveError: the motion is a path without a timing.
+    ///
+    /// >>> import armlet as al
+    /// >>> al.Quintic([0.0], [1.0], 1.0).derivatives(0.5, 4)[:, 0]
+    /// array([  0.5  ,   1.875,   0.   , -30.   ,   0.   ])
+    fn derivatives<'py>(&self, t: &Bound<'py, PyAny>, order: &Bound<'py, PyAny>) -> Result<Bound<'py, PyAny>, Failure> {
+        let (n, order) = (self.core.dof(), nonnegative_integer(NAME, "order", order)?);
+        self.core.require_derivatives(order)?;
+        let width = (order + 1) * n;
+        let (mut shape, times) = finite_array(NAME, "t", t, width)?;
+        shape.extend([order + 1, n]);
+        written_array(py, &shape, |out| {
+            long(py, || {
+                let mut values = memory::zeros(motion::DERIVATIVES * n)?;
+                for (i, (&t, rows)) in times.iter().zip(out.chunks_exact_mut(width)).enumerate() {
+                    if i % CHECK_INTERVAL == 0 {
+                        interrupt::check();
+                    }
+                    self.core.write_derivatives(t, &mut values);
+                    rows.copy_from_slice(&values[..width]);
+                }
+                Ok(())
+            })
         })
     }
 
@@ -293,13 +340,13 @@ impl Table {
                 columns.push(values);
             }
             let n = knots[1];
-            let kept_number = |x: f64| -> Result<Bound<'_, PyAny>, Failure> { Ok(x.into_pyobject(py).map_err(PyErr::from)?.into_any()) };
+            let object = |x: f64| -> Result<Bound<'_, PyAny>, Failure> { Ok(x.into_pyobject(py).map_err(PyErr::from)?.into_any()) };
             let arguments = vec![
-                ("dt", kept_number(dt)?),
+                ("dt", object(dt)?),
                 ("q", copied(py, &knots, &columns[0])?),
                 ("v", copied(py, &knots, &columns[1])?),
                 ("a", copied(py, &knots, &columns[2])?),
-                ("start", kept_number(start)?),
+                ("start", object(start)?),
             ];
             let columns: Vec<Vec<f64>> = columns.into_iter().map(owned).collect::<Result<_, _>>()?;
             let core = long(py, || motion::Table::of_columns(start, dt, n, [&columns[0], &columns[1], &columns[2]]))?;

@@ -1,9 +1,10 @@
 //! Desired motions: functions of time `t -> (q_d, v_d, a_d)`. A motion with a start and an end holds its first position before the start,
 //! and its last position after the end.
 //!
-//! The formula of a motion is written once, for every number type [`Real`](crate::scalar::Real). `f64` computes samples, and
+//! The formula of a motion is written once, for every number type [`Real`](crate::scalar::Real). `f64` computes samples and derivatives, and
 //! lanes compute several samples. A recording is printed as C (`law::printed_motion`). Native code selects the piece that contains a time.
 
+mod derivatives;
 pub(crate) mod path;
 pub(crate) mod polynomial;
 pub(crate) mod rest_to_rest;
@@ -13,6 +14,7 @@ mod sinusoid;
 pub(crate) mod table;
 pub(crate) mod timed_path;
 
+pub use derivatives::DERIVATIVES;
 pub use path::{Ends, Path};
 pub use polynomial::TERMS;
 pub use rest_to_rest::{BangBang, Quintic};

@@ -135,3 +135,92 @@ fn parts_of_a_path_are_finite() {
     }
     assert!(parts(3.0).is_ok());
 }
+
+/// The position and four derivatives of a motion.
+fn derivatives(m: &Motion, t: f64) -> Vec<f64> {
+    let mut out = vec![0.0; DERIVATIVES * m.dof()];
+    m.write_derivatives(t, &mut out);
+    out
+}
+
+/// A path that is followed with a smooth timing, and one that is followed at unit speed.
+fn paths() -> [Motion; 2] {
+    let waypoints = [0.0, 0.5, 1.0, 0.2, 0.4, -0.6, 1.5, 0.8];
+    let (path, _) = Path::waypoints(&waypoints, 2, Some(&[0.0, 1.0, 2.0, 3.0]), Ends::Clamped).unwrap();
+    let path = std::sync::Arc::new(path);
+    let cubic =
+        TimedPath::cubic(path.clone(), vec![0.0, 1.5, 3.0], vec![0.0, 1.5, 3.0], vec![0.0, 2.25, 0.0], vec![2.0, 0.0, -2.0]).unwrap();
+    let linear = TimedPath::new(path, vec![0.0, 1.0, 2.0, 3.0], vec![0.5, 1.0, 1.5, 2.0], vec![0.0; 3]).unwrap();
+    [cubic.into(), linear.into()]
+}
+
+#[test]
+fn derivatives_make_a_taylor_polynomial() {
+    let h = 1e-3;
+    for m in motions().into_iter().chain(paths()) {
+        for t in [0.351, 0.8123, 1.207, 2.231, 2.61] {
+            let (now, after) = (derivatives(&m, t), derivatives(&m, t + h));
+            for order in 0..DERIVATIVES {
+                for i in 0..2 {
+                    let at = |k: usize| now[2 * k + i];
+                    let (mut taylor, mut term) = (0.0, 1.0);
+                    for k in order..DERIVATIVES {
+                        taylor += at(k) * term;
+                        term *= h / (k + 1 - order) as f64;
+                    }
+                    // `term` is now the factor of the fifth derivative, which is below 400 for all these motions.
+                    let error = (after[2 * order + i] - taylor).abs();
+                    assert!(error < 400.0 * term + 1e-14, "{m:?} {t} {order}: {error}");
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn derivatives_are_samples_and_further_derivatives() {
+    let times = [-0.5, 0.0, 0.3, 1.0, 1.5, 2.0, 3.0, 4.0, 9.0];
+    for m in motions().into_iter().chain(paths()) {
+        for t in times {
+            let all = derivatives(&m, t);
+            assert_eq!(all[..6], at(&m, t), "{m:?} {t}");
+            let highest = m.highest_order();
+            for order in 0..=highest {
+                let rows = m.derivatives(t, order).unwrap();
+                assert_eq!(rows.shape(), (order + 1, 2));
+                assert!((0..=order).all(|k| (0..2).all(|i| rows[(k, i)] == all[2 * k + i])));
+            }
+            let refused = m.derivatives(t, highest + 1);
+            assert!(matches!(&refused, Err(Error::Input { argument, .. }) if argument == "order"), "{refused:?}");
+        }
+        for t in [f64::NAN, f64::INFINITY] {
+            assert!(matches!(m.derivatives(t, 0), Err(Error::Input { argument, .. }) if argument == "t"));
+        }
+    }
+    assert_eq!(motions().iter().chain(&paths()).map(Motion::highest_order).collect::<Vec<_>>(), [4, 4, 4, 2, 4, 4, 4]);
+}
+
+#[test]
+fn jumps_have_the_value_after_them() {
+    let [_, _, quintic, _, table] = motions().try_into().unwrap();
+    // The jerk of a quintic jumps by 60 (q1 - q0) / T^3 at both ends, and the snap by -360 (q1 - q0) / T^4.
+    let (jerk, snap) = (60.0 / 27.0, -360.0 / 81.0);
+    for (got, want) in derivatives(&quintic, 0.0)[6..].iter().zip([jerk, -3.5 * jerk, snap, -3.5 * snap]) {
+        assert!((got - want).abs() < 1e-14, "{got} {want}");
+    }
+    assert_eq!(derivatives(&quintic, 3.0)[6..], [0.0; 4]);
+    let near = |a: Vec<f64>, b: Vec<f64>| a.iter().zip(b).skip(6).all(|(a, b)| (a - b).abs() < 1e-4);
+    // A knot belongs to the interval after it, and the last knot to the interval before it.
+    for t in [0.0, 0.1, 1.7] {
+        assert!(near(derivatives(&table, t), derivatives(&table, t + 1e-8)), "{t}");
+    }
+    assert!(near(derivatives(&table, 4.0), derivatives(&table, 4.0 - 1e-8)));
+    let one = Motion::from(Table::new(0.0, 1.0, 1, vec![0.5, 0.25, 0.125]).unwrap());
+    let at_knot = one.derivatives(0.0, 4).unwrap();
+    assert_eq!(at_knot.as_slice(), [0.5, 0.25, 0.125, 0.0, 0.0]);
+    // The path acceleration jumps between two segments, so there is no jerk.
+    let (line, _) = Path::waypoints(&[0.0, 1.0], 1, None, Ends::Natural).unwrap();
+    let timed = |x: Vec<f64>| Motion::from(TimedPath::new(line.clone().into(), vec![0.0, 0.5, 1.0], x, vec![0.0; 2]).unwrap());
+    assert!(timed(vec![0.0, 1.0, 0.0]).derivatives(0.3, 3).is_err());
+    assert!(timed(vec![f64::NAN; 3]).derivatives(0.3, 0).is_err_and(|error| matches!(error, Error::Solve { .. })));
+}
