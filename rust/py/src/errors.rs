@@ -24,7 +24,7 @@ fn raise(py: Python<'_>, name: &'static str, arguments: impl for<'a> pyo3::call:
 }
 
 /// Convert a core error to the Python exception that `function` raises.
-pub fn to_python(py: Python<'_>, function: &str, error: Error) -> PyErr {
+fn to_python(py: Python<'_>, function: &str, error: Error) -> PyErr {
     let message = format!("{function}: {error}");
     match error {
         Error::Input { .. } | Error::WrongShape { .. } | Error::Unknown { .. } => {
@@ -96,8 +96,9 @@ pub enum Failure {
 }
 
 impl Failure {
+    /// Convert the error to the Python exception that `function` raises.
     #[cold]
-    fn into_python(self, py: Python<'_>, function: &str) -> PyErr {
+    pub fn into_python(self, py: Python<'_>, function: &str) -> PyErr {
         match self {
             Failure::Core(error) => to_python(py, function, error),
             Failure::Python(error) => error,

@@ -92,10 +92,7 @@ pub fn force(function: &'static str, value: &Bound<'_, PyAny>, rows: Option<&[us
 
 /// Store an exception, unless an earlier exception is stored.
 pub fn store_error(raised: &Raised, py: Python<'_>, function: &str, failure: Failure) {
-    let error = match failure {
-        Failure::Python(error) => error,
-        Failure::Core(error) => crate::errors::to_python(py, function, error),
-    };
+    let error = failure.into_python(py, function);
     raised.lock().unwrap_or_else(|poisoned| poisoned.into_inner()).get_or_insert(error);
 }
 

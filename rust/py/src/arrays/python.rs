@@ -5,7 +5,7 @@ use super::sequence::items;
 use super::shape::{Axis, Form, WHATEVER};
 use super::single::{name as text, nonnegative_integer};
 use super::write::copied;
-use crate::errors::{Failure, to_python};
+use crate::errors::Failure;
 use armlet_macros::entered;
 use pyo3::prelude::*;
 use pyo3::types::{PyString, PyTuple};
@@ -51,10 +51,7 @@ pub fn numbers<'py>(
         copied(py, &shape, &values)
     };
     // The message of a memory error starts with the name of the calling function.
-    read().map_err(|failure| match failure {
-        Failure::Core(error) => to_python(py, function, error).into(),
-        failure => failure,
-    })
+    read().map_err(|failure| failure.into_python(py, function).into())
 }
 
 fn axis<'a>(given: &'a Bound<'_, PyAny>) -> Result<Axis<'a>, Failure> {

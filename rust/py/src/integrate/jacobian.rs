@@ -3,7 +3,7 @@
 //! One difference computes one column, or a group of columns of which no two have a nonzero element in the same row. Sparse matrices are
 //! converted to dense matrices, because the methods use dense decompositions.
 
-use super::slope::{Slope, States, python};
+use super::slope::{Slope, States};
 use crate::arrays::{Axis, Form, numbers, owned, require_finite, shown};
 use crate::errors::{Failure, input_error};
 use armlet_core::integrate::{Method, column_groups};
@@ -160,7 +160,7 @@ fn dense<'py>(py: Python<'py>, function: &str, name: &str, value: &Bound<'py, Py
 fn read(py: Python<'_>, function: &str, value: &Bound<'_, PyAny>, out: &mut [f64], n: usize) -> PyResult<()> {
     let value = dense(py, function, "jac", value, n)?;
     let form = Form(&[Axis::Is(n), Axis::Is(n)]);
-    let (_, values) = numbers(function, "jac", &value, &[form]).map_err(|failure| python(py, function, failure))?;
+    let (_, values) = numbers(function, "jac", &value, &[form]).map_err(|failure| failure.into_python(py, function))?;
     out.copy_from_slice(&values);
     Ok(())
 }

@@ -215,7 +215,7 @@ pub fn integrate<'py>(
             return f64::NAN;
         }
         let got = slope::with(py, &events[i].0, args.as_ref(), states, direction * s, y)
-            .and_then(|value| number(NAME, "event(t, y)", &value).map_err(|failure| slope::python(py, NAME, failure)));
+            .and_then(|value| number(NAME, "event(t, y)", &value).map_err(|failure| failure.into_python(py, NAME)));
         got.unwrap_or_else(|error| {
             raised = Some(error);
             f64::NAN

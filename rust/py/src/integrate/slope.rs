@@ -3,7 +3,6 @@
 //! The first exception is stored. From then on the right-hand side is NaN, so the method ends without another call of Python.
 
 use crate::arrays::{Axis, Form, Lent, SCALAR, copied, numbers, of_shape};
-use crate::errors::{Failure, to_python};
 use pyo3::prelude::*;
 use pyo3::types::{PyFloat, PyList, PyTuple};
 
@@ -49,9 +48,9 @@ impl Slope {
         let result = Python::attach(|py| {
             let shape = [y.len() / columns.max(1), columns];
             let y = match self.states {
-                States::Array => self.lent.array(py, y).map_err(|failure| python(py, self.function, failure))?,
+                States::Array => self.lent.array(py, y).map_err(|failure| failure.into_python(py, self.function))?,
                 States::List => list(py, y)?,
-                States::Columns => copied(py, &shape, y).map_err(|failure| python(py, self.function, failure))?,
+                States::Columns => copied(py, &shape, y).map_err(|failure| failure.into_python(py, self.function))?,
             };
             let value = with_state(py, self.f.bind(py), self.arguments.as_ref(), t, y)?;
             read(py, self.function, &value, self.states, shape, out)
@@ -94,7 +93,7 @@ fn read(py: Python<'_>, function: &str, value: &Bound<'_, PyAny>, states: States
     {
         return Ok(());
     }
-    slow(py, function, value, states, shape, out)
+    read_converted(py, function, value, states, shape, out)
 }
 
 /// Call `callable(t, y, *arguments)`. The object `y` is new, so the callable may keep it.
@@ -108,7 +107,7 @@ pub fn with<'py>(
 ) -> PyResult<Bound<'py, PyAny>> {
     let y = match states {
         States::List => list(py, y)?,
-        _ => copied(py, &[y.len()], y).map_err(|failure| python(py, "integrate", failure))?,
+        _ => copied(py, &[y.len()], y).map_err(|failure| failure.into_python(py, "integrate"))?,
     };
     with_state(py, callable, arguments, t, y)
 }
@@ -136,7 +135,14 @@ fn with_state<'py>(
 }
 
 /// Write a result of `f` that is neither a float64 array of the expected shape nor a list or tuple of floats, to `out`.
-fn slow(py: Python<'_>, function: &str, value: &Bound<'_, PyAny>, states: States, expected: [usize; 2], out: &mut [f64]) -> PyResult<()> {
+fn read_converted(
+    py: Python<'_>,
+    function: &str,
+    value: &Bound<'_, PyAny>,
+    states: States,
+    expected: [usize; 2],
+    out: &mut [f64],
+) -> PyResult<()> {
     const WHAT: &str = "f(t, y)";
     let (one, columns) = (Form(&[Axis::Is(expected[0])]), Form(&[Axis::Is(expected[0]), Axis::Is(expected[1])]));
     let single = expected[1] == 1;
@@ -146,14 +152,7 @@ fn slow(py: Python<'_>, function: &str, value: &Bound<'_, PyAny>, states: States
         _ if expected[0] == 1 => &[one, SCALAR],
         _ => &[one],
     };
-    let (_, values) = numbers(function, WHAT, value, forms).map_err(|failure| python(py, function, failure))?;
+    let (_, values) = numbers(function, WHAT, value, forms).map_err(|failure| failure.into_python(py, function))?;
     out.copy_from_slice(&values);
     Ok(())
-}
-
-pub fn python(py: Python<'_>, function: &str, failure: Failure) -> PyErr {
-    match failure {
-        Failure::Core(error) => to_python(py, function, error),
-        Failure::Python(error) => error,
-    }
 }
