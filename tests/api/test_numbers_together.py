@@ -13,7 +13,7 @@ import pytest
 import armlet as al
 from armlet.run import named_numbers
 from armlet.run.named_numbers import NamedNumber, Together, stacked, together, varied
-from armlet.run.sensitivity import derived, run_keywords
+from armlet.run.sensitivity import derived, options_at
 
 ARM = al.planar_arm([0.5] * 5, masses=[3.0, 2.0, 2.0, 1.0, 1.0])
 N, P = ARM.n, len(ARM.parameters)
@@ -56,7 +56,7 @@ def test_derivatives_have_the_same_bits(name: str) -> None:
 
     def rates(given: Any) -> Any:
         tried.append(given)
-        return al._core._sensitivities(*given.runs, run_keywords(keywords | DEFAULTS, given, TIMES))
+        return al._core._sensitivities(*given.runs, options_at(keywords | DEFAULTS, given, TIMES))
 
     found = derived("test", loops, rates)
     assert len(tried) == (1 if comes_apart else 2)
@@ -91,6 +91,6 @@ def test_a_code_that_is_wrong_is_refused(monkeypatch: pytest.MonkeyPatch) -> Non
     wrong = Together(group.loops, group.weights, [0b1100, *group.codes[1:]])
     loops = stacked(loop, [named], [wrong], lambda _: [])
     with pytest.raises(al.InputError, match="shared has numbers that act together"):
-        al._core._sensitivities(*loops.runs, run_keywords({"t_end": 0.02, "dt": 2e-3, "method": "rk4"} | DEFAULTS, loops, TIMES))
+        al._core._sensitivities(*loops.runs, options_at({"t_end": 0.02, "dt": 2e-3, "method": "rk4"} | DEFAULTS, loops, TIMES))
     monkeypatch.setattr(named_numbers, "FEW", 99)
     assert together(loop, named, [(i,) for i in range(N)]) is None
