@@ -25,6 +25,8 @@
 //!
 //! Further limits are part of these steps: speed and acceleration of a frame's origin (`tip`), and limits that vary along the path (`along`).
 //! Position limits are checked separately (`positions`).
+//!
+//! The folder is flat, because every file is one step or one kind of limit, and all files share these terms.
 
 mod along;
 mod caps;

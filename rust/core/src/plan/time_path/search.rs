@@ -22,7 +22,7 @@ use crate::scalar::run_lanes;
 
 /// The state of the search after the corrections on one grid.
 pub(super) enum GridState {
-    /// The profile satisfies all limits, also between grid points.
+    /// The profile satisfies all limits, also between grid points. Its path speed may be zero on a whole segment.
     Feasible(LimitCheck),
     /// Before the first correction, a segment exceeds a limit or loses time by more than the accuracy of the grid allows.
     Inaccurate(LimitCheck),
@@ -42,7 +42,7 @@ enum Refinement {
 /// The search on a sequence of grids.
 pub(super) struct Search<'a> {
     pub problem: PathProblem<'a>,
-    pub options: &'a TimePathOptions,
+    options: &'a TimePathOptions,
     pub profile: Profile,
     pub samples: Samples,
     /// `(N,)`: the estimated loss of time on each segment before the first correction, as a fraction of the duration.
@@ -52,7 +52,7 @@ pub(super) struct Search<'a> {
     grids_left: usize,
     uniform_halvings_left: usize,
     /// The fastest timing that satisfies all limits.
-    pub fastest: Option<TimePath>,
+    fastest: Option<TimePath>,
     /// The fastest timing of a profile that exceeded its limits and was slowed down (`slow`). It is used if there is no other timing.
     pub slowed: Option<TimePath>,
 }
