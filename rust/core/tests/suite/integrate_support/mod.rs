@@ -3,6 +3,7 @@
 use armlet_core::integrate::*;
 use armlet_core::scalar::Real;
 use armlet_core::status::Status;
+use armlet_core::trace::by_engine::REPAYS;
 use armlet_core::trace::function::recorded;
 use armlet_core::trace::{Jacobian, Sym};
 
@@ -121,8 +122,8 @@ pub fn twin<P: Problem>() -> Twin<P> {
     let (at, mut along_time) = (vec![0.0; 1 + P::N], vec![0.0; 1 + P::N]);
     along_time[0] = 1.0;
     let mut twin = Twin { plain: of(), recorded, at, along_time };
-    // The first evaluation prepares the derivatives.
-    twin.time_derivative(0.0, &0.0, &P::start(), &mut vec![0.0; P::N]);
+    // The first evaluation prepares the derivatives, and a later one their machine code.
+    (0..REPAYS).for_each(|_| twin.time_derivative(0.0, &0.0, &P::start(), &mut vec![0.0; P::N]));
     twin
 }
 
