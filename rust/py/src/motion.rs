@@ -88,29 +88,27 @@ impl Motion {
     }
 
     /// Compute `q_d, v_d, a_d` at the time `t` in s: each `(n,)` for a number, and `(..., n)` for an array of times.
-    fn __call__<'py>(&self, t: &Bound<'py, PyAny>) -> PyResult<Triple<'py>> {
-        let py = t.py();
-        entry(py, "Motion", || {
-            let plain = t.is_instance_of::<PyFloat>() || t.is_instance_of::<PyInt>();
-            if !plain && !ArrayArgument::new("Motion", "t", t)?.shape.is_empty() {
-                return rows(self.core.dof(), "Motion", "t", t, |_, t, row| {
-                    self.core.sample(t, row);
-                    Ok(())
-                });
-            }
-            let t = number("Motion", "t", t)?;
-            require_finite(py, "Motion", "t", &[], &[t])?;
-            let n = self.core.dof();
-            let mut all = armlet_core::memory::zeros(3 * n)?;
-            self.core.sample(t, &mut all);
-            let part = |k: usize| {
-                new_vector(py, n, |out| {
-                    out.copy_from_slice(&all[k * n..(k + 1) * n]);
-                    Ok(())
-                })
-            };
-            Ok((part(0)?, part(1)?, part(2)?))
-        })
+    fn __call__<'py>(&self, t: &Bound<'py, PyAny>) -> Result<Triple<'py>, Failure> {
+        const NAME: &str = "Motion";
+        let plain = t.is_instance_of::<PyFloat>() || t.is_instance_of::<PyInt>();
+        if !plain && !ArrayArgument::new(NAME, "t", t)?.shape.is_empty() {
+            return rows(self.core.dof(), NAME, "t", t, |_, t, row| {
+                self.core.sample(t, row);
+                Ok(())
+            });
+        }
+        let t = number(NAME, "t", t)?;
+        require_finite(py, NAME, "t", &[], &[t])?;
+        let n = self.core.dof();
+        let mut all = armlet_core::memory::zeros(3 * n)?;
+        self.core.sample(t, &mut all);
+        let part = |k: usize| {
+            new_vector(py, n, |out| {
+                out.copy_from_slice(&all[k * n..(k + 1) * n]);
+                Ok(())
+            })
+        };
+        Ok((part(0)?, part(1)?, part(2)?))
     }
 
     /// Compute the position and its derivatives with respect to time at the time `t`, for feed-forward on elastic joints.
@@ -175,12 +173,10 @@ pub struct Hold;
 #[pymethods]
 impl Hold {
     #[new]
-    fn new(py: Python<'_>, q: &Bound<'_, PyAny>) -> PyResult<PyClassInitializer<Self>> {
-        entry(py, "Hold", || {
-            let q = any_vector("Hold", "q", q)?;
-            let arguments = vec![("q", copied(py, &[q.len()], &q)?)];
-            Ok(PyClassInitializer::from(Motion::new(long(py, || Core::hold(q))?, arguments)).add_subclass(Hold))
-        })
+    fn new(q: &Bound<'_, PyAny>) -> Result<PyClassInitializer<Self>, Failure> {
+        let q = any_vector(NAME, "q", q)?;
+        let arguments = vec![("q", copied(py, &[q.len()], &q)?)];
+        Ok(PyClassInitializer::from(Motion::new(long(py, || Core::hold(q))?, arguments)).add_subclass(Hold))
     }
 }
 
@@ -215,40 +211,33 @@ pub struct Sinusoid;
 #[pymethods]
 impl Sinusoid {
     #[new]
-    fn new(
-        py: Python<'_>,
-        offset: &Bound<'_, PyAny>,
-        amplitude: &Bound<'_, PyAny>,
-        frequency: &Bound<'_, PyAny>,
-        phase: &Bound<'_, PyAny>,
-    ) -> PyResult<PyClassInitializer<Self>> {
-        entry(py, "Sinusoid", || {
-            let offset = any_vector("Sinusoid", "offset", offset)?;
-            let n = offset.len();
-            let named = [("amplitude", amplitude), ("frequency", frequency), ("phase", phase)];
-            let mut parts = Vec::new();
-            for (name, value) in named {
-                parts.push(terms("Sinusoid", name, value, n)?);
+    #[arguments(offset, amplitude, frequency, phase)]
+    fn new() -> Result<PyClassInitializer<Self>, Failure> {
+        let offset = any_vector(NAME, "offset", offset)?;
+        let n = offset.len();
+        let named = [("amplitude", amplitude), ("frequency", frequency), ("phase", phase)];
+        let mut parts = Vec::new();
+        for (name, value) in named {
+            parts.push(terms(NAME, name, value, n)?);
+        }
+        let count = parts.iter().map(|(terms, _)| *terms).max().unwrap_or(1);
+        let mut arguments = vec![("offset", copied(py, &[n], &offset)?)];
+        for (k, (name, value)) in named.into_iter().enumerate() {
+            if parts[k].0 == 1 && count > 1 {
+                let given = std::mem::take(&mut parts[k].1);
+                let terms = n.saturating_mul(count);
+                parts[k].1 = memory::collected((0..terms).map(|term| given[term / count]))?;
+                parts[k].0 = count;
             }
-            let count = parts.iter().map(|(terms, _)| *terms).max().unwrap_or(1);
-            let mut arguments = vec![("offset", copied(py, &[n], &offset)?)];
-            for (k, (name, value)) in named.into_iter().enumerate() {
-                if parts[k].0 == 1 && count > 1 {
-                    let given = std::mem::take(&mut parts[k].1);
-                    let terms = n.saturating_mul(count);
-                    parts[k].1 = memory::collected((0..terms).map(|term| given[term / count]))?;
-                    parts[k].0 = count;
-                }
-                if parts[k].0 != count {
-                    let problem = format!("has the wrong number of terms: expected {count}, got {}", parts[k].0);
-                    return Err(input_error(value.py(), "Sinusoid", name, problem).into());
-                }
-                arguments.push((name, copied(py, &[n, count], &parts[k].1)?));
+            if parts[k].0 != count {
+                let problem = format!("has the wrong number of terms: expected {count}, got {}", parts[k].0);
+                return Err(input_error(value.py(), NAME, name, problem).into());
             }
-            let [(_, amplitude), (_, frequency), (_, phase)] = <[_; 3]>::try_from(parts).expect("three parts");
-            let core = long(py, || motion::Sinusoid::new(offset, count, amplitude, frequency, phase))?;
-            Ok(PyClassInitializer::from(Motion::new(Core::Sinusoid(core), arguments)).add_subclass(Sinusoid))
-        })
+            arguments.push((name, copied(py, &[n, count], &parts[k].1)?));
+        }
+        let [(_, amplitude), (_, frequency), (_, phase)] = <[_; 3]>::try_from(parts).expect("three parts");
+        let core = long(py, || motion::Sinusoid::new(offset, count, amplitude, frequency, phase))?;
+        Ok(PyClassInitializer::from(Motion::new(Core::Sinusoid(core), arguments)).add_subclass(Sinusoid))
     }
 }
 
@@ -324,33 +313,29 @@ pub struct Table;
 impl Table {
     #[new]
     #[arguments(dt, q, v, a, *, start=None)]
-    fn new() -> PyResult<PyClassInitializer<Self>> {
-        let py = dt.py();
-        entry(py, "Table", || {
-            let dt = number("Table", "dt", dt)?;
-            let start = optional_number("Table", "start", start)?.unwrap_or(0.0);
-            let mut columns = Vec::new();
-            let mut knots = vec![];
-            for (name, value) in [("q", q), ("v", v), ("a", a)] {
-                let axes: [Axis<'_>; 2] =
-                    if let [k, n] = knots[..] { [Axis::Is(k), Axis::Is(n)] } else { [Axis::Any("K"), Axis::Any("n")] };
-                let (shape, values) = numbers("Table", name, value, &[Form(&axes)])?;
-                require_finite(py, "Table", name, &shape, &values)?;
-                knots = shape;
-                columns.push(values);
-            }
-            let n = knots[1];
-            let object = |x: f64| -> Result<Bound<'_, PyAny>, Failure> { Ok(x.into_pyobject(py).map_err(PyErr::from)?.into_any()) };
-            let arguments = vec![
-                ("dt", object(dt)?),
-                ("q", copied(py, &knots, &columns[0])?),
-                ("v", copied(py, &knots, &columns[1])?),
-                ("a", copied(py, &knots, &columns[2])?),
-                ("start", object(start)?),
-            ];
-            let columns: Vec<Vec<f64>> = columns.into_iter().map(owned).collect::<Result<_, _>>()?;
-            let core = long(py, || motion::Table::of_columns(start, dt, n, [&columns[0], &columns[1], &columns[2]]))?;
-            Ok(PyClassInitializer::from(Motion::new(Core::Table(core), arguments)).add_subclass(Table))
-        })
+    fn new() -> Result<PyClassInitializer<Self>, Failure> {
+        let dt = number(NAME, "dt", dt)?;
+        let start = optional_number(NAME, "start", start)?.unwrap_or(0.0);
+        let mut columns = Vec::new();
+        let mut knots = vec![];
+        for (name, value) in [("q", q), ("v", v), ("a", a)] {
+            let axes: [Axis<'_>; 2] = if let [k, n] = knots[..] { [Axis::Is(k), Axis::Is(n)] } else { [Axis::Any("K"), Axis::Any("n")] };
+            let (shape, values) = numbers(NAME, name, value, &[Form(&axes)])?;
+            require_finite(py, NAME, name, &shape, &values)?;
+            knots = shape;
+            columns.push(values);
+        }
+        let n = knots[1];
+        let object = |x: f64| -> Result<Bound<'_, PyAny>, Failure> { Ok(x.into_pyobject(py).map_err(PyErr::from)?.into_any()) };
+        let arguments = vec![
+            ("dt", object(dt)?),
+            ("q", copied(py, &knots, &columns[0])?),
+            ("v", copied(py, &knots, &columns[1])?),
+            ("a", copied(py, &knots, &columns[2])?),
+            ("start", object(start)?),
+        ];
+        let columns: Vec<Vec<f64>> = columns.into_iter().map(owned).collect::<Result<_, _>>()?;
+        let core = long(py, || motion::Table::of_columns(start, dt, n, [&columns[0], &columns[1], &columns[2]]))?;
+        Ok(PyClassInitializer::from(Motion::new(Core::Table(core), arguments)).add_subclass(Table))
     }
 }
