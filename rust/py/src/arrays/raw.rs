@@ -115,6 +115,7 @@ impl Bits for bool {
 
 /// Make a new array of numbers or truth values, and let `fill` write it. Before that, the elements are zero if `zeroed`, otherwise
 /// undefined.
+#[inline]
 pub fn made<'py, T: Bits>(
     py: Python<'py>,
     shape: &[usize],

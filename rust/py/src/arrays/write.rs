@@ -21,6 +21,7 @@ pub fn new_array<'py>(
 }
 
 /// Make an array of this shape whose numbers `fill` writes. `fill` must write all of them, because the memory is not zeroed before.
+#[inline]
 pub fn written_array<'py>(
     py: Python<'py>,
     shape: &[usize],
