@@ -12,7 +12,7 @@ CORE = ROOT / "rust" / "core" / "src"
 #: Numbers with one lane per run: the number types, the planners, the motions, and the batches of programs.
 LANES = ("scalar/", "plan/", "motion/", "trace/sym.rs")
 BATCHES = {
-    f"simulate/{name}.rs" for name in ("assembly", "fixed/steps", "fixed/structures", "sampled/sampler", "sampled/torque_sensing", "world")
+    f"simulate/{name}.rs" for name in ("assembly", "fixed/steps", "runs/structures", "sampled/sampler", "sampled/torque_sensing", "world")
 }
 IMPL = re.compile(r"^impl(?:<(?P<parameters>[^{]*?)>)? (?:Law|Plant)(?:<[\w:]+>)? for (?P<type>\w+)", re.MULTILINE)
 

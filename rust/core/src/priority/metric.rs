@@ -3,7 +3,6 @@
 //! The methods use `J L^-T` instead of `J`, and `v = L^-T y` at the end. Singular values have the unit of `J` divided by the square root of
 //! the unit of `W`. The prime is the transpose.
 
-use super::branch_free::product;
 use crate::error::{Error, Result, finite};
 use crate::scalar::Real;
 
@@ -86,20 +85,4 @@ impl<S: Real> Metric<S> {
             y[i] = remaining / self.l[i * self.n + i];
         }
     }
-}
-
-/// Write the rows of a Jacobian, in the coordinates of the metric, to `rows`. Return the squares of the largest row norm and of the
-/// Frobenius norm.
-pub(super) fn load<S: Real>(jacobian: &[S], metric: Option<&Metric<S>>, rows: &mut [S], n: usize) -> [S; 2] {
-    let (mut most, mut sum) = (S::zero(), S::zero());
-    for (row, given) in rows.chunks_exact_mut(n).zip(jacobian.chunks_exact(n)) {
-        row.copy_from_slice(given);
-        if let Some(metric) = metric {
-            metric.row(row);
-        }
-        let row2 = product(row, row);
-        most = S::select(most.lt(row2), row2, most);
-        sum += row2;
-    }
-    [most, sum]
 }

@@ -25,6 +25,7 @@ mod method;
 mod metric;
 mod settings;
 mod solution;
+mod solve;
 mod solver;
 mod stack;
 
@@ -34,5 +35,6 @@ pub use branch_free::Regular;
 pub use diagnose::{Compatibility, Diagnosis, LevelDiagnosis, SingularityKind, diagnose};
 pub use formula::StackFormula;
 pub use method::{DEFAULT_EPS, DEFAULT_ROUNDING, PriorityMethod, PriorityOptions};
-pub use solution::{LevelSolution, Solution, solve_levels, solve_priority};
+pub use solution::{LevelSolution, Solution};
+pub use solve::{solve_levels, solve_priority};
 pub use solver::PrioritySolver;

@@ -17,6 +17,9 @@
 //! - Two runs have the same *structure* if the recordings of their loops have the same operations. Then one program computes both.
 //! - A *level* is one priority of a law with task priorities. Its norms are those of its task error and of its residual. The residual is
 //!   the commanded minus the achieved velocity or acceleration.
+//!
+//! Each of these folders depends only on folders before it: `problem`, `metrics`, `monitors`, `validation`, `sampled`, `record`, `loops`,
+//! `fixed`, `observer`, `adaptive`, `runs`, `batch`, `gradient`.
 
 mod adaptive;
 mod assembly;
@@ -26,24 +29,22 @@ mod closed_loop;
 mod columns;
 mod fixed;
 mod gradient;
+mod loops;
 mod metrics;
 mod monitors;
+mod observer;
 mod problem;
 mod record;
 mod recorded_monitors;
-mod run_group;
-mod run_observer;
+mod runs;
 mod sampled;
-mod simulated_loop;
-mod single;
-mod sink;
 mod stop;
+mod validation;
 #[doc(hidden)]
 mod world;
 
 pub use crate::integrate::Method;
 pub use crate::parallel::default_threads;
-pub use adaptive::event::{Crossings, Event, EventFunction, Signal};
 #[doc(hidden)]
 pub use adaptive::rates_loop::RatesLoop;
 pub use balances::NAMES as BALANCES;
@@ -51,19 +52,20 @@ pub use batch::priority::{solve_rows, solve_stacks, solve_stacks_by};
 pub use batch::rows::{BatchRuns, Metric};
 pub use batch::stepper::BatchStepper;
 pub use batch::{Keep, lanes, simulate_batch};
-pub use fixed::schedule::Times;
-pub use fixed::stepper::{Stepping, require_fixed_steps, stepper};
 pub use gradient::{
     Parameter, Parameters, RecordParts, Rows, Shared, adjoint, adjoint_of_rows, record_parts, sensitivities, sensitivities_of_rows,
 };
-pub use metrics::options::Measures;
+pub use observer::event::{Crossings, Event, EventFunction, Signal};
+pub use observer::run_observer::{Guard, Polynomials, RunObserver, Switched};
 pub use problem::bound::DEFAULT_STATE_LIMIT;
 pub use problem::force::{Force, Wrench};
+pub use problem::measures::Measures;
+pub use problem::sampling::{CHANNELS, Sampling};
+pub use problem::times::Times;
 pub use problem::{Options, Problem};
 pub use record::listing::{Listed, list_loop, watch_steps};
-pub use run_observer::{Guard, Polynomials, RunObserver, Switched};
-pub use sampled::sampling::{CHANNELS, Sampling};
-pub use single::{Run, simulate, simulate_observed};
+pub use runs::single::{Run, simulate, simulate_observed};
+pub use runs::stepper::{Stepping, require_fixed_steps, stepper};
 pub use stop::{Poller, Stop};
 #[doc(hidden)]
 pub use world::Exogenous;

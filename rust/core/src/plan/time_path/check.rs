@@ -22,33 +22,6 @@ use super::rows::{Points, Request};
 use super::tuning::CHECK_STEPS;
 use crate::scalar::sign;
 
-/// The limits of all rows, in blocks of `BLOCK`. First are torques and accelerations of joints and frame, as in [`LimitRows`]. Then follow
-/// speeds and norms if they are limited.
-#[derive(Clone, Debug, Default)]
-pub(super) struct Limits {
-    pub lo: Vec<f64>,
-    pub hi: Vec<f64>,
-    /// The scales of relative excesses of the lower and upper limits. A scale is the absolute value of the limit, or of the opposite limit
-    /// if the limit is zero.
-    pub scale_lo: Vec<f64>,
-    pub scale_hi: Vec<f64>,
-    /// The reciprocals `1 / scale_lo` and `1 / scale_hi`.
-    pub by_lo: Vec<f64>,
-    pub by_hi: Vec<f64>,
-}
-
-impl Limits {
-    pub fn push(&mut self, lo: f64, hi: f64) {
-        let (a, b) = (lo.abs(), hi.abs());
-        self.lo.push(lo);
-        self.hi.push(hi);
-        self.scale_lo.push(if a > 0.0 { a } else { b });
-        self.scale_hi.push(if b > 0.0 { b } else { a });
-        self.by_lo.push(1.0 / self.scale_lo[self.lo.len() - 1]);
-        self.by_hi.push(1.0 / self.scale_hi[self.lo.len() - 1]);
-    }
-}
-
 /// The result of the check of a profile.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct LimitCheck {
@@ -118,13 +91,4 @@ pub(super) fn measure(problem: &PathProblem, x: &[f64], list: &[usize], per: usi
             }
         }
     }
-}
-
-fn places() -> [f64; CHECK_STEPS + 1] {
-    std::array::from_fn(|k| k as f64 / CHECK_STEPS as f64)
-}
-
-/// The places, as fractions of a segment, at which a check interpolates.
-pub(super) fn inner_places() -> Vec<f64> {
-    places()[1..CHECK_STEPS].to_vec()
 }

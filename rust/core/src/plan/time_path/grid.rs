@@ -1,6 +1,5 @@
 //! The grid of path positions: equal steps within each piece of the path, and segments that are halved.
 
-use super::problem::PathProblem;
 use super::tuning::{CHECK_NODES, FEWEST_SEGMENTS, MOST_HALVINGS};
 use crate::motion::Path;
 
@@ -43,37 +42,29 @@ pub(super) fn grid(path: &Path, points: usize) -> (Vec<f64>, Vec<usize>) {
     (s, pieces)
 }
 
-impl PathProblem<'_> {
-    /// Halve every segment `i` at least `times(i)` times, but at most `MOST_HALVINGS` times. All segments of a run are halved equally
-    /// often, so that their rows can be interpolated. This number is the largest of `times` in the run and in the two segments next to it.
-    /// Return whether any segment was halved.
-    pub fn refine(&mut self, times: impl Fn(usize) -> u32) -> bool {
-        let (mut points, mut pieces) = (Vec::new(), Vec::new());
-        let s = &self.rows.s;
-        for &(first, last) in &self.spans {
-            let runs = ((last - first) / RUN).max(1);
-            let end = |run: usize| first + (last - first) * run / runs;
-            for run in 0..runs {
-                // The neighbours of a run may require halvings as well.
-                let near = end(run).saturating_sub(1).max(first)..(end(run + 1) + 1).min(last);
-                let parts = 1_usize << near.map(&times).max().unwrap_or(0).min(MOST_HALVINGS);
-                for i in end(run)..end(run + 1) {
-                    for k in 0..parts {
-                        let at = if k == 0 { s[i] } else { s[i] + (s[i + 1] - s[i]) * (k as f64 / parts as f64) };
-                        if k == 0 || (at > points[points.len() - 1] && at < s[i + 1]) {
-                            points.push(at);
-                            pieces.push(self.pieces[i]);
-                        }
+/// Halve every segment `i` of the grid `s` at least `times(i)` times, but at most `MOST_HALVINGS` times. All segments of a run are halved
+/// equally often, so that their rows can be interpolated. This number is the largest of `times` in the run and in the two segments next to
+/// it. `groups`: the groups of segments with equal length ([`spans`]). Return the grid, and the index of the piece of each segment.
+pub(super) fn halved(s: &[f64], pieces: &[usize], groups: &[(usize, usize)], times: impl Fn(usize) -> u32) -> (Vec<f64>, Vec<usize>) {
+    let (mut points, mut pieces_of) = (Vec::new(), Vec::new());
+    for &(first, last) in groups {
+        let runs = ((last - first) / RUN).max(1);
+        let end = |run: usize| first + (last - first) * run / runs;
+        for run in 0..runs {
+            // The neighbours of a run may require halvings as well.
+            let near = end(run).saturating_sub(1).max(first)..(end(run + 1) + 1).min(last);
+            let parts = 1_usize << near.map(&times).max().unwrap_or(0).min(MOST_HALVINGS);
+            for i in end(run)..end(run + 1) {
+                for k in 0..parts {
+                    let at = if k == 0 { s[i] } else { s[i] + (s[i + 1] - s[i]) * (k as f64 / parts as f64) };
+                    if k == 0 || (at > points[points.len() - 1] && at < s[i + 1]) {
+                        points.push(at);
+                        pieces_of.push(pieces[i]);
                     }
                 }
             }
         }
-        points.push(s[s.len() - 1]);
-        let more = points.len() > s.len();
-        (self.rows.s, self.pieces) = (points, pieces);
-        if more {
-            self.compute_rows();
-        }
-        more
     }
+    points.push(s[s.len() - 1]);
+    (points, pieces_of)
 }

@@ -4,7 +4,7 @@
 //! acceleration is widened by `w` times its size. The missing amount is the smallest `w` for which a feasible speed exists. Bisection finds
 //! `w`.
 
-use super::check::Limits;
+use super::limits::Limits;
 use super::passes::{Infeasible, widened};
 use super::problem::PathProblem;
 use super::reason::{LimitKind, PathReason, Shortfall};

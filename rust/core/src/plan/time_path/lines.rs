@@ -12,7 +12,7 @@
 //! A *lane* is one entry of a SIMD register; here each lane has one row. The lines are stored, and a later pass builds only the lines of
 //! segments whose rows changed. `K_i` is the controllable set at the start of segment `i` (`passes`).
 
-use super::check::Limits;
+use super::limits::Limits;
 use super::tip::{Ball, Tangent};
 use super::tuning::{FAR, FASTEST, MIDDLE_MARGIN, NEWTON_STEPS, NONE, ROUNDED_COEFFICIENT, ROUNDING, STATIC_EXCESS};
 use crate::scalar::Real;

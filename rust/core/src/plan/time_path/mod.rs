@@ -37,6 +37,7 @@ mod friction;
 mod given;
 mod grid;
 mod infeasibility;
+mod limits;
 mod lines;
 mod mover;
 mod passes;

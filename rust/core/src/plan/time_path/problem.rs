@@ -1,13 +1,13 @@
 //! The planning problem on a grid: the rows at all grid points, and their limits.
 
 use super::along::Along;
-use super::check::{Limits, inner_places};
 use super::given::{Checked, PathLimits, TimePathOptions, checked};
-use super::grid::{grid, spans};
+use super::grid::{grid, halved, spans};
+use super::limits::Limits;
 use super::lines::{BLOCK, LimitRows};
 use super::mover::Mover;
 use super::rows::{Friction, Points, Request};
-use super::stencil::Stencil;
+use super::stencil::{Stencil, inner_places};
 use super::tip::{TIP, Tip};
 use super::tuning::CHECK_NODES;
 use crate::error::{Error, Result, finite};
@@ -181,6 +181,17 @@ impl<'a> PathProblem<'a> {
         self.set_speed_caps();
         self.set_middles();
         self.set_caps();
+    }
+
+    /// Halve segments ([`halved`]), and compute the rows on the new grid. Return whether any segment was halved.
+    pub fn refine(&mut self, times: impl Fn(usize) -> u32) -> bool {
+        let (s, pieces) = halved(&self.rows.s, &self.pieces, &self.spans, times);
+        let more = s.len() > self.rows.s.len();
+        (self.rows.s, self.pieces) = (s, pieces);
+        if more {
+            self.compute_rows();
+        }
+        more
     }
 
     /// The limit of `joint` at grid point `i` if it varies along the path. If it is constant, the result is 1, not the limit. `kind` is 0

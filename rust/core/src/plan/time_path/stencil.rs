@@ -6,6 +6,8 @@
 //!
 //! The rows are smooth within a piece, where the grid has equal steps. Across knots the third derivative of the path jumps.
 
+use super::tuning::CHECK_STEPS;
+
 /// The weights `w_k` for every offset `o` of a segment from the first grid point of the interpolation, and for every place in the segment.
 pub(super) struct Stencil<const NODES: usize> {
     /// `weights[o][k]`: the `NODES` weights for the offset `o` of a segment and the place with index `k`.
@@ -30,4 +32,9 @@ impl<const NODES: usize> Stencil<NODES> {
         let start = (i + 1).saturating_sub(NODES / 2).clamp(first, last + 1 - NODES);
         Some((start, &self.weights[i - start]))
     }
+}
+
+/// The places, as fractions of a segment, at which a check interpolates.
+pub(super) fn inner_places() -> Vec<f64> {
+    (1..CHECK_STEPS).map(|k| k as f64 / CHECK_STEPS as f64).collect()
 }

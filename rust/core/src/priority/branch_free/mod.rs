@@ -2,12 +2,12 @@
 //! rows. They can therefore be recorded and compiled as programs. Both check their result. If it is not valid, the algorithms with
 //! singular values (`hierarchy`) solve the stack.
 
+mod level_rows;
 mod lq;
 mod regular;
 mod single_levels;
 mod two_rows;
 
-pub use lq::product;
 pub use regular::{Regular, regular_ranks};
 pub use two_rows::TwoRowLevels;
 

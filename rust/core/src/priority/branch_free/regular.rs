@@ -14,11 +14,12 @@
 //! Direct solves and recordings use the same code, which never branches on numbers. So a program (the recorded and compiled code) and a
 //! direct solve with the same instruction set have the same bits.
 
+use super::level_rows::load;
 use super::lq::{Factor, least_squares, product};
 use super::single_levels::SingleLevels;
 use super::{BranchFree, Parameters};
 use crate::priority::method::{PriorityMethod, TAME};
-use crate::priority::metric::{self, Metric};
+use crate::priority::metric::Metric;
 use crate::priority::settings::Settings;
 use crate::scalar::Real;
 
@@ -173,7 +174,7 @@ impl<S: Real> Regular<S> {
         for (i, &m) in rows.iter().enumerate().take(*fitting + 1) {
             let level = if i < *fitting { &mut factor.l[at..at + m * n] } else { &mut tall[..] };
             debug_assert!(i < *fitting || at == fit, "the level that does not fit comes behind those that do");
-            [row_norm2[i], frobenius2[i]] = metric::load(&jacobian[at..], parameters.metric.as_ref(), level, n);
+            [row_norm2[i], frobenius2[i]] = load(&jacobian[at..], parameters.metric.as_ref(), level, n);
             at += m * n;
         }
     }

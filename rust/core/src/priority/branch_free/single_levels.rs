@@ -3,8 +3,9 @@
 //!
 //! It uses an LQ factorisation of the rows. A level with more rows than joints is solved by least squares.
 
+use super::level_rows::load;
 use super::lq::{Factor, least_squares};
-use crate::priority::metric::{Metric, load};
+use crate::priority::metric::Metric;
 use crate::scalar::Real;
 
 /// The solver of single levels, with its memory.

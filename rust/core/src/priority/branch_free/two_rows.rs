@@ -10,10 +10,10 @@
 //!
 //! The code does not branch on numbers, so that a program (the recorded and compiled code) and a direct solve have the same bits.
 
+use super::level_rows::load;
 use super::lq::product;
 use super::{BranchFree, Parameters};
 use crate::priority::method::{PriorityMethod, TAME};
-use crate::priority::metric::load;
 use crate::priority::settings::Settings;
 use crate::scalar::Real;
 

@@ -126,6 +126,22 @@ impl Hierarchy {
         Ok(solution)
     }
 
+    /// Take the step of `sns`: the largest feasible scale of the command.
+    pub fn saturated_step(&mut self, level: &Level, settings: &Settings) -> Result<LevelSolution> {
+        let condition = self.rank_rule.condition;
+        let (rank, used) = self.count_rank(level)?;
+        let Hierarchy { null_space, projected, y, saturation, .. } = self;
+        let cut = settings.rounding * projected.norm(null_space) * condition;
+        let mut solution = LevelSolution::new(rank, projected.svd.s().len());
+        let saturation = saturation.as_mut().expect("allocated for sns");
+        null_space.rotate(&projected.svd);
+        saturation.start(null_space, y);
+        null_space.remove(used);
+        solution.scale = saturation.solve(level, projected, (rank, cut), settings)?;
+        y.copy_from_slice(&saturation.best);
+        Ok(solution)
+    }
+
     /// Return `(rank, used)` for the projected level by the rank rule.
     pub fn count_rank(&mut self, level: &Level) -> Result<(usize, usize)> {
         if self.null_space.used > 0 {

@@ -7,12 +7,12 @@
 //! bound. Its direction is removed from `N`, and the other joints take over. The search keeps the largest feasible scale. A level without a
 //! feasible scale in `[0, 1]` does not change `v_above`. Ranks equal the ranks of `exact`, so that higher levels are never disturbed.
 
-use super::{Hierarchy, NullSpace, ProjectedLevel};
+use super::null_space::NullSpace;
+use super::projected_level::ProjectedLevel;
 use crate::error::Result;
 use crate::linalg::householder::reflector;
 use crate::linalg::{Svd, axpy, dot};
 use crate::priority::settings::Settings;
-use crate::priority::solution::LevelSolution;
 use crate::priority::stack::Level;
 
 /// A joint can be fixed if its row in the remaining null space is longer than this limit. A shorter row would amplify rounding errors more
@@ -45,7 +45,7 @@ pub struct Saturation {
     /// The velocity of the levels above, with the fixed joints at their bounds.
     base: Vec<f64>,
     /// The velocity with the largest feasible scale.
-    best: Vec<f64>,
+    pub best: Vec<f64>,
     /// A velocity of the level, shape `(rows,)`.
     task: Vec<f64>,
     /// The row of the metric that maps coordinates to the velocity of one joint, and its product with `N`.
@@ -61,24 +61,6 @@ pub fn start_within_bounds(settings: &Settings, y: &mut [f64]) {
     settings.metric.iter().for_each(|metric| metric.coordinates(y));
 }
 
-impl Hierarchy {
-    /// Take the step of `sns`: the largest feasible scale of the command.
-    pub fn saturated_step(&mut self, level: &Level, settings: &Settings) -> Result<LevelSolution> {
-        let condition = self.rank_rule.condition;
-        let (rank, used) = self.count_rank(level)?;
-        let Hierarchy { null_space, projected, y, saturation, .. } = self;
-        let cut = settings.rounding * projected.norm(null_space) * condition;
-        let mut solution = LevelSolution::new(rank, projected.svd.s().len());
-        let saturation = saturation.as_mut().expect("allocated for sns");
-        null_space.rotate(&projected.svd);
-        saturation.start(null_space, y);
-        null_space.remove(used);
-        solution.scale = saturation.solve(level, projected, (rank, cut), settings)?;
-        y.copy_from_slice(&saturation.best);
-        Ok(solution)
-    }
-}
-
 impl Saturation {
     /// Allocate memory for `n` joints and at most `most` rows of a level.
     pub fn new(n: usize, most: usize) -> Self {
@@ -88,7 +70,7 @@ impl Saturation {
     }
 
     /// Start a level with the null space and the velocity `y` of the levels above.
-    fn start(&mut self, null_space: &NullSpace, y: &[f64]) {
+    pub fn start(&mut self, null_space: &NullSpace, y: &[f64]) {
         self.null_space.set(null_space);
         self.base.copy_from_slice(y);
         self.best.copy_from_slice(y);
@@ -97,7 +79,7 @@ impl Saturation {
 
     /// Solve one level of this `rank`, of which singular values up to `cut` count as zero. Return the scale, or 0 if no scale in `[0, 1]`
     /// is feasible. The velocity is in `best`.
-    fn solve(&mut self, level: &Level, projected: &mut ProjectedLevel, (rank, cut): (usize, f64), settings: &Settings) -> Result<f64> {
+    pub fn solve(&mut self, level: &Level, projected: &mut ProjectedLevel, (rank, cut): (usize, f64), settings: &Settings) -> Result<f64> {
         let mut scale = -1.0;
         loop {
             projected.decompose(level, &self.null_space)?;

@@ -12,12 +12,12 @@ use crate::law::{ExternalSpec, LawSpec};
 use crate::linalg::Pairs;
 use crate::plant::Touch;
 use crate::simulate::assembly::{sampler, start, world};
+use crate::simulate::loops::simulated_loop::SimulatedLoop;
 use crate::simulate::problem::Problem;
 use crate::simulate::problem::force::Wrench;
 use crate::simulate::record::key::Common;
 use crate::simulate::record::rates::{self, Rates};
 use crate::simulate::sampled::control::Control;
-use crate::simulate::simulated_loop::SimulatedLoop;
 use crate::simulate::world::{Exogenous, World};
 use crate::trace::{Engine, engine};
 

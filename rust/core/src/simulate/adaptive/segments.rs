@@ -2,9 +2,9 @@
 
 use crate::error::Result as CoreResult;
 use crate::integrate::Work;
-use crate::simulate::fixed::schedule::{Times, require_times};
 use crate::simulate::problem::bound::Bound;
 use crate::simulate::problem::time_scale::TimeScale;
+use crate::simulate::problem::times::{Times, require_times};
 use crate::status::Status;
 
 /// A time `t` counts as a sample time if `|t - sample time| / period` is below this limit, dimensionless.

@@ -7,7 +7,7 @@
 //! Guards of the contacts and joints, and event functions, are evaluated at four times of every step. Two changes of sign between two of
 //! these times cancel. A parabola through three successive values predicts such a dip, which is then searched.
 
-use super::contacts::{Probe, Switching};
+use super::contacts::Switching;
 use super::rates_loop::RatesLoop;
 use super::segments::Cut;
 use crate::integrate::Adaptive;
@@ -16,7 +16,8 @@ use crate::integrate::solve::node;
 use crate::memory;
 use crate::plant::{PlantSpec, Touch};
 use crate::scalar::sign;
-use crate::simulate::run_observer::{Guard, RunObserver};
+use crate::simulate::observer::probe::Probe;
+use crate::simulate::observer::run_observer::{Guard, RunObserver};
 use crate::status::Status;
 
 /// The number of evaluations of each function per step.

@@ -4,8 +4,8 @@ use super::rates_loop::RatesLoop;
 use super::segments::{Clock, Cut, ON_SAMPLE, Outcome, Segments};
 use super::step_checks::StepChecks;
 use crate::integrate::Adaptive;
-use crate::simulate::fixed::schedule::Times;
-use crate::simulate::simulated_loop::SimulatedLoop;
+use crate::simulate::loops::simulated_loop::SimulatedLoop;
+use crate::simulate::problem::times::Times;
 use crate::simulate::stop::Stop;
 use crate::status::Status;
 

@@ -3,6 +3,7 @@
 //! Each group writes only its own rows of the results. So the bits do not depend on the number of threads or on the order of the groups. In
 //! a group that is not full, the unused lanes repeat the last run.
 
+pub mod measuring;
 pub mod priority;
 pub mod rows;
 pub mod stepper;
@@ -12,14 +13,15 @@ use crate::memory;
 use crate::parallel;
 use crate::scalar::Real;
 use crate::simulate::columns::Columns;
-use crate::simulate::fixed::schedule::Times;
-use crate::simulate::fixed::structures::{self, Structures};
-use crate::simulate::metrics::options::Measures;
 use crate::simulate::metrics::plan::Plan;
 use crate::simulate::monitors;
-use crate::simulate::problem::{Division, Problem};
+use crate::simulate::problem::Problem;
+use crate::simulate::problem::measures::Measures;
+use crate::simulate::problem::times::Times;
 use crate::simulate::record::rates::Rates;
-use crate::simulate::run_group::RunGroup;
+use crate::simulate::runs::division::Division;
+use crate::simulate::runs::run_group::RunGroup;
+use crate::simulate::runs::structures::{self, Structures};
 use crate::status::Status;
 use crate::trace::pages::in_large_pages;
 use rows::{BatchRuns, GroupRecorder};

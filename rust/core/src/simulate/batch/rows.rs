@@ -3,18 +3,19 @@
 //! Large arrays are not initialised. The thread that writes a row is the first to access its memory. If a run ends early, its missing
 //! records are NaN.
 
+use super::measuring::Measuring;
 use crate::error::{Result, all_finite};
 use crate::memory;
 use crate::plant::{FrictionTorque, Rubbed};
 use crate::simulate::balances;
 use crate::simulate::columns::Columns;
-use crate::simulate::fixed::log::Block;
-use crate::simulate::metrics::measuring::Measuring;
+use crate::simulate::loops::log::Block;
+use crate::simulate::loops::sink::Sink;
 use crate::simulate::metrics::plan::Plan;
 use crate::simulate::monitors;
-use crate::simulate::problem::{Ended, Problem};
+use crate::simulate::problem::Problem;
 use crate::simulate::recorded_monitors::Monitors;
-use crate::simulate::sink::Sink;
+use crate::simulate::runs::division::Ended;
 use crate::status::Status;
 use std::ops::Range;
 use std::slice::ChunksMut;

@@ -1,17 +1,17 @@
 //! A recorded loop with the interface of a closed loop. Its programs are the compiled recordings, and a frame is their memory. The method
 //! in [`super::step_method`] advances this loop by fixed steps.
 
-use super::log::{Log, MOST_LANES};
 use crate::integrate::System;
 use crate::scalar::Real;
 use crate::scalar::trig::REDUCTION_LIMIT;
+use crate::simulate::loops::log::{Log, MOST_LANES};
+use crate::simulate::loops::simulated_loop::SimulatedLoop;
+use crate::simulate::loops::sink::Sink;
 use crate::simulate::record::slots::Instant;
 use crate::simulate::record::step::Recorded;
 use crate::simulate::record::step_programs::Programs;
 use crate::simulate::sampled::control::Control;
 use crate::simulate::sampled::sampler::Sampler;
-use crate::simulate::simulated_loop::SimulatedLoop;
-use crate::simulate::sink::Sink;
 use crate::simulate::world::{Exogenous, World};
 use crate::trace::{Engine, Frame, Slots, form};
 use std::sync::Arc;

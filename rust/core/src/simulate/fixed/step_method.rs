@@ -4,7 +4,6 @@
 //! computes all steps of a stream in one call. The step of a large loop consists of parts, which read the inputs from the frame, the memory
 //! of the programs.
 
-use super::log::Log;
 use super::schedule::Schedule;
 use super::step_loop::StepLoop;
 use crate::integrate::FixedStep;
@@ -12,6 +11,7 @@ use crate::interrupt;
 use crate::memory;
 use crate::motion::Table;
 use crate::scalar::Real;
+use crate::simulate::loops::log::Log;
 use crate::simulate::record::slots::StepSlots;
 use crate::simulate::record::step_programs::Programs;
 use crate::simulate::world::World;

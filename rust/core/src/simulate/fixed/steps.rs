@@ -7,8 +7,8 @@
 use super::schedule::{Schedule, Within, after_jump, is_end};
 use crate::integrate::FixedStep;
 use crate::scalar::Real;
+use crate::simulate::loops::simulated_loop::SimulatedLoop;
 use crate::simulate::problem::bound::Bound;
-use crate::simulate::simulated_loop::SimulatedLoop;
 use crate::simulate::stop::Stop;
 
 /// The largest number of steps between two checks.

@@ -23,7 +23,7 @@ use crate::error::{Error, Result};
 use crate::integrate::{MethodKind, Scheme, StepController, Tableau, Tolerance, WithScheme};
 use crate::interrupt;
 use crate::memory;
-use crate::simulate::sampled::sampling::gaussian;
+use crate::simulate::problem::sampling::gaussian;
 use crate::status::Status;
 
 /// The largest error estimate of the probe in one step, relative to the probe. The product of a real eigenvalue with the

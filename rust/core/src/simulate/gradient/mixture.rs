@@ -9,7 +9,7 @@ use super::parameters::Parameter;
 use super::prepared::Prepared;
 use crate::error::Result;
 use crate::memory;
-use crate::simulate::sampled::sampling::gaussian;
+use crate::simulate::problem::sampling::gaussian;
 use std::borrow::Cow;
 
 /// The largest number of combinations.

@@ -8,8 +8,8 @@ use super::structure::FunctionStore;
 use super::timeline::{AdaptivePath, Timeline};
 use crate::error::{Error, Result};
 use crate::integrate::Tableau;
-use crate::simulate::fixed::schedule::Times;
 use crate::simulate::problem::Problem;
+use crate::simulate::problem::times::Times;
 use crate::simulate::stop::Stop;
 use std::sync::Arc;
 

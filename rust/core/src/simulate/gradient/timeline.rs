@@ -5,11 +5,13 @@ use crate::interrupt;
 use crate::memory::append;
 use crate::plant::Touch;
 use crate::simulate::adaptive::segments::Segments;
-use crate::simulate::fixed::schedule::{Schedule, Times, after_jump};
-use crate::simulate::problem::{Division, Problem};
-use crate::simulate::run_observer::{Guard, RunObserver, Switched};
-use crate::simulate::sampled::sampling::Sampling;
-use crate::simulate::single::simulate_divided;
+use crate::simulate::fixed::schedule::{Schedule, after_jump};
+use crate::simulate::observer::run_observer::{Guard, RunObserver, Switched};
+use crate::simulate::problem::Problem;
+use crate::simulate::problem::sampling::Sampling;
+use crate::simulate::problem::times::Times;
+use crate::simulate::runs::division::Division;
+use crate::simulate::runs::single::simulate_divided;
 use crate::simulate::stop::Stop;
 use crate::status::Status;
 

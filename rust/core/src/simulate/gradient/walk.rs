@@ -10,7 +10,7 @@ use crate::interrupt;
 use crate::linalg::Pairs;
 use crate::motion::Side;
 use crate::simulate::assembly::start;
-use crate::simulate::sampled::sampling::CHANNELS;
+use crate::simulate::problem::sampling::CHANNELS;
 use crate::status::Status;
 use std::ops::Range;
 

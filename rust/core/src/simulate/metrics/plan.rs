@@ -1,10 +1,10 @@
 //! The metrics of a run, and the layout of the numbers that they store between records.
 
-use super::options::Measures;
 use crate::dynamics::Model;
 use crate::error::{Error, Result, finite};
 use crate::law::{Aim, JointReference};
 use crate::simulate::problem::Problem;
+use crate::simulate::problem::measures::Measures;
 use std::ops::Range;
 
 /// The reference position of the joints, from which their errors are measured.

@@ -1,11 +1,13 @@
-//! Runs with the types of nalgebra: options, initial state, and records as matrices.
+//! Problems of one run, with the types of nalgebra.
 
+use super::bound::DEFAULT_STATE_LIMIT;
+use super::times::Times;
+use super::{Options, Problem};
 use crate::error::{Error, Result};
+use crate::integrate::Method;
 use crate::law::LawSpec;
 use crate::plant::PlantSpec;
-use crate::simulate::{DEFAULT_STATE_LIMIT, Method, Options, Problem, Run, Times, simulate};
-use nalgebra::{DMatrixView, DVector};
-use std::sync::atomic::AtomicBool;
+use nalgebra::DVector;
 
 impl Options {
     /// Return options for RK4 with steps of `dt`, s, up to `t_end`, s. The law is evaluated in every stage. Every step has a record with
@@ -55,40 +57,5 @@ impl<'a> Problem<'a> {
     /// Return one run from rest at the joint positions `q0`, shape `(n,)`, rad or m. Errors: [`Error::WrongShape`] for a wrong length.
     pub fn from_rest(plant: &'a PlantSpec, law: &'a LawSpec, q0: &DVector<f64>, options: Options) -> Result<Self> {
         Problem::new(plant, law, q0, &DVector::zeros(plant.n()), options)
-    }
-
-    /// Simulate the run on the calling thread. [`Run::status`] is the reason of its end. Errors: an invalid argument, or records that
-    /// exceed the memory.
-    pub fn run(&self) -> Result<Run> {
-        simulate(self, &AtomicBool::new(false))
-    }
-}
-
-impl Run {
-    /// The joint positions, shape `(n, K)`, rad or m. Column `k` is `q` at time `t[k]`.
-    pub fn positions(&self) -> DMatrixView<'_, f64> {
-        self.columns(&self.q)
-    }
-
-    /// The joint velocities, shape `(n, K)`, rad/s or m/s. Column `k` is `v` at time `t[k]`.
-    pub fn velocities(&self) -> DMatrixView<'_, f64> {
-        self.columns(&self.v)
-    }
-
-    /// The inputs of the plant, shape `(n, K)`, N m or N. They are velocities, rad/s or m/s, for a velocity-controlled plant. Column `k` is
-    /// the input at time `t[k]`.
-    pub fn inputs(&self) -> DMatrixView<'_, f64> {
-        self.columns(&self.tau)
-    }
-
-    /// The values of the monitor `name`, shape `(K,)`. The result is `None` if the run has no monitor of this name.
-    pub fn monitor(&self, name: &str) -> Option<&[f64]> {
-        self.monitors.iter().find(|(known, _)| *known == name).map(|(_, series)| series.as_slice())
-    }
-
-    /// Return a series as a matrix whose columns are records. Time is the first axis of the series.
-    fn columns<'a>(&self, series: &'a [f64]) -> DMatrixView<'a, f64> {
-        let records = self.t.len();
-        DMatrixView::from_slice(series, series.len().checked_div(records).unwrap_or(0), records)
     }
 }

@@ -1,11 +1,11 @@
 //! Updates of metrics as recorded operations on the state at a record.
 
 use crate::simulate::columns::Columns;
-use crate::simulate::fixed::schedule::Times;
 use crate::simulate::metrics::gauge::{Gauge, Identities, MetricInput, Start};
 use crate::simulate::metrics::plan::Plan;
 use crate::simulate::monitors::identities::Theory;
 use crate::simulate::problem::Problem;
+use crate::simulate::problem::times::Times;
 use crate::trace::Sym;
 
 /// The metrics of one run.

@@ -2,9 +2,9 @@
 //!
 //! A record of a program has the same bits as a record that is computed directly.
 
-use crate::simulate::fixed::schedule::Times;
 use crate::simulate::monitors::{Checks, Monitored, Scope};
 use crate::simulate::problem::Problem;
+use crate::simulate::problem::times::Times;
 use crate::simulate::world::Exogenous;
 use crate::trace::Sym;
 

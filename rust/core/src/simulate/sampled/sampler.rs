@@ -1,9 +1,9 @@
 //! The clock of a sampled loop. It evaluates the law at sample times, and selects the output that acts on the plant. The rates of the law's
 //! state act from the sample on, because the controller updates its state at the sample. Only the output is delayed.
 
-use super::sampling::{CHANNELS, ON_TIME, Sampling};
 use super::torque_sensing::{Sensed, TorqueSensing};
 use crate::scalar::Real;
+use crate::simulate::problem::sampling::{CHANNELS, ON_TIME, Sampling};
 
 /// The number of stored samples, in addition to those that delays require. A faulty block of steps is repeated from its start, and needs
 /// its old input.

@@ -7,12 +7,12 @@
 //! resolution, and `K_law` the law's stiffness. This `q` replaces the measured link position, so that `K_law (theta - q)` in the law is the
 //! reading. At the first sample, `tau_f = tau_J`. `theta` is the motor position. Without a resolution, the reading is not rounded.
 
-use super::sampling::{CHANNELS, Sampling, gaussian};
 use crate::error::{Error, Result};
 use crate::linalg::gain::{AnyGain, Gain};
 use crate::plant::sensors::TorqueSensor;
 use crate::scalar::Real;
 use crate::simulate::problem::Problem;
+use crate::simulate::problem::sampling::{CHANNELS, Sampling, gaussian};
 
 /// The random channel of the torque sensor of joint `i` is `TORQUE + i`. No other measurement uses these channels.
 const TORQUE: u64 = 1 << 32;

@@ -1,20 +1,21 @@
 //! Runs of any plant with any law, by any method, on plain numbers or on lanes.
 
-use super::adaptive;
-use super::adaptive::rates_loop::RatesLoop;
-use super::adaptive::segments::Segments;
-use super::adaptive::step_checks::StepChecks;
-use super::fixed;
-use super::fixed::steps::Record;
-use super::monitors;
-use super::problem::{Division, Ended, Fixed, Problem};
-use super::record::rates::Rates;
-use super::run_observer::RunObserver;
-use super::simulated_loop::SimulatedLoop;
-use super::sink::Sink;
-use super::stop::Stop;
+use super::division::{Division, Ended, Fixed};
 use crate::integrate::{Adaptive, FixedStep, MethodKind, Tolerance, WithAdaptive, WithSteps};
 use crate::scalar::Real;
+use crate::simulate::adaptive;
+use crate::simulate::adaptive::rates_loop::RatesLoop;
+use crate::simulate::adaptive::segments::Segments;
+use crate::simulate::adaptive::step_checks::StepChecks;
+use crate::simulate::fixed;
+use crate::simulate::fixed::steps::Record;
+use crate::simulate::loops::simulated_loop::SimulatedLoop;
+use crate::simulate::loops::sink::Sink;
+use crate::simulate::monitors;
+use crate::simulate::observer::run_observer::RunObserver;
+use crate::simulate::problem::Problem;
+use crate::simulate::record::rates::Rates;
+use crate::simulate::stop::Stop;
 
 /// The runs `first .. first + LANES` of a problem. If the problem has fewer runs, the remaining lanes repeat the last run.
 pub struct RunGroup<'a> {

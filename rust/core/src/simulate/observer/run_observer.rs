@@ -1,6 +1,6 @@
 //! The requests of the caller for observations of a run, and their results: events, modes of the contacts, and polynomials of the steps.
 
-use super::adaptive::event::{Crossings, Event};
+use super::event::{Crossings, Event};
 use crate::error::{Error, Result};
 use crate::memory;
 use crate::plant::Touch;
@@ -131,7 +131,7 @@ pub struct RunObserver {
 
 impl RunObserver {
     /// Store the modes of the contacts from time `t` on.
-    pub(super) fn store_contacts(&mut self, t: f64, by: Option<Guard>, touches: &[Touch]) {
+    pub(in crate::simulate) fn store_contacts(&mut self, t: f64, by: Option<Guard>, touches: &[Touch]) {
         self.store(|observer| {
             let Some(contacts) = &mut observer.contacts else { return Ok(()) };
             if contacts.len() == contacts.capacity() {
@@ -143,7 +143,7 @@ impl RunObserver {
     }
 
     /// Store a result, unless the memory is already full.
-    pub(super) fn store(&mut self, answer: impl FnOnce(&mut Self) -> Result<()>) {
+    pub(in crate::simulate) fn store(&mut self, answer: impl FnOnce(&mut Self) -> Result<()>) {
         if self.full.is_none() {
             self.full = answer(self).err();
         }

@@ -1,8 +1,8 @@
 //! The law of a loop. It is recorded with the loop. A law that the caller supplies is called as native code at its samples, and its loop is
 //! recorded with a held input.
 
+use super::rates_loop::RatesLoop;
 use crate::scalar::Real;
-use crate::simulate::adaptive::rates_loop::RatesLoop;
 use crate::simulate::world::Exogenous;
 
 impl RatesLoop<'_> {

@@ -4,20 +4,21 @@
 //! All lanes of a program compute runs of one structure. So the program of a run, and the bits of its results, do not depend on the other
 //! runs. A run whose angles exceed the range of the sines of machine code is repeated by the interpreter, which has no such range.
 
-use super::log::Block;
-use super::schedule::Within;
-use super::step_loop::StepLoop;
-use super::step_method::{StepMethod, tabulate};
-use super::steps::Faults;
+use super::division::{Division, Ended, Fixed};
+use super::run_group::RunGroup;
 use crate::scalar::{Array8, Real};
 use crate::simulate::assembly::{sampler, start, world};
+use crate::simulate::fixed::schedule::Within;
+use crate::simulate::fixed::step_loop::StepLoop;
+use crate::simulate::fixed::step_method::{StepMethod, tabulate};
+use crate::simulate::fixed::steps::Faults;
+use crate::simulate::loops::log::Block;
+use crate::simulate::loops::sink::Sink;
 use crate::simulate::monitors;
-use crate::simulate::problem::{Division, Ended, Fixed, Problem};
+use crate::simulate::problem::Problem;
 use crate::simulate::record::key::Common;
 use crate::simulate::record::step::{self, Recorded, SeenLoop};
 use crate::simulate::record::structure;
-use crate::simulate::run_group::RunGroup;
-use crate::simulate::sink::Sink;
 use crate::trace::{Engine, engine};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};

@@ -1,21 +1,22 @@
 //! One run on plain numbers, and its records.
 
-use super::balances;
-use super::columns::Columns;
-use super::fixed::log::Block;
-use super::fixed::schedule::require_memory;
-use super::fixed::structures::{self, Structures};
-use super::monitors;
-use super::problem::{Division, Ended, Problem};
-use super::record::rates::Rates;
-use super::recorded_monitors::Monitors;
+use super::division::{Division, Ended};
 use super::run_group::RunGroup;
-use super::run_observer::RunObserver;
-use super::sink::Sink;
-use super::stop::Stop;
+use super::structures::{self, Structures};
 use crate::error::{Error, Result, all_finite};
 use crate::memory::{self, append};
 use crate::plant::{FrictionTorque, Rubbed};
+use crate::simulate::balances;
+use crate::simulate::columns::Columns;
+use crate::simulate::loops::log::Block;
+use crate::simulate::loops::sink::Sink;
+use crate::simulate::monitors;
+use crate::simulate::observer::run_observer::RunObserver;
+use crate::simulate::problem::Problem;
+use crate::simulate::problem::times::require_memory;
+use crate::simulate::record::rates::Rates;
+use crate::simulate::recorded_monitors::Monitors;
+use crate::simulate::stop::Stop;
 use crate::status::Status;
 use std::ops::Range;
 
@@ -73,8 +74,8 @@ pub struct Run {
     pub rejections: u64,
     /// The engine of the programs (recorded loops), "machine" or "interpreter". It is "direct" if the law is not recorded.
     pub engine: &'static str,
-    /// The residuals of the balances over the records, shape `(4,)`, see [`super::BALANCES`]. `energy_missing` is in J, the other three
-    /// residuals are dimensionless. NaN without monitors.
+    /// The residuals of the balances over the records, shape `(4,)`, see [`crate::simulate::BALANCES`]. `energy_missing` is in J, the other
+    /// three residuals are dimensionless. NaN without monitors.
     pub balances: [f64; 4],
     /// The factor by which both tolerances must be multiplied to be feasible, dimensionless. It is zero unless the run ended with
     /// [`Status::ExcessAccuracy`], see [`crate::integrate::Work::coarsen`].

@@ -1,6 +1,6 @@
 //! Events of a run: zero crossings of functions of time and the plant's state.
 
-use super::contacts::Probe;
+use super::probe::Probe;
 use crate::error::Result;
 use crate::memory::append;
 use crate::spatial::{Vector, Vector3};

@@ -1,16 +1,16 @@
 //! A loop that computes one step of fixed size per call. The law or the caller provides the input.
 
-use super::schedule::{after_jump, is_end};
-use super::steps::divided_step;
 use crate::error::{Error, Result};
 use crate::integrate::{FixedStep, Method, MethodKind, WithSteps};
 use crate::law::Route;
 use crate::simulate::adaptive::rates_loop::RatesLoop;
+use crate::simulate::fixed::schedule::{after_jump, is_end};
+use crate::simulate::fixed::steps::divided_step;
+use crate::simulate::loops::simulated_loop::SimulatedLoop;
 use crate::simulate::problem::Problem;
 use crate::simulate::problem::bound::Bound;
 use crate::simulate::problem::force::Wrench;
-use crate::simulate::sampled::sampling::Sampling;
-use crate::simulate::simulated_loop::SimulatedLoop;
+use crate::simulate::problem::sampling::Sampling;
 use crate::status::Status;
 
 /// A loop with one step per call, for every number type.

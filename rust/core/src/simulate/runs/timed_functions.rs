@@ -1,12 +1,13 @@
 //! The functions of time of a problem: forces that the caller supplies as functions, and tables of desired motions. Their time scales
 //! limit the steps of a run.
 
-use super::force::Force;
-use super::time_scale::TimeScale;
-use super::{Division, Problem};
+use super::division::Division;
 use crate::error::Result;
 use crate::motion::{Motion, sample_all};
 use crate::simulate::adaptive::segments::Segments;
+use crate::simulate::problem::Problem;
+use crate::simulate::problem::force::Force;
+use crate::simulate::problem::time_scale::TimeScale;
 use crate::simulate::stop::Stop;
 
 impl Problem<'_> {

@@ -1,12 +1,12 @@
 //! A closed loop as a run advances it. In addition to the rates that an integration method reads, a loop has samples of its controller,
 //! modes that switch between steps, metrics and records.
 
-use super::sampled::control::Control;
-use super::sampled::sampler::Sampler;
 use super::sink::Sink;
-use super::world::Exogenous;
 use crate::integrate::System;
 use crate::scalar::Real;
+use crate::simulate::sampled::control::Control;
+use crate::simulate::sampled::sampler::Sampler;
+use crate::simulate::world::Exogenous;
 
 /// A loop whose run can be simulated.
 pub trait SimulatedLoop<S: Real>: System<S, Input = Exogenous<S>> {

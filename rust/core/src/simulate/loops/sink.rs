@@ -1,6 +1,6 @@
 //! The receiver of the records of a group of lanes.
 
-use super::fixed::log::Block;
+use super::log::Block;
 
 /// Receives the records of a group of lanes.
 pub trait Sink {

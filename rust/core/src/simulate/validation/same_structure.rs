@@ -1,12 +1,12 @@
 //! The structure that all runs of a batch have in common, so that a row of the results has the quantities of a single run.
 
-use super::Problem;
 use crate::dynamics::Model;
 use crate::error::{Error, Result};
 use crate::law::LawSpec;
 use crate::plant::PlantSpec;
-use crate::simulate::fixed::schedule::Times;
 use crate::simulate::monitors;
+use crate::simulate::problem::times::Times;
+use crate::simulate::problem::{Options, Problem};
 
 impl Problem<'_> {
     /// Refuse a number of plants, laws or forces that is neither one nor the number of runs.
@@ -92,7 +92,7 @@ impl Problem<'_> {
     pub fn require_same_monitors(&self) -> Result<()> {
         self.require_same_structure()?;
         let (argument, runs) = if self.laws.len() > 1 { ("law", self.laws.len()) } else { ("plant", self.plants.len()) };
-        let options = crate::simulate::Options { monitors: true, times: Times::Every(1), ..self.options.clone() };
+        let options = Options { monitors: true, times: Times::Every(1), ..self.options.clone() };
         let (plants, laws) = (vec![self.plants[0]], vec![self.laws[0]]);
         let mut alone = Problem { plants, laws, x0: Vec::new(), forces: Vec::new(), options, measures: None, ..*self };
         let first = monitors::names(&alone);

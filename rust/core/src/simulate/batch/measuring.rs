@@ -3,13 +3,13 @@
 //! A record is added to the sums of the metrics when the next record arrives, because its trapezoidal weight depends on both neighbours. If
 //! a program (a recorded and compiled loop) computes the run, it also computes these sums, and [`Measuring::take`] receives them.
 
-use super::gauge::{Gauge, Identities, MetricInput, Start};
-use super::plan::Plan;
-use super::summary::Ends;
 use crate::error::all_finite;
 use crate::law::LawSpec;
 use crate::motion::sample_all;
 use crate::simulate::columns::Columns;
+use crate::simulate::metrics::gauge::{Gauge, Identities, MetricInput, Start};
+use crate::simulate::metrics::plan::Plan;
+use crate::simulate::metrics::summary::Ends;
 use crate::simulate::problem::Problem;
 use crate::simulate::recorded_monitors::Monitors;
 

@@ -5,9 +5,9 @@
 //! `t_k + delay` on, with a limited rate of change. Every random number is a function of seed, sample and channel (splitmix64; Steele, Lea
 //! and Flood 2014). So a repeated run, and a run that continues from an intermediate state, have the same random numbers.
 
+use super::times::require_memory;
 use crate::error::{Error, Result, positive};
 use crate::plant::sensors::TorqueSensor;
-use crate::simulate::fixed::schedule::require_memory;
 
 /// The largest number of stored samples for delayed outputs and measurements. More samples indicate an error in the arguments.
 const MOST_LATE: f64 = 1e5;
