@@ -207,11 +207,11 @@ def flat(found: dict[str, Any]) -> dict[str, str]:
     return dict(sorted((found["functions"] | found["batches"]["as it is"]).items()))
 
 
-def differences(kept: dict[str, Any], found: dict[str, Any]) -> list[str]:
+def differences(stored: dict[str, Any], found: dict[str, Any]) -> list[str]:
     """Differences from the file on one instruction set. There are none to report if the fingerprints of the C libraries differ."""
-    if kept["libm"] != found["libm"]:
+    if stored["libm"] != found["libm"]:
         return []
-    old, new, name = kept["sets"].get(found["set"], {}), flat(found), found["set"]
+    old, new, name = stored["sets"].get(found["set"], {}), flat(found), found["set"]
     changed = [case for case in old.keys() & new.keys() if old[case] != new[case]]
     return sorted(
         [f"{name}: {case}: the bits changed" for case in changed]
@@ -240,10 +240,10 @@ def main() -> int:
         FILE.write_text(json.dumps({"libm": libm(), "sets": sets}, indent=1) + "\n")
         print(f"wrote {FILE}")
         return 0
-    kept = json.loads(FILE.read_text())
-    if kept["libm"] != libm():
+    stored = json.loads(FILE.read_text())
+    if stored["libm"] != libm():
         print("the C library's functions differ from those of the file: nothing to compare")
-    wrong = [line for each in found.values() for line in differences(kept, each)]
+    wrong = [line for each in found.values() for line in differences(stored, each)]
     print("\n".join([*wrong, ADVICE] if wrong else [f"the bits of {', '.join(found)} are those of the file"]))
     return 1 if wrong else 0
 

@@ -32,10 +32,10 @@ EXCEPTIONS: dict[str, tuple[str, str | None]] = {
 
 
 class Swap:
-    """A pytest plugin. While a test runs it replaces scipy's solvers, except those in `keep`. It records which tests passed and failed."""
+    """A pytest plugin. While a test runs it replaces scipy's solvers, except those in `originals`. It records the results."""
 
-    def __init__(self, keep: dict[str, str] | None = None) -> None:
-        self.keep = keep or {}
+    def __init__(self, originals: dict[str, str] | None = None) -> None:
+        self.originals = originals or {}
         self.passed: set[str] = set()
         self.failed: set[str] = set()
 
@@ -43,7 +43,7 @@ class Swap:
     def pytest_runtest_protocol(self, item: pytest.Item) -> Any:
         table = importlib.import_module("scipy.integrate._ivp.ivp").METHODS
         module = item.getparent(pytest.Module).obj  # type: ignore[union-attr]
-        theirs = {name: table[name] for name in IN_PLACE if name != self.keep.get(item.name)}
+        theirs = {name: table[name] for name in IN_PLACE if name != self.originals.get(item.name)}
         for name in theirs:
             table[name] = al.scipy_method(IN_PLACE[name])
             setattr(module, name, table[name])
@@ -62,13 +62,13 @@ class Swap:
             self.passed.add(name)
 
 
-def run(keep: dict[str, str] | None = None, only: list[str] | None = None) -> Swap:
+def run(originals: dict[str, str] | None = None, only: list[str] | None = None) -> Swap:
     """Run scipy's test file, or only the tests `only` of it."""
     root = Path(scipy.__file__).parent
     file = root / "integrate" / "_ivp" / "tests" / "test_ivp.py"
     if not file.exists():
         sys.exit(f"scipy_suite: scipy {scipy.__version__} is installed without its tests: {file}")
-    swap = Swap(keep)
+    swap = Swap(originals)
     quiet = ["-q", "--no-header", "--no-summary", "--tb=no", "-p", "no:cacheprovider", "--import-mode=importlib"]
     names = [f"{file}::{name}" for name in only] if only is not None else [str(file)]
     with tempfile.TemporaryDirectory() as folder:
@@ -81,8 +81,8 @@ def run(keep: dict[str, str] | None = None, only: list[str] | None = None) -> Sw
 
 def main() -> int:
     first = run()
-    keep = {test: solver for test, (_, solver) in EXCEPTIONS.items() if solver is not None}
-    second = run(keep, sorted(keep))
+    originals = {test: solver for test, (_, solver) in EXCEPTIONS.items() if solver is not None}
+    second = run(originals, sorted(originals))
     total, ours = len(first.passed | first.failed), ", ".join(IN_PLACE.values())
     count, theirs = len(first.passed - first.failed), ", ".join(IN_PLACE)
     print(f"\nscipy {scipy.__version__}: {count} of {total} tests pass with {ours} in place of {theirs}")
@@ -91,7 +91,7 @@ def main() -> int:
         print(f"  exception: {test}: {reason}{back}")
     wrong = [f"{test} fails" for test in sorted(first.failed - EXCEPTIONS.keys())]
     wrong += [f"{test} passes: it is no exception" for test in sorted(EXCEPTIONS.keys() - first.failed)]
-    wrong += [f"{test} fails without {IN_PLACE[keep[test]]} too" for test in sorted(keep.keys() - (second.passed - second.failed))]
+    wrong += [f"{test} fails without {IN_PLACE[originals[test]]} too" for test in sorted(set(originals) - (second.passed - second.failed))]
     for line in wrong:
         print(f"scipy_suite: {line}")
     return 1 if wrong or not first.passed else 0

@@ -183,11 +183,11 @@ class _Problem:
         slopes = np.split(np.sign(shares) * parts ** (p - 1) * (size ** (1.0 / p - 1.0)), 3, axis=1)
         slope = np.sum([weight * (each @ rows) for weight, each, rows in zip(weights, slopes, self.series, strict=True)], axis=0)
 
-        def back(g: _Array) -> _Array:
+        def gradient_of(g: _Array) -> _Array:
             found: _Array = (g - np.sum(g * c, axis=1, keepdims=True) / norm * slope) / norm
             return found
 
-        return c / norm, back
+        return c / norm, gradient_of
 
     def motion(self, c: _Array, series: _Series | None = None) -> tuple[_Array, _Array, _Array]:
         """Positions, speeds and accelerations `(K, n)` of scaled coefficients `c`."""
@@ -226,7 +226,7 @@ class _Problem:
     def cost(self, flat: _Array) -> tuple[float, _Array]:
         """Minus log det F plus the penalty on torques, and the gradient of this cost."""
         c = flat.reshape(len(self.limits.half), -1)
-        scaled, back = self.scaled(c)
+        scaled, gradient_of = self.scaled(c)
         q, v, a = self.motion(scaled)
         W = self.regressor(q, v, a)
         F = np.einsum("kib,kic->bc", W, W)
@@ -245,7 +245,7 @@ class _Problem:
             for g, J in zip((gq, gv, ga), self.arm.inverse_dynamics_derivatives(q, v, a, friction=self.rubs), strict=True):
                 g += np.einsum("ki,kij->kj", push, J)
         terms, rates, accelerations = self.series
-        return value, back(gq.T @ terms + gv.T @ rates + ga.T @ accelerations).ravel()
+        return value, gradient_of(gq.T @ terms + gv.T @ rates + ga.T @ accelerations).ravel()
 
     def fitted(self, c: _Array, duration: float, harmonics: int) -> _Array:
         """Scale the coefficients of each joint up to its limits, and then all coefficients by one factor that respects the torque limits.

@@ -8,8 +8,8 @@
 A sum of products of velocities, each with a polynomial as factor, is grouped by equal polynomials or by equal sines and cosines.
 
 Sines and cosines are generators of a polynomial ring over the rational numbers. After every product `sin^2` is replaced by `1 - cos^2`. A
-number of the arm is converted to the decimal that Python prints for it. If an integer is closer than 1e-15 (WHOLE), the number becomes this
-integer.
+number of the arm is converted to the decimal that Python prints for it. If an integer is closer than 1e-15 (NEAR_INTEGER), the number
+becomes this integer.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ __all__ = ["Polynomials"]
 Waves: TypeAlias = dict[tuple[int, ...], Any]
 
 #: An entry of a rotation that is closer to an integer than this is that integer. In float64 the cosine of pi/2 is 6e-17.
-WHOLE = 1e-15
+NEAR_INTEGER = 1e-15
 #: Polynomials with more terms are not factored, because factoring takes long.
 MOST_FACTORED = 12
 #: Polynomials with longer coefficients (bits of numerator and denominator together) are not factored.
@@ -60,7 +60,7 @@ class Polynomials:
 
     def number(self, x: float) -> Any:
         whole = round(x)
-        return self.ring.ground_new(self.domain.convert(Fraction(whole) if abs(x - whole) < WHOLE else Fraction(repr(float(x)))))
+        return self.ring.ground_new(self.domain.convert(Fraction(whole) if abs(x - whole) < NEAR_INTEGER else Fraction(repr(float(x)))))
 
     def length(self, symbol: Any) -> Any:
         return self.gens[3 * self.n + self.lengths.index(symbol)]

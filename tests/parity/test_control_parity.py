@@ -10,7 +10,7 @@ import pytest
 import armlet as al
 from armlet import reference
 from armlet.reference.loop import ClosedLoop
-from armlet.reference.rest import slope
+from armlet.reference.static_equilibrium import slope
 
 LENGTHS, MASSES = [0.5, 0.4], [3.0, 2.0]
 ARM, THEIRS = al.planar_arm(LENGTHS, masses=MASSES), reference.planar_arm(LENGTHS, masses=MASSES)

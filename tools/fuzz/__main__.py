@@ -60,7 +60,7 @@ class Child:
         os.set_blocking(self.process.stdout.fileno(), False)
         self.selector = selectors.DefaultSelector()
         self.selector.register(self.process.stdout, selectors.EVENT_READ)
-        self.rest = b""
+        self.partial = b""
 
     def lines(self, timeout: float) -> list[str] | None:
         """New lines of the child's output; None after the process has ended and all lines are read."""
@@ -69,7 +69,7 @@ class Child:
             data = self.process.stdout.read()
             if not data:
                 return None
-            *whole, self.rest = (self.rest + data).split(b"\n")
+            *whole, self.partial = (self.partial + data).split(b"\n")
             return [line.decode("ascii", "replace") for line in whole]
         return []
 

@@ -234,20 +234,20 @@ def unreachable(report: Report, arm: al.Arm, plant: al.ElasticArm, law: al.Elast
         "E11",
     )
     folded = al.ElasticImpedance(arm, 0.6 / 0.9 * tip(arm, [0.3, 0.0]), 250.0, 40.0, K_J, B, B0, **FRAME)
-    rest = al.equilibrium(plant, folded, q0=[0.3, 0.0])
-    size = float(np.linalg.norm(tip(arm, rest.q) - 0.6 / 0.9 * tip(arm, [0.3, 0.0])))
+    found = al.equilibrium(plant, folded, q0=[0.3, 0.0])
+    size = float(np.linalg.norm(tip(arm, found.q) - 0.6 / 0.9 * tip(arm, [0.3, 0.0])))
     report.near("target in line with the stretched arm: distance of the equilibrium (m)", 0.3, size, 1e-9, text, "E11")
-    report.equal("target in line with the stretched arm: kind of the equilibrium", "spurious, unstable", _described(rest), text, "E11")
+    report.equal("target in line with the stretched arm: kind of the equilibrium", "spurious, unstable", _described(found), text, "E11")
     report.near(
         "target in line with the stretched arm: largest real part of an eigenvalue (1/s)",
         2.510776293363032,
-        float(rest.eigenvalues.real.max()),
+        float(found.eigenvalues.real.max()),
         1e-6,
     )
 
 
-def _described(rest: al.Equilibrium) -> str:
-    return f"{'spurious' if rest.spurious else 'regular'}, {'stable' if rest.stable else 'unstable'}"
+def _described(found: al.Equilibrium) -> str:
+    return f"{'spurious' if found.spurious else 'regular'}, {'stable' if found.stable else 'unstable'}"
 
 
 def anywhere(report: Report, arm: al.Arm, plant: al.ElasticArm) -> None:

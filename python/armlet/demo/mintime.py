@@ -132,7 +132,7 @@ def from_mass(report: Report) -> None:
     link = al.planar_arm([0.5], masses=[m], coms=[d], inertias=[I_c])
     # The exam measures angles from the downward vertical, the arm from the x axis.
     theta = np.linspace(-3.0, 3.0, 25)[:, None]
-    q, rest = theta - math.pi / 2, np.zeros((25, 1))
+    q, zeros = theta - math.pi / 2, np.zeros((25, 1))
     inertia = float(link.mass_matrix([0.0])[0, 0])
     report.near("link of 3 kg, d = 0.25 m, I_c = 0.06 kg m^2: I = I_c + m d^2 (kg m^2)", I_c + m * d**2, inertia, 1e-15)
     # G is 7.4 N m, and the tolerance is a few rounding errors of this value.
@@ -143,7 +143,7 @@ def from_mass(report: Report) -> None:
     )
     same = al.pendulum(I_c + m * d**2, m * 9.81 * d)
     a = np.linspace(-5.0, 5.0, 25)[:, None]
-    difference = link.inverse_dynamics(q, rest, a) - same.inverse_dynamics(theta, rest, a)
+    difference = link.inverse_dynamics(q, zeros, a) - same.inverse_dynamics(theta, zeros, a)
     report.bound("link of 3 kg: torque minus the torque of al.pendulum(I, G), largest (N m)", np.abs(difference).max(), 1e-13)
 
 

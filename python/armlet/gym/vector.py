@@ -115,18 +115,18 @@ class ArmVectorEnv(VectorEnv[Array, Array, Array]):
         """Hold the actions, (num_envs, n), for one period. Entries beyond +-1 are clipped to +-1."""
         if not self._ready:
             raise ResetNeeded("ArmVectorEnv.step: the runs have not begun: expected a call of reset before")
-        again = self._ended.copy()
-        if again.any() and self._mode is AutoresetMode.DISABLED:
-            raise ResetNeeded(f"ArmVectorEnv.step: runs have ended: expected a reset of rows {np.flatnonzero(again).tolist()[:10]} before")
+        ended = self._ended.copy()
+        if ended.any() and self._mode is AutoresetMode.DISABLED:
+            raise ResetNeeded(f"ArmVectorEnv.step: runs have ended: expected a reset of rows {np.flatnonzero(ended).tolist()[:10]} before")
         rewards, terminated, truncated, info = self._rows.step(actions)
-        if again.any():
-            self._rows.reset(np.flatnonzero(again), self._rngs)
-            rewards[again] = 0.0
+        if ended.any():
+            self._rows.reset(np.flatnonzero(ended), self._rngs)
+            rewards[ended] = 0.0
             for flags in (terminated, truncated, *info.values()):
-                flags[again] = False
+                flags[ended] = False
         infos: dict[str, Any] = {}
         for name, values in info.items():
-            infos |= {name: values, f"_{name}": ~again}
+            infos |= {name: values, f"_{name}": ~ended}
         self._ended = terminated | truncated
         observations = self._rows.observe()
         if self._mode is AutoresetMode.SAME_STEP and self._ended.any():

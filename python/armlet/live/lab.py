@@ -114,7 +114,7 @@ class LabPage:
         with self.server.atomic():
             for handle, plot in zip(self.charts, system.plots, strict=True):
                 self._label(handle, plot)
-        self.scene.look()
+        self.scene.aim_camera()
 
     def _control(self, control: Control) -> Any:
         gui = self.server.gui

@@ -81,7 +81,7 @@ class ArmScene:
         placed = {"position": shape.pose[:3, 3], "wxyz": rotations.of_matrix(shape.pose[:3, :3])}
         return scene.add_mesh_simple(f"{parent}/shape{k}", vertices, faces, color=shape.colour, **placed)
 
-    def look(self) -> None:
+    def aim_camera(self) -> None:
         """Move the camera of every browser so that the whole arm is visible."""
         camera = self.server.initial_camera
         eye, at = self.reach * np.array([0.3, -2.0, 0.9]), self.reach * np.array([0.0, 0.0, 0.15])

@@ -67,7 +67,7 @@ class ViewPage:
             for slider, value in zip(self.sliders, self.start, strict=True):
                 slider.value = value
 
-        self.scene.look()
+        self.scene.aim_camera()
         self.frame()
 
     def _slider(self, i: int) -> Any:

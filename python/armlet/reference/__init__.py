@@ -35,7 +35,6 @@ from .pr import Pendulum, PlanarPR, pendulum, planar_pr
 from .priority import solve_priority
 from .profiles import bang_bang_time, minimum_jerk_time, trapezoid_time
 from .regulation import MotorPD, StateFeedback
-from .rest import Equilibrium, equilibrium
 from .rest_to_rest import point_to_point
 from .samples import sample_rows, window_rows
 from .samples import select as select_samples
@@ -43,6 +42,7 @@ from .sampling import Sampling, TorqueSensor
 from .saturation import velocity_bounds
 from .simulate import simulate
 from .slopes import forward_dynamics_derivatives, inverse_dynamics_derivatives, linearize
+from .static_equilibrium import Equilibrium, equilibrium
 from .stick_slip import StickSlip, stick_slip_run
 from .suggested_gains import SuggestedGains, suggest_gains
 from .tasks import AxisTask, CentreOfMassTask, JointLimitTask, PostureTask, RelativeTask, Task

@@ -66,12 +66,12 @@ def with_payload(arm: Arm, frame: str, mass: float, com: ArrayLike | None = None
 def locked(arm: Arm, joints: Mapping[str, float]) -> Arm:
     """A copy of the arm with joints locked at the positions `joints`, by name, rad or m. q has no entries for them."""
     pseudo = pseudo_inertia(arm.parameters.reshape(-1, 10))
-    kept = [k for k in range(arm.n) if arm.joint_names[k] not in joints]
+    remaining = [k for k in range(arm.n) if arm.joint_names[k] not in joints]
     carrier: list[tuple[int, Array]] = []  # for each old body: the new body of which it is a part, and its pose there
     places, parents, merged = [], [], []
     for k in range(arm.n):
         body, X = carrier[arm.parents[k]] if arm.parents[k] >= 0 else (-1, np.eye(4))
-        if k in kept:
+        if k in remaining:
             parents.append(body)
             places.append(X @ arm.places[k])
             merged.append(pseudo[k])
@@ -84,7 +84,7 @@ def locked(arm: Arm, joints: Mapping[str, float]) -> Arm:
     seat = [(-1, np.eye(4)), *carrier]
     frames = {name: (seat[body + 1][0], seat[body + 1][1] @ offset) for name, (body, offset) in arm.frames.items()}
     parameters = np.concatenate([parameters_of(P) for P in merged])
-    other = Arm(parents, places, [arm.twists[k] for k in kept], parameters, frames, arm.gravity_vector)
-    other.joint_names = tuple(arm.joint_names[k] for k in kept)
-    other.limits = {key: value[kept] for key, value in arm.limits.items()}
-    return other.with_drives(armature=arm.armature[kept], damping=arm.damping[kept], friction=arm.friction[kept])
+    other = Arm(parents, places, [arm.twists[k] for k in remaining], parameters, frames, arm.gravity_vector)
+    other.joint_names = tuple(arm.joint_names[k] for k in remaining)
+    other.limits = {key: value[remaining] for key, value in arm.limits.items()}
+    return other.with_drives(armature=arm.armature[remaining], damping=arm.damping[remaining], friction=arm.friction[remaining])

@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike
 from .impedance import ratio_damping
 from .lagrange import Analytic, Array, solve
 from .plant import ElasticArm
-from .rest import equilibrium
+from .static_equilibrium import equilibrium
 
 
 class ElasticLimits(NamedTuple):
@@ -138,12 +138,12 @@ def elastic_limits(
 
     The joint stiffness and the motor inertia of the law must be equal to the values of the plant.
     """
-    rest = equilibrium(plant, law, force, q0=q0, force_frame=force_frame)
+    found = equilibrium(plant, law, force, q0=q0, force_frame=force_frame)
     bandwidth = np.inf if sensor_bandwidth is None else sensor_bandwidth
     task = getattr(law, "coordinates", None)
-    J = np.eye(plant.arm.n) if task is None else task.jacobian(rest.q)
+    J = np.eye(plant.arm.n) if task is None else task.jacobian(found.q)
     stiffness, damping = (np.diag(J.T @ each @ J) for each in (law.stiffness, law.damping))
-    M, K, B = (np.diag(x) for x in (plant.arm.mass_matrix(rest.q), plant.stiffness, plant.motor_inertia))
+    M, K, B = (np.diag(x) for x in (plant.arm.mass_matrix(found.q), plant.stiffness, plant.motor_inertia))
     B0, D0 = np.diag(law.reduced_inertia), np.diag(law.motor_damping)
     least = None
     if sample_time is not None:
@@ -151,8 +151,8 @@ def elastic_limits(
         options = [{"damping_ratio": float(zeta), "sensor_bandwidth": bandwidth} for zeta in ratios]
         least = np.array([smallest_reduced_inertia(B[i], K[i], sample_time, **options[i]) for i in range(plant.arm.n)])
     largest = [stiffness_limit(M[i], K[i], B0[i], damping[i], motor_damping=D0[i]) for i in range(plant.arm.n)]
-    scale = _stiffness_scale(plant, law, force, force_frame, rest.q)
-    return ElasticLimits(largest_sample_time(plant, law, bandwidth), np.array(largest), stiffness, scale, rest.eigenvalues, least)
+    scale = _stiffness_scale(plant, law, force, force_frame, found.q)
+    return ElasticLimits(largest_sample_time(plant, law, bandwidth), np.array(largest), stiffness, scale, found.eigenvalues, least)
 
 
 def _stiffness_scale(plant: ElasticArm, law: Any, force: Any, force_frame: str | None, q: Array) -> float:

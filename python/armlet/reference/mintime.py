@@ -53,10 +53,10 @@ def quad(f: Callable[[Array], Array], low: float, high: float, tol: float = 1e-1
         half = 0.5 * (b - a)
         return float(half * (weights @ f(a + half * (nodes + 1.0))))
 
-    def refine(a: float, b: float, whole: float, left_depth: int) -> float:
+    def refine(a: float, b: float, coarse: float, left_depth: int) -> float:
         c = 0.5 * (a + b)
         left, right = rule(a, c), rule(c, b)
-        if left_depth == 0 or not np.isfinite(left + right) or abs(left + right - whole) <= tol * abs(total):
+        if left_depth == 0 or not np.isfinite(left + right) or abs(left + right - coarse) <= tol * abs(total):
             return left + right
         return refine(a, c, left, left_depth - 1) + refine(c, b, right, left_depth - 1)
 

@@ -155,8 +155,8 @@ def solve_priority(
     relative = 8 * EPS if rounding is None else rounding
     blocks, targets, _ = _problem(jacobians, velocities, 1.0)
     values, U = np.linalg.eigh(np.eye(blocks[0].shape[1]) if weight is None else np.asarray(weight, dtype=np.float64))
-    back: Array = np.eye(values.size) if weight is None else (U / np.sqrt(values)) @ U.T  # W^-1/2
-    scaled = [J @ back for J in blocks]
+    root: Array = np.eye(values.size) if weight is None else (U / np.sqrt(values)) @ U.T  # W^-1/2
+    scaled = [J @ root for J in blocks]
     if method == "exact":
         found = solve_exact(scaled, targets, relative)
     elif method in ("clamp", "damped"):
@@ -165,11 +165,11 @@ def solve_priority(
         found = solve_chiaverini(scaled, targets, eps, relative)
     elif method == "sns":
         lower, upper = _bounds(v_min, v_max, values.size)
-        v, ranks, scales = solve_saturated(scaled, targets, back, lower, upper, relative)
+        v, ranks, scales = solve_saturated(scaled, targets, root, lower, upper, relative)
         return _solution(v, blocks, targets, ranks, scales)
     else:
         raise ValueError(f"solve_priority: method is unknown: expected one of exact, clamp, damped, chiaverini, sns, got {method!r}")
-    return _solution(back @ found.v, blocks, targets, found.ranks)
+    return _solution(root @ found.v, blocks, targets, found.ranks)
 
 
 def _bounds(v_min: ArrayLike | None, v_max: ArrayLike | None, n: int) -> tuple[Array, Array]:

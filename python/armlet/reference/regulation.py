@@ -25,8 +25,8 @@ class MotorPD(Law):
     ) -> None:
         self.arm, self.target, self.online = arm, np.array(target, dtype=np.float64), online
         self.kp, self.kd, self.joint_stiffness = gain(kp, arm.n), gain(kd, arm.n), gain(joint_stiffness, arm.n)
-        self.rest = arm.gravity(self.target)
-        self.sag = solve(self.joint_stiffness, self.rest)
+        self.g_d = arm.gravity(self.target)
+        self.sag = solve(self.joint_stiffness, self.g_d)
 
     def terms(
         self, t: float, q: Array, v: Array, theta: Array | None = None, theta_dot: Array | None = None, state: Array | None = None
@@ -34,7 +34,7 @@ class MotorPD(Law):
         if theta is None or theta_dot is None:
             raise ValueError(f"{type(self).__name__}: theta and theta_dot are missing: the law belongs to an elastic arm")
         e = self.target + self.sag - theta
-        g = self.arm.gravity(theta - self.sag) if self.online else self.rest
+        g = self.arm.gravity(theta - self.sag) if self.online else self.g_d
         spring = self.joint_stiffness @ (theta - q)
         tau = self.kp @ e - self.kd @ theta_dot + g
         return {"tau": tau, "state_rate": np.zeros(0), "e": e, "theta_d": theta + e, "g": g, "tau_J": spring}
@@ -61,4 +61,4 @@ class StateFeedback(MotorPD):
     ) -> Terms:
         parts = super().terms(t, q, v, theta, theta_dot)
         spring_rate = self.joint_stiffness @ (np.asarray(theta_dot) - v)
-        return parts | {"tau": parts["tau"] + self.kt @ (self.rest - parts["tau_J"]) - self.ks @ spring_rate}
+        return parts | {"tau": parts["tau"] + self.kt @ (self.g_d - parts["tau_J"]) - self.ks @ spring_rate}

@@ -45,14 +45,14 @@ def _scales(va: Array, vb: Array, lower: Array, upper: Array, noise: float) -> t
 
 
 def _saturate(
-    J: Array, v: Array, x: Array, N: Array, rank: int, cut: float, back: Array, bounds: tuple[Array, Array]
+    J: Array, v: Array, x: Array, N: Array, rank: int, cut: float, root: Array, bounds: tuple[Array, Array]
 ) -> tuple[Array, float]:
     """The solution of one level within bounds, in the coordinates of the metric, and the scale of the level."""
     lower, upper = bounds
     fixed: list[tuple[int, float]] = []
     best, scale = x, -1.0
     while True:
-        rows = back[[joint for joint, _ in fixed]].reshape(-1, x.size)
+        rows = root[[joint for joint, _ in fixed]].reshape(-1, x.size)
         held = np.array([bound for _, bound in fixed])
         at = x + N @ (_inverse(rows @ N, len(fixed)) @ (held - rows @ x)) if fixed else x
         free = N @ _null_basis(rows @ N, len(fixed)) if fixed else N
@@ -60,16 +60,16 @@ def _saturate(
         if np.count_nonzero(np.linalg.svd(A, compute_uv=False) > cut) < rank:
             break
         G = free @ _inverse(A, rank)
-        va, vb = back @ (G @ v), back @ (at - G @ (J @ at))
+        va, vb = root @ (G @ v), root @ (at - G @ (J @ at))
         noise = NOISE * float(np.abs(va).max() + np.abs(vb).max())
         least, most = _scales(va, vb, lower, upper, noise)
         loose = [j for j in range(x.size) if j not in dict(fixed)]
         high = min([1.0, *most[loose]])
         if high >= 0.0 and high > scale:
-            speed = back @ (at + G @ (high * v - J @ at))
+            speed = root @ (at + G @ (high * v - J @ at))
             edge = np.clip(noise, *np.abs(speed).max() * EDGES)
             if np.all((speed >= lower - edge) & (speed <= upper + edge)):
-                best, scale = np.linalg.solve(back, np.clip(speed, lower, upper)), high
+                best, scale = np.linalg.solve(root, np.clip(speed, lower, upper)), high
         violating = [j for j in loose if least[j] > 1.0 or most[j] < 1.0]
         if not violating or free.shape[1] == 0:
             break
@@ -77,31 +77,31 @@ def _saturate(
         alike = [j for j in violating if most[j] == tightest or most[j] - tightest <= ALIKE * abs(tightest)]
         joint = max(alike, key=lambda j: abs(va[j]))
         bound = float(upper[joint] if va[joint] + vb[joint] > upper[joint] else lower[joint])
-        if not np.isfinite(bound) or np.linalg.norm(back[joint] @ free) <= MOBILE * np.linalg.norm(back[joint]):
+        if not np.isfinite(bound) or np.linalg.norm(root[joint] @ free) <= MOBILE * np.linalg.norm(root[joint]):
             break
         fixed.append((joint, bound))
     return best, max(scale, 0.0)
 
 
 def solve_saturated(
-    blocks: list[Array], targets: list[Array], back: Array, lower: Array, upper: Array, rounding: float
+    blocks: list[Array], targets: list[Array], root: Array, lower: Array, upper: Array, rounding: float
 ) -> tuple[Array, list[int], Array]:
     """The joint velocities within the bounds `lower` and `upper`, (n,), and the ranks and the scales of all levels.
 
-    `blocks` are the Jacobians in the coordinates of the metric, and `targets` the task velocities. The matrix `back`, (n, n), converts
+    `blocks` are the Jacobians in the coordinates of the metric, and `targets` the task velocities. The matrix `root`, (n, n), converts
     these coordinates to joint velocities.
     """
     ranks = projected_ranks(blocks, rounding)
-    x = np.linalg.solve(back, np.clip(0.0, lower, upper))
+    x = np.linalg.solve(root, np.clip(0.0, lower, upper))
     scales, condition = [], 1.0
     for level, (J, v) in enumerate(zip(blocks, targets, strict=True)):
         N = _null_basis(_above(blocks, level), sum(ranks[:level]))
         cut = rounding * float(np.linalg.norm(J, 2)) * condition
-        x, scale = _saturate(J, v, x, N, ranks[level], cut, back, (lower, upper))
+        x, scale = _saturate(J, v, x, N, ranks[level], cut, root, (lower, upper))
         scales.append(scale)
         if ranks[level]:
             condition *= float(np.linalg.norm(J, 2) / np.linalg.svd(J @ N, compute_uv=False)[ranks[level] - 1])
-    return np.clip(back @ x, lower, upper), ranks, np.array(scales)
+    return np.clip(root @ x, lower, upper), ranks, np.array(scales)
 
 
 def _fastest(d: float, dt: float, a: float) -> float:

@@ -169,19 +169,19 @@ def sweep(
     >>> table["law.kd"], table["settling_time"].round(2)
     (array([10., 15., 20., 10., 15., 20.]), array([0.84, 0.92, 1.4 , 0.81, 0.58, 0.58]))
     """
-    whole = scenario if isinstance(scenario, Scenario) else Scenario.load(scenario)
-    stated = whole.data.get("sweep", {})
-    cells = cells_of(whole, vary, draws, seed)
+    base = scenario if isinstance(scenario, Scenario) else Scenario.load(scenario)
+    stated = base.data.get("sweep", {})
+    cells = cells_of(base, vary, draws, seed)
     given = stated.get("chunk") if chunk is None else chunk
-    chunk = _chunk_size(whole.data["run"]) if given is None else integer("sweep", "chunk", given, 1)
+    chunk = _chunk_size(base.data["run"]) if given is None else integer("sweep", "chunk", given, 1)
     if executor is not None and not callable(getattr(executor, "submit", None)):
         raise InputError(f"sweep: executor is of the wrong type: expected an Executor of concurrent.futures or None, got {shown(executor)}")
     report = reporter("sweep", progress, "cells")
     if threads is not None:
         threads = integer("sweep", "threads", threads, 1)
     folder = None if out is None else file_path("sweep", out, "out")
-    metrics = metrics_arguments("sweep", metrics, whole)
-    bare = Scenario({name: table for name, table in whole.standalone().data.items() if name != "sweep"}, whole.folder, whole.name)
+    metrics = metrics_arguments("sweep", metrics, base)
+    bare = Scenario({name: table for name, table in base.standalone().data.items() if name != "sweep"}, base.folder, base.name)
     rehearse(bare, cells)
     store = None
     if folder is not None:
@@ -191,12 +191,12 @@ def sweep(
     done: dict[int, Columns] = {}
     missing = []
     for start in range(0, len(cells), chunk):
-        kept = store.read(start, min(start + chunk, len(cells))) if store else None
-        if kept is None:
+        stored = store.read(start, min(start + chunk, len(cells))) if store else None
+        if stored is None:
             missing.append(start)
         else:
-            done[start] = kept
-    finished = sum(len(kept["cell"]) for kept in done.values())
+            done[start] = stored
+    finished = sum(len(stored["cell"]) for stored in done.values())
     if isinstance(report, Progress):
         report.start(finished)
     each = threads if executor is None else threads or 1

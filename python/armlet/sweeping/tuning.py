@@ -159,8 +159,8 @@ def tune(
     True
     """
     optimize = _scipy()
-    whole = scenario if isinstance(scenario, Scenario) else Scenario.load(scenario)
-    bare = Scenario({name: table for name, table in whole.data.items() if name != "sweep"}, whole.folder, whole.name)
+    base = scenario if isinstance(scenario, Scenario) else Scenario.load(scenario)
+    bare = Scenario({name: table for name, table in base.data.items() if name != "sweep"}, base.folder, base.name)
     candidates, generations = integer("tune", "candidates", candidates, 5), integer("tune", "generations", generations, 0, MOST)
     choice("tune", "by", by, ("worst", "mean"))
     choice("tune", "method", method, ("differential_evolution", "gradient"))
@@ -171,7 +171,7 @@ def tune(
     tolerance = (1e-6 if method == "gradient" else 0.01) if tolerance is None else number("tune", "tolerance", tolerance)
     if not isinstance(cost, str) and not callable(cost) and not (method == "gradient" and isinstance(cost, Mapping)):
         raise InputError(f"tune: cost is of the wrong type: expected the name of a metric or a function, got {shown(cost)}")
-    metrics = metrics_arguments("tune", metrics, whole)
+    metrics = metrics_arguments("tune", metrics, base)
     listener = _listener(progress, generations)
     space = _ranges(vary, seed)
     conditions = _conditions(over, seed, candidates)
@@ -179,7 +179,7 @@ def tune(
         if metrics:
             raise InputError(f"tune: {next(iter(metrics))} is not used: expected no arguments of armlet.metrics with gradients")
         search = Descent(bare, space, conditions, cost, by == "worst", FAILED)
-        return _descended(optimize, whole, search, (starts, generations, tolerance, seed), _listener(progress, starts * generations))
+        return _descended(optimize, base, search, (starts, generations, tolerance, seed), _listener(progress, starts * generations))
     assert not isinstance(cost, Mapping), "a table of terms requires the gradient method"
     tried: list[dict[str, Any]] = []
     paid: list[Array] = []
@@ -214,7 +214,7 @@ def tune(
     least = int(np.argmin(table["cost"]))
     costs = np.minimum.accumulate([generation.min() for generation in paid])
     best, runs = tried[least], len(tried) * len(conditions)
-    return Tuning(best, float(table["cost"][least]), whole.replace(best), costs, table, runs, bool(result.success))
+    return Tuning(best, float(table["cost"][least]), base.replace(best), costs, table, runs, bool(result.success))
 
 
 def _evolved(
@@ -244,7 +244,7 @@ def _evolved(
 
 
 def _descended(
-    optimize: Any, whole: Scenario, search: Descent, how: tuple[int, int, float, int], listener: Callable[[int, float], object]
+    optimize: Any, base: Scenario, search: Descent, how: tuple[int, int, float, int], listener: Callable[[int, float], object]
 ) -> Tuning:
     """Search by gradients from several starts, and return the result."""
     starts, steps, tolerance, seed = how
@@ -260,7 +260,7 @@ def _descended(
     least = int(np.argmin(search.paid))
     best, runs = search.tried[least], len(search.tried) * len(search.conditions)
     costs.append(search.paid[least])
-    return Tuning(best, search.paid[least], whole.replace(best), np.array(costs), table, runs, all(ended), "gradient")
+    return Tuning(best, search.paid[least], base.replace(best), np.array(costs), table, runs, all(ended), "gradient")
 
 
 def _scipy() -> Any:

@@ -57,7 +57,7 @@ class _Work:
     def __init__(self, chunks: Iterator[Chunk], executor: Executor) -> None:
         self.chunks, self.executor, self.name = chunks, executor, uuid4().hex
         self.lanes: _Lanes | None = None
-        self.again: deque[Chunk] = deque()
+        self.resubmitted: deque[Chunk] = deque()
         self.waiting: dict[Future[Columns | None], Chunk] = {}
         self.lost: Counter[tuple[int, int]] = Counter()
         self.blamed: Counter[tuple[int, int]] = Counter()
@@ -79,7 +79,7 @@ class _Work:
     def _submit(self) -> bool:
         """Submit chunks up to the limit of the executor. Return whether any submitted chunk is not finished."""
         while len(self.waiting) < (self.lanes.free() + len(self.waiting) if self.lanes else AHEAD):
-            chunk = self.again.popleft() if self.again else next(self.chunks, None)
+            chunk = self.resubmitted.popleft() if self.resubmitted else next(self.chunks, None)
             if chunk is None:
                 break
             key = (chunk.start, chunk.stop)
@@ -89,7 +89,7 @@ class _Work:
             try:
                 future = self.lanes.submit(job) if self.lanes else self.executor.submit(job)
             except BrokenExecutor as error:
-                self.again.appendleft(chunk)
+                self.resubmitted.appendleft(chunk)
                 self._renew(error)
                 continue
             self.waiting[future] = chunk
@@ -112,7 +112,7 @@ class _Work:
             self.blamed[key] += 1
             if self.blamed[key] > BLAMED:
                 raise BrokenExecutor(str(error)) from error
-            self.again.append(chunk)
+            self.resubmitted.append(chunk)
             return
         else:
             if self.lanes:
@@ -122,14 +122,14 @@ class _Work:
                 return
             self.lost[key] = TRIES if len(chunk) == 1 else TRIES - 1
         if self.lost[key] < (TRIES if len(chunk) == 1 else TRIES - 1):
-            self.again.append(chunk)
+            self.resubmitted.append(chunk)
         elif len(chunk) == 1:
             yield from self._finished(chunk, chunk.failed(DIED))
         else:
             self.parts[chunk.start] = chunk, {}
             for single in chunk.singles():
                 self.lost[single.start, single.stop] = self.lost[key]
-                self.again.append(single)
+                self.resubmitted.append(single)
 
     def _finished(self, chunk: Chunk, found: Columns) -> Iterator[tuple[int, Columns]]:
         whole = next((start for start, (each, _) in self.parts.items() if each.start <= chunk.start < each.stop), None)

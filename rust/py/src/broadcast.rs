@@ -14,7 +14,7 @@ use std::borrow::Cow;
 use std::ops::Range;
 
 /// The number of rows that are copied between two checks for Ctrl-C.
-pub const LOOK: usize = 1 << 12;
+pub const CHECK_PERIOD: usize = 1 << 12;
 
 /// `K` vector arguments of a function, broadcast over their leading axes. A *row* is one vector of each.
 pub struct Broadcast<'a, const K: usize> {
@@ -130,7 +130,7 @@ pub fn stretch(from: &[usize], to: &[usize], data: &[f64], width: usize) -> Core
     out.try_reserve_exact(count.saturating_mul(width)).map_err(|_| Error::Memory { bytes })?;
     let mut index = vec![0; to.len()];
     for i in 0..count {
-        if i % LOOK == 0 {
+        if i % CHECK_PERIOD == 0 {
             interrupt::check();
         }
         let row = from.iter().zip(&index[skip..]).fold(0, |row, (&n, &i)| row * n + if n == 1 { 0 } else { i });

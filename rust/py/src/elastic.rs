@@ -3,7 +3,7 @@
 
 use crate::arguments::require_partner;
 use crate::arrays::{ArrayArgument, copied, new_array, number, object, optional_number, vector};
-use crate::broadcast::{LOOK, columns};
+use crate::broadcast::{CHECK_PERIOD, columns};
 use crate::errors::{Failure, input_error};
 use crate::force::{self, Raised, force_frame};
 use crate::interrupts::long;
@@ -138,9 +138,9 @@ pub fn elastic_limits<'py>(
 /// Refuse NaN. Infinity is accepted, because it means that there is no limit.
 fn require_no_nan(py: Python<'_>, function: &str, name: &str, _: &[usize], values: &[f64]) -> Result<(), Failure> {
     let place = long(py, || {
-        Ok(values.chunks(LOOK).enumerate().find_map(|(piece, values)| {
+        Ok(values.chunks(CHECK_PERIOD).enumerate().find_map(|(piece, values)| {
             interrupt::check();
-            values.iter().position(|x| x.is_nan()).map(|k| piece * LOOK + k)
+            values.iter().position(|x| x.is_nan()).map(|k| piece * CHECK_PERIOD + k)
         }))
     })?;
     let refuse = |k| input_error(py, function, name, format!("is not a number: expected numbers, got NaN (first bad index {k})"));

@@ -126,7 +126,7 @@ pub fn simulate<'py>(options: &Bound<'py, PyDict>) -> Result<Bound<'py, PyDict>,
 pub fn simulate_batch<'py>(options: &Bound<'py, PyDict>) -> Result<Bound<'py, PyDict>, Failure> {
     let loops = Loops::of(NAME, plant, law, options)?;
     let (given, n) = (&loops.given, loops.plant().n());
-    let keep = match text(NAME, "keep", &given.required("keep")?)?.as_str() {
+    let records = match text(NAME, "keep", &given.required("keep")?)?.as_str() {
         "all" => Keep::All,
         "final" => Keep::Final,
         "metrics" => Keep::Metrics(given.measures(n)?),
@@ -151,7 +151,7 @@ pub fn simulate_batch<'py>(options: &Bound<'py, PyDict>) -> Result<Bound<'py, Py
             problem.require_same_monitors()?;
         }
         given.limit_check()?.problem(py, NAME, &problem, true)?;
-        Ok((long(py, || core::simulate_batch(problem, keep, threads, &mut signalled))?, rows, p))
+        Ok((long(py, || core::simulate_batch(problem, records, threads, &mut signalled))?, rows, p))
     })?;
     let k = batch.t.len();
     let fields = PyDict::new(py);

@@ -50,17 +50,17 @@ class MinimumTime(System):
         # Gravity is along x. So the joint angle, measured from x, is the angle from the downward vertical.
         self.arm = al.planar_arm([LENGTH], masses=[MASS], coms=[LENGTH / 2], inertias=[INERTIA], gravity=(GRAVITY, 0.0))
         self.shapes = planar_links(self.arm, [LENGTH], 0.025)
-        self.forget()
+        self.reset()
 
-    def forget(self) -> None:
+    def reset(self) -> None:
         self.begin, self.duration = 0.0, 0.0
         self.plan: al.TorqueOptimum | None = None
-        self.rest = float(self.q0[0])  # angle at which the plan ends, rad
+        self.q_end = float(self.q0[0])  # angle at which the plan ends, rad
         self.wanted: tuple[float, float] | None = None  # goal and limit of the last plan
         self.note = ""
 
     def start(self) -> State:
-        self.forget()
+        self.reset()
         return super().start()
 
     @staticmethod
@@ -72,31 +72,31 @@ class MinimumTime(System):
 
     def due(self, state: State, values: Values, targets: Targets) -> bool:
         """Whether a new goal or limit requires a plan, and the link is at rest at the end of the last plan."""
-        if self.wanted == (self.goal(targets, self.rest), number(values, "tau_max")):
+        if self.wanted == (self.goal(targets, self.q_end), number(values, "tau_max")):
             return False
-        return state.t >= self.begin + self.duration and abs(state.v[0]) < SLOW and abs(state.q[0] - self.rest) < SLOW
+        return state.t >= self.begin + self.duration and abs(state.v[0]) < SLOW and abs(state.q[0] - self.q_end) < SLOW
 
     def replan(self, values: Values, targets: Targets, state: State) -> None:
         """Plan a motion to the target within the torque limit, from the present rest angle."""
-        goal, limit = self.goal(targets, self.rest), number(values, "tau_max")
+        goal, limit = self.goal(targets, self.q_end), number(values, "tau_max")
         self.wanted = (goal, limit)
-        if goal == self.rest:
+        if goal == self.q_end:
             return
-        plan = al.torque_optimal_time(self.rest, goal, TOTAL, MOMENT, limit)
+        plan = al.torque_optimal_time(self.q_end, goal, TOTAL, MOMENT, limit)
         if plan.best.kind == "none found":
             self.note = f"no way to {goal:.2f} rad: {plan.reason}"
             return
         kind = "certified optimal" if plan.certified_global else "best of its families"
         self.note = f"{plan.best.kind}, {plan.best.t:.3f} s, {kind}"
-        if max(abs(math.sin(self.rest)), abs(math.sin(goal))) * MOMENT > limit:
+        if max(abs(math.sin(self.q_end)), abs(math.sin(goal))) * MOMENT > limit:
             self.note += "; the limit cannot hold an end"
-        self.plan, self.begin, self.duration, self.rest = plan, state.t, plan.best.t, goal
+        self.plan, self.begin, self.duration, self.q_end = plan, state.t, plan.best.t, goal
 
     def motion(self, t: float) -> al.Motion:
         """The plan for a loop that starts at time `t`, s. After its end it holds its last angle."""
         left = self.begin + self.duration - t
         if self.plan is None or left <= 0.0:
-            return al.Hold([self.rest])
+            return al.Hold([self.q_end])
         # `profile` is constant after the plan's end, and `Table` is constant after its last row.
         q, v, a, _ = self.plan.profile(np.arange(t - self.begin, self.duration + 2 * DT, DT))
         return al.Table(DT, q[:, None], v[:, None], a[:, None])
@@ -104,7 +104,7 @@ class MinimumTime(System):
     def planned(self, t: float) -> tuple[float, float]:
         """Angle, rad, and speed, rad/s, of the plan at time `t`, s."""
         if self.plan is None or t >= self.begin + self.duration:
-            return self.rest, 0.0
+            return self.q_end, 0.0
         q, v, _, _ = self.plan.profile(t - self.begin)
         return q, v
 
@@ -119,7 +119,7 @@ class MinimumTime(System):
     def sample(self, sim: al.Simulator, state: State, values: Values, targets: Targets) -> list[list[float]]:
         q, v = self.planned(state.t)
         limit = number(values, "tau_max")
-        return [[sim.q[0], self.goal(targets, self.rest), q], [sim.tau[0], limit, -limit], [sim.v[0], v]]
+        return [[sim.q[0], self.goal(targets, self.q_end), q], [sim.tau[0], limit, -limit], [sim.v[0], v]]
 
     def desired(self, t: float, values: Values, targets: Targets) -> Array | None:
         return np.asarray(self.arm.position([self.planned(t)[0]], "link1"))

@@ -62,9 +62,9 @@ class Observer(System):
         self.targets = {}
         self.shapes = read_shapes(source, self.arm, ()).shapes
         self.inertia = np.diag(self.arm.mass_matrix(START)).copy()
-        self.forget()
+        self.reset()
 
-    def forget(self) -> None:
+    def reset(self) -> None:
         self.observer: al.MomentumObserver | None = None
         self.guarded: al.Guarded | None = None
         self.gain = 0.0
@@ -72,7 +72,7 @@ class Observer(System):
         self.note = ""
 
     def start(self) -> State:
-        self.forget()
+        self.reset()
         return super().start()
 
     def law(self, values: Values) -> al.PDGravity | al.Guarded:

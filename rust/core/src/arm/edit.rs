@@ -102,43 +102,43 @@ impl Arm {
         };
         let (root, tip) = (find("root", root)?, find("tip", tip)?);
         let base = root.and_then(|f| self.frames[f].body);
-        let back = root.map_or(Placement::IDENTITY, |f| self.frames[f].placement.inverse());
+        let from_base = root.map_or(Placement::IDENTITY, |f| self.frames[f].placement.inverse());
         // The bodies below `root`. One pass is sufficient, because parents precede children.
         let mut below = vec![false; self.joints.len()];
         for (i, joint) in self.joints.iter().enumerate() {
             below[i] = joint.parent == base || joint.parent.is_some_and(|p| below[p]);
         }
-        let mut kept = below.clone();
+        let mut selected = below.clone();
         if let Some(tip) = tip {
-            kept = vec![false; self.joints.len()];
+            selected = vec![false; self.joints.len()];
             let mut body = self.frames[tip].body;
             while body != base {
                 let Some(b) = body.filter(|&b| below[b]) else {
                     return Err(Error::input("tip", format!("is not moved by joints after the root: got {}", self.frames[tip].name)));
                 };
-                kept[b] = true;
+                selected[b] = true;
                 body = self.joints[b].parent;
             }
         }
         let gravity = root.map_or(self.gravity, |f| self.gravity_in(f));
         let mut arm = Arm { joints: Vec::new(), frames: Vec::new(), mimics: Vec::new(), gravity, ..self.clone() };
         let mut index = vec![None; self.joints.len()];
-        for (i, joint) in self.joints.iter().enumerate().filter(|(i, _)| kept[*i]) {
+        for (i, joint) in self.joints.iter().enumerate().filter(|(i, _)| selected[*i]) {
             index[i] = Some(arm.joints.len());
             let on_base = joint.parent == base;
-            let placement = if on_base { back.then(&joint.placement) } else { joint.placement };
+            let placement = if on_base { from_base.then(&joint.placement) } else { joint.placement };
             let parent = if on_base { None } else { joint.parent.and_then(|p| index[p]) };
             arm.joints.push(super::Joint { parent, placement, ..joint.clone() });
         }
         for frame in &self.frames {
             match frame.body {
-                body if body == base => arm.frames.push(Frame { body: None, placement: back.then(&frame.placement), ..frame.clone() }),
-                Some(b) if kept[b] => arm.frames.push(Frame { body: index[b], ..frame.clone() }),
+                body if body == base => arm.frames.push(Frame { body: None, placement: from_base.then(&frame.placement), ..frame.clone() }),
+                Some(b) if selected[b] => arm.frames.push(Frame { body: index[b], ..frame.clone() }),
                 _ => {}
             }
         }
         self.mimics_of(&mut arm, |i| index[i])?;
-        let gone: Vec<&str> = (0..self.joints.len()).filter(|&i| !kept[i]).map(|i| self.joints[i].name.as_str()).collect();
+        let gone: Vec<&str> = (0..self.joints.len()).filter(|&i| !selected[i]).map(|i| self.joints[i].name.as_str()).collect();
         if !gone.is_empty() {
             arm.report.push(format!("dropped: joints outside the sub-chain, and what they carry: {}", listed(&gone)));
         }
@@ -166,7 +166,7 @@ impl Arm {
             let (Mimic { multiplier, offset, .. }, of) = (*mimic, &self.joints[mimic.leader]);
             Leader { at: index(mimic.leader), name: of.name.clone(), moved: of.moved(), multiplier, offset }
         };
-        let kept: Vec<(usize, Leader)> = self.mimics.iter().filter_map(|mimic| Some((index(mimic.joint)?, leader(mimic)))).collect();
-        part.set_mimics(kept)
+        let mimics: Vec<(usize, Leader)> = self.mimics.iter().filter_map(|mimic| Some((index(mimic.joint)?, leader(mimic)))).collect();
+        part.set_mimics(mimics)
     }
 }

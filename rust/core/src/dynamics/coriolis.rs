@@ -74,11 +74,11 @@ pub fn coriolis_matrix<S: Real>(tree: &Tree<S>, ws: &mut Workspace<S>, trig: &[(
     for j in (0..n).rev() {
         interrupt::check_at_row(j);
         let body = &tree.bodies[j];
-        let mut whole = composites[j];
+        let mut composite = composites[j];
         if carried_to == j {
-            whole = whole.plus(&carried);
+            composite = composite.plus(&carried);
         }
-        let Composite { inertia: Inertia { mass, moment, inertia }, momentum, k } = whole;
+        let Composite { inertia: Inertia { mass, moment, inertia }, momentum, k } = composite;
         let me = columns[j];
         let origin = poses[j].origin;
         let z = poses[j].z();
@@ -109,7 +109,7 @@ pub fn coriolis_matrix<S: Real>(tree: &Tree<S>, ws: &mut Workspace<S>, trig: &[(
         }
         let p = origin - poses[body.parent].origin;
         let d = me.velocity - columns[body.parent].velocity;
-        let moved = whole.inertia.shifted(p);
+        let moved = composite.inertia.shifted(p);
         let [hx, hy, hz] = moved.moment.array();
         let k = Matrix3::from_columns(&[
             d.scale_add(hx, momentum.scale_add(p[0], k.axis(0))),

@@ -95,14 +95,14 @@ pub(super) fn mass_matrix_entries<S: Real>(
     for i in (0..n).rev() {
         interrupt::check_at_row(i);
         let body = &bodies[i];
-        let whole = if body.end == i + 1 {
+        let moments_of_subtree = if body.end == i + 1 {
             Moments::of(body)
         } else if next_at == i {
             next
         } else {
             moments[i]
         };
-        let Moments { mass, first, second: Sym3([xx, _, yy, xz, yz, _]) } = whole;
+        let Moments { mass, first, second: Sym3([xx, _, yy, xz, yz, _]) } = moments_of_subtree;
         let [hx, hy, _] = first.array();
         let zero = S::zero();
         let (linear, angular, own) = if body.revolute {
@@ -141,8 +141,8 @@ pub(super) fn mass_matrix_entries<S: Real>(
             Some(QuarterTurn::X270) => Some(QuarterTurn::X270),
             quarter => quarter
         );
-        let [first] = to_parent(body, e, trig[i], [whole.first]);
-        let mut moved = Moments { mass, first, second: congruence(body, e, trig[i], whole.second) };
+        let [first] = to_parent(body, e, trig[i], [moments_of_subtree.first]);
+        let mut moved = Moments { mass, first, second: congruence(body, e, trig[i], moments_of_subtree.second) };
         if !body.concentric {
             moved = moved.shifted(p);
         }

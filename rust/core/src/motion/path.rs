@@ -209,28 +209,28 @@ impl Path {
         if !total.is_finite() {
             return Err(Error::input("path", format!("is too large: expected waypoints whose distances add up, got up to {largest:e}")));
         }
-        let (mut kept, mut knot): (Vec<usize>, Vec<usize>) = (vec![0], vec![0]);
+        let (mut distinct, mut knot): (Vec<usize>, Vec<usize>) = (vec![0], vec![0]);
         for k in 1..count {
-            if distance(kept[kept.len() - 1], k) > SAME * total {
-                kept.push(k);
-            } else if k == count - 1 && kept.len() > 1 {
+            if distance(distinct[distinct.len() - 1], k) > SAME * total {
+                distinct.push(k);
+            } else if k == count - 1 && distinct.len() > 1 {
                 // The last waypoint replaces the previous one, so that the end is exact.
-                let last = kept.len() - 1;
-                kept[last] = k;
+                let last = distinct.len() - 1;
+                distinct[last] = k;
             }
-            knot.push(kept.len() - 1);
+            knot.push(distinct.len() - 1);
         }
-        if kept.len() == 1 {
+        if distinct.len() == 1 {
             let still: Vec<f64> = row(0).iter().chain(row(0)).copied().collect();
             return Ok((Path::spline(&[0.0, 1.0], &still, n, Ends::Natural)?, knot));
         }
-        let mut at = vec![0.0; kept.len()];
-        for k in 1..kept.len() {
-            at[k] = at[k - 1] + distance(kept[k - 1], kept[k]);
+        let mut at = vec![0.0; distinct.len()];
+        for k in 1..distinct.len() {
+            at[k] = at[k - 1] + distance(distinct[k - 1], distinct[k]);
         }
         let length = at[at.len() - 1];
         at.iter_mut().for_each(|s| *s /= length);
-        let chosen: Vec<f64> = kept.iter().flat_map(|&k| row(k)).copied().collect();
+        let chosen: Vec<f64> = distinct.iter().flat_map(|&k| row(k)).copied().collect();
         Ok((Path::spline(&at, &chosen, n, ends)?, knot))
     }
 

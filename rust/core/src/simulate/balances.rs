@@ -42,11 +42,11 @@ pub fn open<'a>(series: impl Fn(&str) -> Option<&'a [f64]>) -> [f64; 4] {
 fn largest(count: usize, number: impl Fn(usize) -> f64) -> f64 {
     // Eight independent maxima are faster than one chain of comparisons.
     let mut most = [0.0f64; 8];
-    let whole = count / 8 * 8;
-    let keep = |most: &mut f64, x: f64| *most = if *most < x { x } else { *most };
-    for i in (0..whole).step_by(8) {
-        most.iter_mut().enumerate().for_each(|(k, most)| keep(most, number(i + k)));
+    let in_blocks = count / 8 * 8;
+    let increase = |most: &mut f64, x: f64| *most = if *most < x { x } else { *most };
+    for i in (0..in_blocks).step_by(8) {
+        most.iter_mut().enumerate().for_each(|(k, most)| increase(most, number(i + k)));
     }
-    (whole..count).for_each(|i| keep(&mut most[i - whole], number(i)));
+    (in_blocks..count).for_each(|i| increase(&mut most[i - in_blocks], number(i)));
     most.into_iter().fold(0.0, f64::max)
 }

@@ -200,15 +200,15 @@ impl Assemble for Assembler {
         self.bytes.len()
     }
 
-    fn again(&mut self, start: usize, advance: u32) {
+    fn repeat_from(&mut self, start: usize, advance: u32) {
         // add x2, x2, #high, lsl #12; add x2, x2, #low; subs x3, x3, #1; b.ne start
         debug_assert!(advance < 1 << 24);
         self.push(0x9140_0042 | advance >> 12 << 10);
         self.push(0x9100_0042 | (advance & 0xFFF) << 10);
         self.push(0xF100_0463);
-        let back = (start as i32 - self.bytes.len() as i32) / 4;
-        debug_assert!(back >= -(1 << 18));
-        self.push(0x5400_0001 | (back as u32 & 0x7_FFFF) << 5);
+        let offset = (start as i32 - self.bytes.len() as i32) / 4;
+        debug_assert!(offset >= -(1 << 18));
+        self.push(0x5400_0001 | (offset as u32 & 0x7_FFFF) << 5);
     }
 
     fn leave(&mut self, _: CallingConvention) {
@@ -273,9 +273,9 @@ impl Assembler {
             let [low, high] = [offset as u32 & 0xFFFF, offset as u32 >> 16];
             // movz sets the low 16 bits of the register and clears the rest. movn sets the low 16 bits and fills the rest with ones. movk
             // sets only bits 16 to 31.
-            let (start, rest) = if offset < 0 { (0x9280_0000 | (!low & 0xFFFF) << 5, 0xFFFF) } else { (0xD280_0000 | low << 5, 0) };
+            let (start, sign_bits) = if offset < 0 { (0x9280_0000 | (!low & 0xFFFF) << 5, 0xFFFF) } else { (0xD280_0000 | low << 5, 0) };
             self.word(start, OFFSET, 0, 0);
-            if high != rest {
+            if high != sign_bits {
                 self.word(0xF2A0_0000 | high << 5, OFFSET, 0, 0);
             }
             self.word(access.register, register, base, OFFSET);

@@ -234,7 +234,7 @@ fn encoded() -> (Vec<String>, Vec<u8>) {
     let leave = ["ldp d14, d15, [sp, #48]", "ldp d12, d13, [sp, #32]", "ldp d10, d11, [sp, #16]", "ldp d8, d9, [sp], #64", "ret"];
     lines.extend(["add x2, x2, #2, lsl #12", "add x2, x2, #128", "subs x3, x3, #1", "b.ne .-12"].map(String::from));
     lines.extend([&enter[..], &leave].concat().into_iter().map(String::from));
-    bytes.extend(assembled(forms()[0], |code| code.again(0, 2 * 4096 + 128)));
+    bytes.extend(assembled(forms()[0], |code| code.repeat_from(0, 2 * 4096 + 128)));
     bytes.extend(assembled(forms()[0], |code| {
         code.enter(CallingConvention::SystemV);
         code.leave(CallingConvention::SystemV);

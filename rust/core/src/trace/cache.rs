@@ -5,7 +5,7 @@ use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, TryLockError};
 
 /// The maximum number of entries in a cache.
-pub const KEPT: usize = 64;
+pub const CAPACITY: usize = 64;
 
 /// Return the content of a lock, or `None` if another thread holds the lock. The function never waits. In a forked process, the lock may
 /// remain locked for ever, because another thread of the parent process held it during the fork.
@@ -36,17 +36,17 @@ impl<T: Clone> Cache<T> {
         recent(&mut *free(&self.0)?, is)
     }
 
-    /// Store an entry. Remove the least recently used entries until at most [`KEPT`] remain and `fits` is true, or until none remains. If
-    /// another thread holds the lock, nothing is stored.
-    pub fn keep(&self, entry: T, fits: impl Fn(&VecDeque<T>) -> bool) {
+    /// Store an entry. Remove the least recently used entries until at most [`CAPACITY`] remain and `fits` is true, or until none remains.
+    /// If another thread holds the lock, nothing is stored.
+    pub fn store(&self, entry: T, fits: impl Fn(&VecDeque<T>) -> bool) {
         if let Some(mut entries) = free(&self.0) {
             add(&mut entries, entry, fits);
         }
     }
 
-    /// Return the matching entry. If no entry matches, store the entry that `make` returns, with the limits of [`Cache::keep`]. This
+    /// Return the matching entry. If no entry matches, store the entry that `make` returns, with the limits of [`Cache::store`]. This
     /// function waits for the lock. So use it only for a cache that belongs to one call and ends with this call.
-    pub fn find_or_keep(&self, is: impl Fn(&T) -> bool, make: impl FnOnce() -> T, fits: impl Fn(&VecDeque<T>) -> bool) -> T {
+    pub fn find_or_store(&self, is: impl Fn(&T) -> bool, make: impl FnOnce() -> T, fits: impl Fn(&VecDeque<T>) -> bool) -> T {
         let mut entries = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         recent(&mut entries, is).unwrap_or_else(|| {
             let entry = make();
@@ -96,10 +96,10 @@ fn recent<T: Clone>(entries: &mut VecDeque<T>, is: impl Fn(&T) -> bool) -> Optio
     Some(entry)
 }
 
-/// Add an entry. Remove the least recently used entries until at most [`KEPT`] remain and `fits` is true, or until none remains.
+/// Add an entry. Remove the least recently used entries until at most [`CAPACITY`] remain and `fits` is true, or until none remains.
 fn add<T>(entries: &mut VecDeque<T>, entry: T, fits: impl Fn(&VecDeque<T>) -> bool) {
     entries.push_back(entry);
-    while entries.len() > KEPT || !entries.is_empty() && !fits(entries) {
+    while entries.len() > CAPACITY || !entries.is_empty() && !fits(entries) {
         entries.pop_front();
     }
 }
@@ -116,15 +116,15 @@ mod tests {
             made.set(made.get() + 1);
             (k, made.get())
         };
-        let find = |k: usize| cache.find_or_keep(|&(known, _)| known == k, || make(k), |_| true).1;
+        let find = |k: usize| cache.find_or_store(|&(known, _)| known == k, || make(k), |_| true).1;
         assert_eq!(find(0), find(0), "the second call finds the entry");
-        assert_eq!((1..KEPT).map(find).max(), Some(KEPT), "each other entry is made");
+        assert_eq!((1..CAPACITY).map(find).max(), Some(CAPACITY), "each other entry is made");
         find(0);
-        find(KEPT);
-        assert_eq!(cache.count(), KEPT);
+        find(CAPACITY);
+        assert_eq!(cache.count(), CAPACITY);
         assert!(cache.find(|&(known, _)| known == 0).is_some(), "it was used later than entry 1");
         assert!(cache.find(|&(known, _)| known == 1).is_none(), "it is the oldest entry");
-        cache.find_or_keep(|_| false, || (KEPT + 1, 0), |entries| entries.len() < 3);
+        cache.find_or_store(|_| false, || (CAPACITY + 1, 0), |entries| entries.len() < 3);
         assert_eq!(cache.count(), 2);
     }
 }

@@ -101,7 +101,7 @@ impl<A: Assemble> Emitter<'_, A> {
         }
         if let Some(stream) = self.program.stream {
             let width = if stream.spread { 8 } else { self.form.width() as u32 };
-            self.assembler.again(start, stream.advance * width);
+            self.assembler.repeat_from(start, stream.advance * width);
         }
         self.assembler.leave(CallingConvention::HERE);
         self.assembler.ret();
@@ -167,14 +167,14 @@ impl<A: Assemble> Emitter<'_, A> {
         if spreads { Source::Spread(Base::Constants, 8 * place as i32) } else { Source::Slot(Base::Constants, 8 * place as i32) }
     }
 
-    /// Return a register for a new value. If none is free, free one. The values `keep` remain in their registers.
-    fn take(&mut self, keep: [u32; 3]) -> u8 {
+    /// Return a register for a new value. If none is free, free one. The operands of the present instruction remain in their registers.
+    fn take(&mut self, operands: [u32; 3]) -> u8 {
         if let Some(free) = self.holder.iter().position(Option::is_none) {
             return free as u8;
         }
         let (mut furthest, mut best) = (0, 0);
         for (register, holder) in self.holder.iter().enumerate() {
-            let Some(value) = holder.filter(|value| !keep.contains(value)) else { continue };
+            let Some(value) = holder.filter(|value| !operands.contains(value)) else { continue };
             // The value with the highest score is moved out of its register. Of two values with the same next read, prefer the value that
             // is already in memory.
             let in_memory = self.spill[value as usize].is_some() || self.program.instructions[value as usize].is_leaf();
@@ -197,11 +197,11 @@ impl<A: Assemble> Emitter<'_, A> {
     }
 
     /// Return the register of a value. If the value has no register, load it.
-    fn obtain(&mut self, value: u32, keep: [u32; 3]) -> u8 {
+    fn obtain(&mut self, value: u32, operands: [u32; 3]) -> u8 {
         if let Some(register) = self.register[value as usize] {
             return register;
         }
-        let register = self.take(keep);
+        let register = self.take(operands);
         if let Some(source) = self.memory(value) {
             self.assembler.load(register, source);
         }
@@ -210,7 +210,7 @@ impl<A: Assemble> Emitter<'_, A> {
     }
 
     /// Return a value as the last operand of an instruction. It is a memory operand unless the value should be in a register.
-    fn operand(&mut self, value: u32, keep: [u32; 3]) -> Source {
+    fn operand(&mut self, value: u32, operands: [u32; 3]) -> Source {
         if self.register[value as usize].is_none() {
             let next = self.lifetimes.next_read(value, self.at + 1);
             if (next == NEVER || next - self.at > SOON)
@@ -220,23 +220,23 @@ impl<A: Assemble> Emitter<'_, A> {
                 return source;
             }
         }
-        Source::Register(self.obtain(value, keep))
+        Source::Register(self.obtain(value, operands))
     }
 
-    /// Return the register for the result of an instruction with the operands `keep`. Its first operand is `a`, in register `from`. SSE2
+    /// Return the register for the result of an instruction with these operands. Its first operand is `a`, in register `from`. SSE2
     /// overwrites this register. If `a` is read again later, SSE2 code first copies `a` to the result's register.
-    fn result(&mut self, a: u32, from: u8, keep: [u32; 3]) -> u8 {
+    fn result(&mut self, a: u32, from: u8, operands: [u32; 3]) -> u8 {
         if self.form.set > Set::Sse2 {
-            self.release(keep);
-            return self.take(keep);
+            self.release(operands);
+            return self.take(operands);
         }
         if self.dies(a) {
-            self.release(keep);
+            self.release(operands);
             return from;
         }
-        let to = self.take(keep);
+        let to = self.take(operands);
         self.assembler.load(to, Source::Register(from));
-        self.release(keep);
+        self.release(operands);
         to
     }
 
@@ -286,10 +286,10 @@ impl<A: Assemble> Emitter<'_, A> {
                 to
             }
             Select(mask, yes, no) => {
-                let keep = [mask, yes, no];
-                let registers = keep.map(|value| self.obtain(value, keep));
-                self.release(keep);
-                let to = self.take(keep);
+                let operands = [mask, yes, no];
+                let registers = operands.map(|value| self.obtain(value, operands));
+                self.release(operands);
+                let to = self.take(operands);
                 self.assembler.select(to, registers[0], registers[1], registers[2]);
                 to
             }
@@ -298,10 +298,10 @@ impl<A: Assemble> Emitter<'_, A> {
 
     /// Return the operands of an instruction: the first in a register, the second in a register or in memory.
     fn pair(&mut self, a: u32, b: u32, logic: bool) -> (u8, Source) {
-        let keep = [a, b, b];
-        let from = self.obtain(a, keep);
+        let operands = [a, b, b];
+        let from = self.obtain(a, operands);
         // Instructions on bits have no memory operand of the size of one number.
-        let source = if logic && !self.form.packed { Source::Register(self.obtain(b, keep)) } else { self.operand(b, keep) };
+        let source = if logic && !self.form.packed { Source::Register(self.obtain(b, operands)) } else { self.operand(b, operands) };
         (from, source)
     }
 
@@ -319,38 +319,38 @@ impl<A: Assemble> Emitter<'_, A> {
 
     /// Emit a fused multiply-add of `a b` and `c`. If an operand is read for the last time, the result replaces it in its register.
     fn fused(&mut self, product: Product, a: u32, b: u32, c: u32) -> u8 {
-        let keep = [a, b, c];
+        let operands = [a, b, c];
         let ends = |this: &Self, value: u32| {
-            this.register[value as usize].is_some() && this.dies(value) && keep.iter().filter(|&&other| other == value).count() == 1
+            this.register[value as usize].is_some() && this.dies(value) && operands.iter().filter(|&&other| other == value).count() == 1
         };
         if ends(self, c) {
             let (a, b) = if self.register[a as usize].is_none() && self.register[b as usize].is_some() { (b, a) } else { (a, b) };
-            let from = self.obtain(a, keep);
-            let source = self.operand(b, keep);
-            let to = self.obtain(c, keep);
+            let from = self.obtain(a, operands);
+            let source = self.operand(b, operands);
+            let to = self.obtain(c, operands);
             self.assembler.fused(product, Order::P231, to, from, source);
-            self.release(keep);
+            self.release(operands);
             return to;
         }
         for (dying, other) in [(a, b), (b, a)] {
             if ends(self, dying) {
-                let from = self.obtain(other, keep);
-                let source = self.operand(c, keep);
-                let to = self.obtain(dying, keep);
+                let from = self.obtain(other, operands);
+                let source = self.operand(c, operands);
+                let to = self.obtain(dying, operands);
                 self.assembler.fused(product, Order::P213, to, from, source);
-                self.release(keep);
+                self.release(operands);
                 return to;
             }
         }
-        let (from, second) = (self.obtain(a, keep), self.obtain(b, keep));
+        let (from, second) = (self.obtain(a, operands), self.obtain(b, operands));
         let third = match self.register[c as usize] {
             Some(register) => Source::Register(register),
             None => self.memory(c).unwrap_or(Source::Register(from)),
         };
-        let to = self.take(keep);
+        let to = self.take(operands);
         self.assembler.load(to, third);
         self.assembler.fused(product, Order::P231, to, from, Source::Register(second));
-        self.release(keep);
+        self.release(operands);
         to
     }
 }

@@ -14,8 +14,8 @@ fn neon_programs_are_written_for_the_emulator() {
     let (mut cases, mut spilling) = (Cases::default(), 0);
     for trial in 0..300 {
         let form = Form { set: Set::Neon, packed: trial % 2 == 0 };
-        let (inputs, length, back) = (3 + random.below(20), 20 + random.below(400), 2 + random.below(120));
-        let mut tape = random_tape(&mut random, inputs, length, back);
+        let (inputs, length, window) = (3 + random.below(20), 20 + random.below(400), 2 + random.below(120));
+        let mut tape = random_tape(&mut random, inputs, length, window);
         let turns = 1 + random.below(5);
         let stream = tape.random_stream(&mut random, form.lanes(), turns);
         let turns = if tape.stream.is_some() { turns } else { 1 };

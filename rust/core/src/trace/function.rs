@@ -217,7 +217,7 @@ impl StoredFunction {
         KNOWN.find(is).unwrap_or_else(|| {
             let function = Arc::new(StoredFunction::new(recorded, lanes, engine()));
             let fits = |known: &VecDeque<Arc<StoredFunction>>| known.iter().map(|known| known.ops.len()).sum::<usize>() <= KEPT_OPERATIONS;
-            KNOWN.keep(function.clone(), fits);
+            KNOWN.store(function.clone(), fits);
             function
         })
     }
@@ -235,7 +235,7 @@ impl StoredFunction {
 
 #[cfg(test)]
 mod tests {
-    use super::super::cache::KEPT;
+    use super::super::cache::CAPACITY;
     use super::*;
     use crate::scalar::Real;
 
@@ -272,10 +272,10 @@ mod tests {
         let (first, second) = (function(0.2, true).expect("recorded"), function(0.3, true).expect("recorded"));
         assert!(Arc::ptr_eq(&first.function, &second.function));
         assert!(!Arc::ptr_eq(&first.function, &function(1.0, true).expect("recorded").function), "a one is structure");
-        for k in 0..2 * KEPT {
+        for k in 0..2 * CAPACITY {
             record(false, 1, || (), |(), x| vec![x[0] + Sym::splat(k as f64 + 0.5)]).expect("recorded");
         }
-        assert!(KNOWN.count() <= KEPT);
+        assert!(KNOWN.count() <= CAPACITY);
     }
 
     #[test]

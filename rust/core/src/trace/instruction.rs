@@ -189,11 +189,11 @@ pub trait Assemble {
     /// The prologue of a function: move the arguments to the registers of the code, and save the caller's registers.
     fn enter(&mut self, convention: CallingConvention);
 
-    /// The position of the next instruction, for [`again`](Self::again).
+    /// The position of the next instruction, for [`repeat_from`](Self::repeat_from).
     fn here(&self) -> usize;
 
     /// Advance the stream by `advance` bytes, and jump to `start` unless this iteration is the last one.
-    fn again(&mut self, start: usize, advance: u32);
+    fn repeat_from(&mut self, start: usize, advance: u32);
 
     /// Restore the registers that [`enter`](Self::enter) saved. [`ret`](Self::ret) must follow.
     fn leave(&mut self, convention: CallingConvention);

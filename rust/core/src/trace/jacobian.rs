@@ -40,7 +40,7 @@ impl Prepared {
         KNOWN.find(is).unwrap_or_else(|| {
             let function = Arc::new(SharedFunction::new(recorded, false).up_to(LONGEST));
             let prepared = Arc::new(Prepared { fixed, moved, function, tangent: MadeOnce::default() });
-            KNOWN.keep(prepared.clone(), |all| all.iter().map(|known| known.operations()).sum::<usize>() <= STORED_OPERATIONS);
+            KNOWN.store(prepared.clone(), |all| all.iter().map(|known| known.operations()).sum::<usize>() <= STORED_OPERATIONS);
             prepared
         })
     }

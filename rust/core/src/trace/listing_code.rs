@@ -123,7 +123,7 @@ impl Assemble for Writer {
     fn here(&self) -> usize {
         self.0.len()
     }
-    fn again(&mut self, _: usize, _: u32) {}
+    fn repeat_from(&mut self, _: usize, _: u32) {}
     fn leave(&mut self, _: CallingConvention) {}
     fn ret(&mut self) {}
 }

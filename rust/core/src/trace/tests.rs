@@ -120,8 +120,8 @@ pub fn run(program: &Program, frame: &mut Frame, stream: &Frame, turns: usize) {
     }
 }
 
-/// Return a tape of about `length` operations with `inputs` inputs. An operand is one of the last `back` values.
-pub fn random_tape(random: &mut Random, inputs: usize, length: usize, back: usize) -> RandomTape {
+/// Return a tape of about `length` operations with `inputs` inputs. An operand is one of the last `window` values.
+pub fn random_tape(random: &mut Random, inputs: usize, length: usize, window: usize) -> RandomTape {
     let mut ops: Vec<Op> = (0..inputs as u32).map(Op::Input).collect();
     // The constants 2 and -2 limit the results. Otherwise NaN would occur, and the sign and payload of a NaN may come from either operand.
     ops.extend([1.5f64, -0.25, -0.0, 2.0, -2.0, 0.5, 700.0].map(|x| Op::Const(x.to_bits())));
@@ -131,7 +131,7 @@ pub fn random_tape(random: &mut Random, inputs: usize, length: usize, back: usiz
     let mut numbers: Vec<u32> = (0..ops.len() as u32 - 1).collect();
     while ops.len() < length {
         let (i, n) = (ops.len() as u32, numbers.len());
-        let mut any = || numbers[n - 1 - random.below(back.min(n))];
+        let mut any = || numbers[n - 1 - random.below(window.min(n))];
         let (a, b, c) = (any(), any(), any());
         let mask = masks.last().copied();
         match random.below(20) {
@@ -181,8 +181,8 @@ fn machine_code_and_interpreter_give_the_same_bits() {
     let mut random = Random(0x9e37_79b9_7f4a_7c15);
     for form in forms() {
         for trial in 0..400 {
-            let (inputs, length, back) = (3 + random.below(20), 20 + random.below(400), 2 + random.below(120));
-            let mut tape = random_tape(&mut random, inputs, length, back);
+            let (inputs, length, window) = (3 + random.below(20), 20 + random.below(400), 2 + random.below(120));
+            let mut tape = random_tape(&mut random, inputs, length, window);
             let turns = 1 + random.below(5);
             let stream = tape.random_stream(&mut random, form.lanes(), turns);
             let given: Vec<f64> = (0..inputs * form.lanes()).map(|_| random.number()).collect();
@@ -209,8 +209,8 @@ fn parts_of_a_tape_give_the_bits_of_the_whole_tape() {
     let mut random = Random(3);
     for form in forms() {
         for trial in 0..200 {
-            let (inputs, length, back) = (3 + random.below(20), 20 + random.below(400), 2 + random.below(120));
-            let tape = random_tape(&mut random, inputs, length, back);
+            let (inputs, length, window) = (3 + random.below(20), 20 + random.below(400), 2 + random.below(120));
+            let tape = random_tape(&mut random, inputs, length, window);
             let given: Vec<f64> = (0..inputs * form.lanes()).map(|_| random.number()).collect();
             let whole = [tape.program(form, Engine::Interpreter)];
             let parts = [Engine::Machine, Engine::Interpreter].map(|engine| tape.divided(form, engine));
@@ -233,8 +233,8 @@ fn simulated_machine_code_gives_the_bits_of_the_interpreter() {
     let mut random = Random(11);
     for form in [Set::Sse2, Set::Avx2, Set::Avx512].into_iter().flat_map(|set| [true, false].map(|packed| Form { set, packed })) {
         for trial in 0..25 {
-            let (inputs, length, back) = (3 + random.below(40), 20 + random.below(500), 2 + random.below(200));
-            let mut tape = random_tape(&mut random, inputs, length, back);
+            let (inputs, length, window) = (3 + random.below(40), 20 + random.below(500), 2 + random.below(200));
+            let mut tape = random_tape(&mut random, inputs, length, window);
             let turns = 1 + random.below(5);
             let stream = tape.random_stream(&mut random, form.lanes(), turns);
             let emitted = tape.emitted::<super::x86::Assembler>(form);

@@ -189,13 +189,13 @@ impl Assemble for Assembler {
         self.bytes.len()
     }
 
-    fn again(&mut self, start: usize, advance: u32) {
+    fn repeat_from(&mut self, start: usize, advance: u32) {
         // add rdx, advance; dec rcx; jnz start
         self.bytes.extend([0x48, 0x81, 0xC2]);
         self.bytes.extend(advance.to_le_bytes());
         self.bytes.extend([0x48, 0xFF, 0xC9, 0x0F, 0x85]);
-        let back = start as i32 - (self.bytes.len() as i32 + 4);
-        self.bytes.extend(back.to_le_bytes());
+        let offset = start as i32 - (self.bytes.len() as i32 + 4);
+        self.bytes.extend(offset.to_le_bytes());
     }
 
     fn leave(&mut self, convention: CallingConvention) {

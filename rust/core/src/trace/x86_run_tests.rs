@@ -93,7 +93,7 @@ fn win64_code_keeps_the_callers_registers() {
         code.load(1, Source::Spread(Base::Stream, 0));
         code.binary(Binary::Add, 0, 0, Source::Register(1));
         code.store(Base::Frame, 0, 0);
-        code.again(start, 8);
+        code.repeat_from(start, 8);
         code.leave(CallingConvention::Win64);
         code.ret();
         let code = Code::new(&code.finish()).unwrap();
@@ -101,8 +101,8 @@ fn win64_code_keeps_the_callers_registers() {
         (stream.0[0], stream.0[1]) = (10.0, 20.0);
         // SAFETY: `enter` and `leave` make the code a function of this type, and the memories contain its slots.
         let function: Windows = unsafe { std::mem::transmute(code.address()) };
-        let kept = calls(function, frame.0.as_mut_ptr(), constants.0.as_ptr(), stream.0.as_ptr());
-        assert_eq!(kept, [6, 7, 8, 9, 10, 11, 12, 13, 14, 15].map(f64::from), "{form:?}");
+        let registers = calls(function, frame.0.as_mut_ptr(), constants.0.as_ptr(), stream.0.as_ptr());
+        assert_eq!(registers, [6, 7, 8, 9, 10, 11, 12, 13, 14, 15].map(f64::from), "{form:?}");
         // Two iterations add the constants twice, and the two numbers of the stream.
         assert_eq!(frame.0[..form.lanes()], [2.0 + 2.0 * 3.0 + 10.0 + 20.0; 8][..form.lanes()]);
         assert!(frame.0[form.lanes()..].iter().all(|&x| x == 2.0));
@@ -114,7 +114,7 @@ type Windows = extern "win64" fn(*mut f64, *const f64, *const f64, usize);
 /// Set xmm6 to xmm15, call the function with two iterations, and return the registers.
 fn calls(function: Windows, frame: *mut f64, constants: *const f64, stream: *const f64) -> [f64; 10] {
     let values = [6, 7, 8, 9, 10, 11, 12, 13, 14, 15].map(f64::from);
-    let mut kept = [0.0; 10];
+    let mut registers = [0.0; 10];
     let (mut rdi, mut rsi) = (1u64, 2u64);
     // SAFETY: all registers that the function may change are declared. The stack is aligned and has the 32 bytes that the convention
     // reserves for the function.
@@ -127,12 +127,12 @@ fn calls(function: Windows, frame: *mut f64, constants: *const f64, stream: *con
             "movsd [r13], xmm6", "movsd [r13+8], xmm7", "movsd [r13+16], xmm8", "movsd [r13+24], xmm9", "movsd [r13+32], xmm10",
             "movsd [r13+40], xmm11", "movsd [r13+48], xmm12", "movsd [r13+56], xmm13", "movsd [r13+64], xmm14", "movsd [r13+72], xmm15",
             "mov rsp, rbp", "pop rbp",
-            in("r12") values.as_ptr(), in("r13") kept.as_mut_ptr(), in("rax") function,
+            in("r12") values.as_ptr(), in("r13") registers.as_mut_ptr(), in("rax") function,
             inout("rdi") rdi, inout("rsi") rsi, in("rcx") frame, in("rdx") constants, in("r8") stream, in("r9") 2usize,
             clobber_abi("win64"), out("xmm6") _, out("xmm7") _, out("xmm8") _, out("xmm9") _, out("xmm10") _, out("xmm11") _,
             out("xmm12") _, out("xmm13") _, out("xmm14") _, out("xmm15") _,
         );
     }
     assert_eq!((rdi, rsi), (1, 2));
-    kept
+    registers
 }

@@ -193,8 +193,8 @@ fn evaluator_options() {
     let with = compute(&arm, rubbing, &[&q, &v, &a]);
     let want: Vec<f64> = (0..n).map(|k| plain[k] + arm.joints[k].damping * v[k] + arm.joints[k].friction * v[k].signum()).collect();
     close("friction", &with, &want, 1e-14, 1.0);
-    let back = compute(&arm, Query { friction: true, ..Quantity::ForwardDynamics.into() }, &[&q, &v, &with]);
-    close("forward with friction", &back, &a, 1e-9, 1.0);
+    let acceleration = compute(&arm, Query { friction: true, ..Quantity::ForwardDynamics.into() }, &[&q, &v, &with]);
+    close("forward with friction", &acceleration, &a, 1e-9, 1.0);
     // After the inertial parameters, there are columns for armature, damping and friction, in this order.
     let y = compute(&arm, Query { friction: true, armature: true, ..Quantity::Regressor.into() }, &[&q, &v, &v, &a]);
     let mut pi = arm.parameters();
@@ -211,8 +211,8 @@ fn evaluator_options() {
     let j = compute(&arm, Query { frame, ..Quantity::Jacobian.into() }, &[&q]);
     let want: Vec<f64> = (0..n).map(|k| plain[k] - (0..6).map(|r| j[r * n + k] * wrench[r]).sum::<f64>()).collect();
     close("tau = ID - J' F", &tau, &want, 1e-13, 1.0);
-    let back = compute(&arm, Query { wrench: Some(frame), ..Quantity::ForwardDynamics.into() }, &[&q, &v, &tau, &wrench]);
-    close("forward with a wrench", &back, &a, 1e-9, 1.0);
+    let acceleration = compute(&arm, Query { wrench: Some(frame), ..Quantity::ForwardDynamics.into() }, &[&q, &v, &tau, &wrench]);
+    close("forward with a wrench", &acceleration, &a, 1e-9, 1.0);
     let mut evaluator = Evaluator::new(&arm);
     let mut out = [0.0; 36];
     refused(evaluator.one(&Quantity::MassMatrix.into(), &[&q[..5]], &mut out), "q", "expected 6, got 5");

@@ -76,20 +76,20 @@ fn round_trips() {
     arms.push(Arm::pendulum(0.7, 3.1).unwrap().with_gravity(STANDARD_GRAVITY).unwrap());
     for arm in arms {
         let written = arm.to_urdf();
-        let back = read(&written.text).unwrap();
-        assert_eq!(names(back.joint_names()), names(arm.joint_names()));
+        let reread = read(&written.text).unwrap();
+        assert_eq!(names(reread.joint_names()), names(arm.joint_names()));
         // The example files have a link for every frame. Chains have no base link, and the writer adds one.
-        let kept: Vec<&str> = back.frame_names().filter(|name| arm.frame_index(name).is_ok()).collect();
-        assert_eq!(kept, names(arm.frame_names()), "{}", written.text);
-        assert!(back.frames.len() == arm.frames.len() || written.report.iter().any(|line| line.starts_with("added")));
+        let frame_names: Vec<&str> = reread.frame_names().filter(|name| arm.frame_index(name).is_ok()).collect();
+        assert_eq!(frame_names, names(arm.frame_names()), "{}", written.text);
+        assert!(reread.frames.len() == arm.frames.len() || written.report.iter().any(|line| line.starts_with("added")));
         // Parameters, placements, axes, limits and drives must be exactly equal.
-        assert_eq!(back.joints, arm.joints);
+        assert_eq!(reread.joints, arm.joints);
         for frame in &arm.frames {
-            let other = &back.frames[back.frame_index(&frame.name).unwrap()];
+            let other = &reread.frames[reread.frame_index(&frame.name).unwrap()];
             assert_eq!((frame.body, frame.placement), (other.body, other.placement), "{}", frame.name);
         }
-        assert!(back == arm || written.report.iter().any(|line| line.starts_with("added")));
-        assert_eq!(back.to_urdf().text, written.text);
+        assert!(reread == arm || written.report.iter().any(|line| line.starts_with("added")));
+        assert_eq!(reread.to_urdf().text, written.text);
         // Other readers ignore the additional attributes. They must obtain the same robot up to a few roundings.
         let plain = read(&without(&written.text, &["rotation", "parameters"])).unwrap();
         for (a, b) in arm.joints.iter().zip(&plain.joints) {

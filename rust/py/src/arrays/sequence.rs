@@ -90,7 +90,7 @@ fn shape_of(value: &Bound<'_, PyAny>, depth: usize) -> Result<Vec<usize>, Wrong>
 /// Append the entries of a sequence to `out`. They must have the implied `shape`.
 pub fn fill(value: &Bound<'_, PyAny>, shape: &[usize], out: &mut Vec<f64>) -> Result<(), Wrong> {
     let ragged = |got: String| Wrong::Kind(format!("rows of different lengths, {got}"));
-    let Some((&n, rest)) = shape.split_first() else {
+    let Some((&n, inner_shape)) = shape.split_first() else {
         // The entry must be a number, or an array without axes.
         if let Some(x) = real(value)? {
             out.push(x);
@@ -134,8 +134,8 @@ pub fn fill(value: &Bound<'_, PyAny>, shape: &[usize], out: &mut Vec<f64>) -> Re
             None => entry(value, i)?,
         };
         match item.cast::<PyFloat>() {
-            Ok(x) if rest.is_empty() => out.push(x.value()),
-            _ => fill(&item, rest, out)?,
+            Ok(x) if inner_shape.is_empty() => out.push(x.value()),
+            _ => fill(&item, inner_shape, out)?,
         }
     }
     Ok(())

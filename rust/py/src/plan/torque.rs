@@ -68,7 +68,7 @@ pub struct TorqueOptimum {
 }
 
 /// The number of times that are evaluated between two checks for Ctrl-C.
-const LOOK: usize = 256;
+const CHECK_PERIOD: usize = 256;
 
 impl TorqueOptimum {
     pub fn solve(problem: LinkProblem, friction: [f64; 2]) -> Result<Self, Error> {
@@ -106,7 +106,7 @@ impl TorqueOptimum {
         written_arrays(py, &shape, |mut outs: [&mut [f64]; 4]| {
             long(py, || {
                 for (i, &t) in times.iter().enumerate() {
-                    if i % LOOK == 0 {
+                    if i % CHECK_PERIOD == 0 {
                         interrupt::check();
                     }
                     let s = profile.at(t);

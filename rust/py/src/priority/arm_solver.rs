@@ -47,7 +47,7 @@ pub struct ArmPrioritySolver {
 const MOST: usize = 8;
 
 /// The number of rows that are copied between two checks for Ctrl-C.
-const LOOK: usize = 1 << 12;
+const CHECK_PERIOD: usize = 1 << 12;
 
 const SOLVE: &str = "ArmPrioritySolver.solve";
 
@@ -168,7 +168,7 @@ impl ArmPrioritySolver {
             for ((shape, values), &m) in parts.into_iter().zip(&self.rows) {
                 let values = if one || shape == lead { values } else { crate::broadcast::stretch(&shape, &lead, &values, m)? };
                 for row in 0..commands {
-                    if row % LOOK == 0 {
+                    if row % CHECK_PERIOD == 0 {
                         interrupt::check();
                     }
                     stacked[row * total + at..row * total + at + m].copy_from_slice(&values[row * m..(row + 1) * m]);

@@ -29,15 +29,15 @@ pub fn forgiven(text: &str) -> Cow<'_, str> {
 
 /// Return the position of an XML declaration that follows blanks or comments.
 fn late(text: &str) -> Option<usize> {
-    let mut rest = text.trim_start_matches('\u{feff}');
-    let first = text.len() - rest.len();
+    let mut remaining = text.trim_start_matches('\u{feff}');
+    let first = text.len() - remaining.len();
     loop {
-        rest = rest.trim_start();
-        let at = text.len() - rest.len();
-        if let Some(comment) = rest.strip_prefix("<!--") {
-            rest = &comment[comment.find("-->")? + 3..];
+        remaining = remaining.trim_start();
+        let at = text.len() - remaining.len();
+        if let Some(comment) = remaining.strip_prefix("<!--") {
+            remaining = &comment[comment.find("-->")? + 3..];
         } else {
-            let declares = rest.strip_prefix("<?xml").is_some_and(|after| after.starts_with(char::is_whitespace));
+            let declares = remaining.strip_prefix("<?xml").is_some_and(|after| after.starts_with(char::is_whitespace));
             return (declares && at > first).then_some(at);
         }
     }
@@ -47,20 +47,20 @@ fn late(text: &str) -> Option<usize> {
 /// reader ignores these elements and attributes. Lines and columns do not change.
 pub fn without_prefix(text: &str, prefix: &str) -> String {
     let mut plain = String::with_capacity(text.len());
-    let mut rest = text;
-    while let Some(start) = rest.find('<') {
-        let (before, markup) = rest.split_at(start);
+    let mut remaining = text;
+    while let Some(start) = remaining.find('<') {
+        let (before, markup) = remaining.split_at(start);
         plain.push_str(before);
         let skipped = [("<!--", "-->"), ("<![CDATA[", "]]>"), ("<?", "?>")].into_iter().find(|(from, _)| markup.starts_with(from));
         if let Some((_, end)) = skipped {
             let length = markup.find(end).map_or(markup.len(), |at| at + end.len());
             plain.push_str(&markup[..length]);
-            rest = &markup[length..];
+            remaining = &markup[length..];
             continue;
         }
-        rest = &markup[tag(markup, prefix, &mut plain)..];
+        remaining = &markup[tag(markup, prefix, &mut plain)..];
     }
-    plain.push_str(rest);
+    plain.push_str(remaining);
     plain
 }
 

@@ -11,7 +11,7 @@ const TRIANGLE: f64 = 1e-6;
 
 impl Reader<'_> {
     pub fn inertial(&mut self, node: Node, link: &str) -> Result<Inertia<f64>> {
-        let whole = node;
+        let inertial = node;
         let [origin, mass, inertia] = self.children(node, ["origin", "mass", "inertia"])?;
         let placement = self.placement(origin)?;
         let Some(mass_node) = mass else { return Err(self.error(node, format!("link {link} has an inertial without mass"))) };
@@ -60,7 +60,7 @@ impl Reader<'_> {
         let distance = placement.translation.norm();
         let (moment, second) = (mass * distance, mass * distance * distance + largest);
         let scales = std::array::from_fn(|k| [mass, moment, second][usize::from(k > 0) + usize::from(k > 3)]);
-        if let Some(exact) = self.exact(whole, "parameters", rounded, scales, "mass and inertia")? {
+        if let Some(exact) = self.exact(inertial, "parameters", rounded, scales, "mass and inertia")? {
             inertia = Inertia::from_parameters(&exact);
         }
         Ok(inertia)

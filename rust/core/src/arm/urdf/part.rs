@@ -10,7 +10,7 @@ use crate::interrupt;
 
 pub struct Part {
     /// Whether the arm is the whole robot: neither `root` nor `tip` is given.
-    pub whole: bool,
+    pub unrestricted: bool,
     /// The link that becomes the fixed base. Without options it is only valid after [`Part::check`].
     pub base: usize,
     /// For each link, whether it is in the part.
@@ -29,10 +29,10 @@ pub struct Part {
 
 impl Part {
     pub fn new(source: &Source, robot: &Robot, tree: &LinkTree, options: &UrdfOptions) -> Result<Part> {
-        let whole = options.root.is_none() && options.tip.is_none();
-        let (links, joints) = (vec![whole; robot.links.len()], vec![whole; robot.joints.len()]);
-        let mut part = Part { whole, base: 0, links, joints, cut: Vec::new(), above: Vec::new(), top: None, closed: false };
-        if whole {
+        let unrestricted = options.root.is_none() && options.tip.is_none();
+        let (links, joints) = (vec![unrestricted; robot.links.len()], vec![unrestricted; robot.joints.len()]);
+        let mut part = Part { unrestricted, base: 0, links, joints, cut: Vec::new(), above: Vec::new(), top: None, closed: false };
+        if unrestricted {
             return Ok(part);
         }
         if robot.links.is_empty() {
@@ -81,7 +81,7 @@ impl Part {
 
     fn contains(&self, fault: &Fault) -> bool {
         match fault.at {
-            _ if self.whole => true,
+            _ if self.unrestricted => true,
             Place::Link(link) => self.links[link],
             Place::Joint(joint) => self.joints[joint],
             Place::Joints(first, second) => self.joints[first] && self.joints[second],
@@ -101,7 +101,7 @@ impl Part {
         if let Some(fault) = tree.faults.iter().find(|fault| self.contains(fault)) {
             return Err(fault.error.clone());
         }
-        if self.whole {
+        if self.unrestricted {
             self.base = tree.single_root(source, robot)?;
             self.top = Some(self.base);
         } else if self.closed {
@@ -113,7 +113,7 @@ impl Part {
     /// Return the lines of the report about the parts that the arm lacks.
     pub fn report(&self, robot: &Robot, tree: &LinkTree) -> Vec<String> {
         let mut report = Vec::new();
-        if self.whole {
+        if self.unrestricted {
             return report;
         }
         let cut: Vec<&str> = self.cut.iter().map(|&j| robot.joints[j].name.as_str()).collect();

@@ -110,17 +110,17 @@ fn scan(source: &Source, text: &str) -> Result<()> {
     let (mut i, mut depth) = (0, 0usize);
     while let Some(open) = find(bytes, i, b'<') {
         interrupt::check();
-        let rest = &text[open..];
-        let skip_to = |end: &str, from: usize| rest[from..].find(end).map_or(bytes.len(), |k| open + from + k + end.len());
-        if rest.starts_with("<!--") {
+        let markup = &text[open..];
+        let skip_to = |end: &str, from: usize| markup[from..].find(end).map_or(bytes.len(), |k| open + from + k + end.len());
+        if markup.starts_with("<!--") {
             i = skip_to("-->", 4);
             continue;
         }
-        if rest.starts_with("<![CDATA[") {
+        if markup.starts_with("<![CDATA[") {
             i = skip_to("]]>", 9);
             continue;
         }
-        if rest.starts_with("<?") {
+        if markup.starts_with("<?") {
             i = skip_to("?>", 2);
             continue;
         }
@@ -128,9 +128,9 @@ fn scan(source: &Source, text: &str) -> Result<()> {
         if attributes > MAX_ATTRIBUTES {
             return Err(source.error(source.line(open), format!("has too many attributes: expected at most {MAX_ATTRIBUTES} in one tag")));
         }
-        if rest.starts_with("</") {
+        if markup.starts_with("</") {
             depth = depth.saturating_sub(1);
-        } else if !rest.starts_with("<!") && bytes.get(close.wrapping_sub(1)) != Some(&b'/') {
+        } else if !markup.starts_with("<!") && bytes.get(close.wrapping_sub(1)) != Some(&b'/') {
             depth += 1;
             if depth > MAX_DEPTH {
                 return Err(source.error(source.line(open), format!("is nested too deeply: expected at most {MAX_DEPTH} levels")));

@@ -76,14 +76,14 @@ impl Reader<'_> {
         attribute: &str,
         rounded: [f64; N],
         scales: [f64; N],
-        rest: &str,
+        standard: &str,
     ) -> Result<Option<[f64; N]>> {
         let Some(text) = node.attribute(attribute) else { return Ok(None) };
         let given = self.numbers::<N>(node, attribute, text)?;
         if (0..N).all(|k| (given[k] - rounded[k]).abs() <= 1e-9 * scales[k]) {
             return Ok(Some(given));
         }
-        self.warn(node, format!("{attribute} of {} differs from its {rest}: ignored", node.tag_name().name()));
+        self.warn(node, format!("{attribute} of {} differs from its {standard}: ignored", node.tag_name().name()));
         Ok(None)
     }
 

@@ -116,7 +116,7 @@ impl Arm {
             ("velocity", joint.limits.velocity, true),
             ("effort", joint.limits.effort, true),
         ];
-        attributes(out, "limit", limits.into_iter().filter(|(_, x, kept)| *kept && x.is_finite()).map(|(name, x, _)| (name, x)));
+        attributes(out, "limit", limits.into_iter().filter(|(_, x, allowed)| *allowed && x.is_finite()).map(|(name, x, _)| (name, x)));
         let dynamics = [("damping", joint.damping), ("friction", joint.friction), ("armature", joint.armature)];
         attributes(out, "dynamics", dynamics.into_iter().filter(|(_, x)| *x != 0.0));
         if let Some(mimic) = self.mimics.iter().find(|mimic| mimic.joint == i) {
@@ -197,8 +197,8 @@ fn numbers(x: &[f64]) -> String {
 }
 
 /// Return the attribute with exact numbers. The result is empty if the standard attributes are already exact.
-fn exact(attribute: &str, x: &[f64], kept: bool) -> String {
-    if kept { String::new() } else { format!(" {attribute}=\"{}\"", numbers(x)) }
+fn exact(attribute: &str, x: &[f64], is_exact: bool) -> String {
+    if is_exact { String::new() } else { format!(" {attribute}=\"{}\"", numbers(x)) }
 }
 
 /// Return text for a quoted attribute. Line breaks and tabs become references, because a parser replaces bare ones by spaces.

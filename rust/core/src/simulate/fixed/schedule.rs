@@ -11,7 +11,7 @@ const ON_GRID: f64 = 1e-9;
 /// A larger number of steps indicates an error in the arguments.
 const MAX_STEPS: f64 = 1e12;
 /// The number of records whose times are computed between two checks for a stop.
-const LOOK: usize = 1 << 12;
+const CHECK_PERIOD: usize = 1 << 12;
 
 /// Return the time at which the input of a step that starts at `t` is evaluated. By rounding, `t` may be slightly before the last of the
 /// jumps `passed`. Then the result is the time of this jump.
@@ -138,7 +138,7 @@ impl Schedule {
         require_memory(self.count() as u128)?;
         let mut times = memory::reserved(self.count())?;
         for i in 0..self.count() {
-            if i % LOOK == 0 {
+            if i % CHECK_PERIOD == 0 {
                 interrupt::check();
             }
             times.extend(self.record(i).map(|record| record.t));

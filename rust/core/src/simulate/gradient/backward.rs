@@ -64,7 +64,7 @@ pub fn run(prepared: &Prepared, weights: &[f64], memory: usize) -> Result<Vec<f6
     let size = state.len();
     let record = size + backward.walker.points.len();
     let stride = stride(operations.len(), size, record, memory);
-    // The operations between `Leave` and `Back` compute a record between two steps. No checkpoint stores their states.
+    // The operations between `Leave` and `Rejoin` compute a record between two steps. No checkpoint stores their states.
     let mut on_path = true;
     let (mut checkpoints, mut stored) = (Vec::new(), Vec::new());
     for (k, &operation) in operations.iter().enumerate() {
@@ -78,7 +78,7 @@ pub fn run(prepared: &Prepared, weights: &[f64], memory: usize) -> Result<Vec<f6
         }
         on_path = match operation {
             Operation::Leave => false,
-            Operation::Back => true,
+            Operation::Rejoin => true,
             _ => on_path,
         };
         backward.walker.apply(operation, &mut state)?;
@@ -149,7 +149,7 @@ impl<'a> Backward<'a> {
             }
             Operation::Record { i, t } => return self.record(i, t, before, weights, timeline.steps_on(k)),
             Operation::Leave => self.bar.iter_mut().zip(&self.aside).for_each(|(bar, aside)| *bar += aside),
-            Operation::Back => {
+            Operation::Rejoin => {
                 self.aside.copy_from_slice(&self.bar);
                 self.bar.fill(0.0);
             }

@@ -180,7 +180,7 @@ impl<'a> Forward<'a> {
                 }
                 Operation::Restore(k) => self.walker.restore(k, &mut self.state),
                 Operation::Leave => self.leave(),
-                Operation::Back => self.restore(),
+                Operation::Rejoin => self.restore(),
             }
         }
         Ok(())
@@ -199,7 +199,7 @@ impl<'a> Forward<'a> {
             }
             Operation::Sample { k, t } => self.sample(k, t)?,
             Operation::Act(acting) => self.act(acting),
-            Operation::Step { .. } | Operation::Restore(_) | Operation::Record { .. } | Operation::Leave | Operation::Back => {}
+            Operation::Step { .. } | Operation::Restore(_) | Operation::Record { .. } | Operation::Leave | Operation::Rejoin => {}
         }
         Ok(())
     }

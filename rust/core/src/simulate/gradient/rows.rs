@@ -141,7 +141,7 @@ impl<'b> KnownLoops<'b> {
     pub(super) fn prepare(&self, rows: &'b Rows, r: usize) -> Result<Prepared<'b>> {
         let (problem, parameters) = (&rows.problems[r], rows.parameters(r));
         let new = || Arc::new(KnownLoop { row: r, made: OnceLock::new() });
-        let known = self.loops.find_or_keep(|known| rows.is_same_loop(known.row, r), new, |_| true);
+        let known = self.loops.find_or_store(|known| rows.is_same_loop(known.row, r), new, |_| true);
         let own = known.made.get_or_init(|| Loop::of(problem, parameters)).as_ref().map_err(Clone::clone)?;
         completed(own.prepare(problem, parameters, &self.functions, &AtomicBool::new(false))?, parameters.all)
     }

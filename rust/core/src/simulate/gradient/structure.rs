@@ -79,7 +79,7 @@ impl FunctionStore {
             })
         };
         let is = |known: &Arc<KnownFunctions>| known.fits(problem, directions, set_ups, contacts);
-        let known = self.0.find_or_keep(is, new, |all| {
+        let known = self.0.find_or_store(is, new, |all| {
             all.iter().map(|known| known.numbers()).sum::<usize>() <= MOST_NUMBERS
                 && all.iter().map(|known| known.operations()).sum::<usize>() <= KEPT_OPERATIONS
         });

@@ -36,10 +36,10 @@ pub enum Operation {
     Restore(usize),
     /// The state and the input are stored as record `i`.
     Record { i: usize, t: f64 },
-    /// Store the state. The operations up to `Back` compute a record between two steps, and do not belong to the run.
+    /// Store the state. The operations up to `Rejoin` compute a record between two steps, and do not belong to the run.
     Leave,
     /// Restore the state that the last `Leave` stored.
-    Back,
+    Rejoin,
 }
 
 /// The samples whose results are in the held input.
@@ -283,7 +283,7 @@ impl<'a> TimelineBuilder<'a> {
         self.push(Operation::Leave)?;
         self.step(from, t - from, t)?;
         self.record(t)?;
-        self.push(Operation::Back)
+        self.push(Operation::Rejoin)
     }
 
     fn fixed(mut self, schedule: &Schedule, hold: usize) -> Result<Timeline> {

@@ -165,7 +165,7 @@ impl<'a> Walker<'a> {
                 self.left.extend_from_slice(state);
                 Ok(())
             }
-            Operation::Back => {
+            Operation::Rejoin => {
                 state.copy_from_slice(&self.left);
                 Ok(())
             }

@@ -62,7 +62,7 @@ pub struct Programs {
 
 /// Computes the next state from the state, the exogenous inputs and the step size.
 enum Step {
-    Whole(Program),
+    Single(Program),
     /// The parts of the step before, between and after the stages, and the rates of one stage.
     Stages {
         segments: Vec<Program>,
@@ -75,7 +75,7 @@ enum Step {
 impl Programs {
     fn all(&self) -> impl Iterator<Item = &Program> {
         let (parts, rates) = match &self.step {
-            Step::Whole(program) => (std::slice::from_ref(program), None),
+            Step::Single(program) => (std::slice::from_ref(program), None),
             Step::Stages { segments, rates, .. } => (segments.as_slice(), Some(rates)),
         };
         parts.iter().chain(rates).chain([&self.law]).chain(&self.sums).chain(&self.along).chain(&self.notes).chain(&self.noted_step)
@@ -133,7 +133,7 @@ impl Programs {
     /// The program that computes consecutive steps from a stream of exogenous inputs, without metrics and records. It is `None` if the step
     /// is divided into parts.
     pub fn whole_step(&self) -> Option<&Program> {
-        if let Step::Whole(program) = &self.step { Some(program) } else { None }
+        if let Step::Single(program) = &self.step { Some(program) } else { None }
     }
 
     /// Compute one step that is divided into parts, from the state, inputs and step size in the program's frame. Unless the input is held,
@@ -190,14 +190,14 @@ pub fn make(ops: &[Op], slots: &StepSlots, tracing: &Tracing, (lanes, engine): (
             let outputs = [slots.tau.outputs(tau), slots.rates.outputs(rates)].concat();
             Step::Stages { segments, rates: program("rates".into(), 0, &outputs, &none, None), slots: slots.rates }
         }
-        None => Step::Whole(segments.remove(0)),
+        None => Step::Single(segments.remove(0)),
     };
     let (mut sums, mut along) = (None, None);
     if let Some(summing) = &tracing.sums {
         sums = Some(program("sums".into(), 0, &slots.metrics.outputs(&summing.alone), &none, None));
         let lasting = |entries: &[u32]| slots.metrics.outputs(&entries[..slots.lasting]);
         along = Some(match step {
-            Step::Whole(_) => program("summed_step".into(), 0, &[next.clone(), lasting(&summing.along)].concat(), &none, Some(stream)),
+            Step::Single(_) => program("summed_step".into(), 0, &[next.clone(), lasting(&summing.along)].concat(), &none, Some(stream)),
             // The frame already contains the plant's input. The input is held, or the first stage of the step has written it.
             Step::Stages { .. } => program("later_sums".into(), 0, &lasting(&summing.stage), &none, None),
         });
@@ -206,7 +206,7 @@ pub fn make(ops: &[Op], slots: &StepSlots, tracing: &Tracing, (lanes, engine): (
     if let Some(noting) = &tracing.notes {
         let alone = [slots.record.outputs(&noting.alone), slots.own_reference.outputs(&noting.firsts)].concat();
         notes = Some(program("notes".into(), 0, &alone, &none, None));
-        if let Step::Whole(_) = step {
+        if let Step::Single(_) = step {
             let next = [next, slots.record.outputs(&noting.along)].concat();
             noted_step = Some(program("noted_step".into(), 0, &next, &none, Some(stream)));
         }

@@ -87,7 +87,7 @@ impl<R, T: PartialEq> Seen<R, T> {
         let (key, structure) = (Key::of(problem, run, common), parameters.structure.clone());
         let seen = Arc::new(Seen { key, tag, structure, recorded: Arc::new(record()) });
         if seen.key.numbers() <= MOST_NUMBERS {
-            cache.keep(seen.clone(), |all| all.iter().map(|seen| seen.key.numbers()).sum::<usize>() <= MOST_NUMBERS);
+            cache.store(seen.clone(), |all| all.iter().map(|seen| seen.key.numbers()).sum::<usize>() <= MOST_NUMBERS);
         }
         seen
     }

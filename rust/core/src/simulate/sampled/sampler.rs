@@ -7,7 +7,7 @@ use crate::simulate::problem::sampling::{CHANNELS, ON_TIME, Sampling};
 
 /// The number of stored samples, in addition to those that delays require. A faulty block of steps is repeated from its start, and needs
 /// its old input.
-const KEPT: usize = 64;
+const CAPACITY: usize = 64;
 
 /// One sample: the measurement and the output of the law.
 #[derive(Clone, Debug)]
@@ -42,7 +42,7 @@ impl<S: Real> Sampler<S> {
         sensing: Option<TorqueSensing<S>>,
     ) -> Self {
         let delayed = (sampling.delay / sampling.period).ceil() as u64;
-        let capacity = KEPT + delayed as usize + sampling.sensor_delay;
+        let capacity = CAPACITY + delayed as usize + sampling.sensor_delay;
         let zeros = |k: usize| vec![S::zero(); k];
         let sensed = Sensed::new(if sensing.is_some() { n } else { 0 });
         let entry = StoredSample { index: u64::MAX, measured: zeros(states), sensed, tau: zeros(n), dz: zeros(p) };

@@ -165,27 +165,27 @@ def eigenvalues(
     """
     loop = ClosedLoop(plant, law, None if force is None else lambda t: force, load)
     still = np.zeros(plant.arm.n)
-    rest = np.concatenate([q, still] if theta is None else [q, still, theta, still])
+    mechanism = np.concatenate([q, still] if theta is None else [q, still, theta, still])
 
-    whole = np.concatenate([rest, w])
+    state = np.concatenate([mechanism, w])
 
     def field(x: Array) -> Array:
-        y = loop.initial(x[: rest.size])
-        y[rest.size : whole.size] = x[rest.size :]
-        return loop(0.0, y)[: whole.size]
+        y = loop.initial(x[: mechanism.size])
+        y[mechanism.size : state.size] = x[mechanism.size :]
+        return loop(0.0, y)[: state.size]
 
-    A = slope(field, whole, columns=columns)
+    A = slope(field, state, columns=columns)
     fastest = float(np.abs(np.linalg.eigvals(A)).max())
-    speeds = np.arange(whole.size) // plant.arm.n % 2 * (np.arange(whole.size) < rest.size)
+    speeds = np.arange(state.size) // plant.arm.n % 2 * (np.arange(state.size) < mechanism.size)
     unit = np.where(speeds == 1, fastest, 1.0)
     scaled = A * unit / unit[:, None] / fastest
-    for k in range(rest.size, whole.size):
+    for k in range(mechanism.size, state.size):
         row, column = np.abs(scaled[k]).max(), np.abs(scaled[:, k]).max()
         if row > 0.0 and column > 0.0:
             scaled[k] *= np.sqrt(column / row)
             scaled[:, k] *= np.sqrt(row / column)
     _, sizes, rows = np.linalg.svd(scaled)
     N = rows[sizes <= 1e-8 * sizes[0]]
-    P = np.eye(whole.size) - N.T @ N
+    P = np.eye(state.size) - N.T @ N
     values = fastest * np.linalg.eigvals(P @ scaled @ P)
     return np.asarray(values[np.argsort(values.real)]), len(N)
