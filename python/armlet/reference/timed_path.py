@@ -95,8 +95,9 @@ class TimedPath:
         q, slope, curvature = (rows[0] for rows in self.path(np.array([s])))
         # q_ss is linear in s up to the next knot.
         third = (self.path(np.array([s + STEP]))[2][0] - curvature) / STEP
-        rows = np.zeros((order + 1, q.size))
+        rows: Array = np.zeros((order + 1, q.size))
         for k, coefficient in enumerate((q, slope, curvature / 2.0, third / 6.0)):
             power = (y**k).coef[: order + 1]
             rows[: power.size] += power[:, None] * coefficient
-        return rows * np.array([factorial(k) for k in range(order + 1)])[:, None]
+        rows *= np.array([factorial(k) for k in range(order + 1)])[:, None]
+        return rows
