@@ -1,4 +1,4 @@
-"""tau = Y a_hat + Kp e + Kd e_dot, a_hat_dot = Gamma Y' s on M(q) a + S(q, v) v = tau in numpy, scipy, numba and C.
+"""tau = Y pi_hat + Kp e + Kd e_dot, pi_hat_dot = Gamma Y' s on M(q) a + S(q, v) v = tau in numpy, scipy, numba and C.
 
 `bench_adaptive.py` compares armlet with these implementations, which are written from the equations. The state is
 x = (q1, q2, v1, v2, A_hat, B_hat, C_hat). The method is classical Runge-Kutta with step h, with the law evaluated in every stage.

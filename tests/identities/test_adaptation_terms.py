@@ -1,8 +1,8 @@
 """Adaptation with rotors, friction, leakage and a dead zone: the balance includes every term, and leakage bounds the estimate.
 
-V1_dot = -s'Kd s + s'(tau_f(v) - Y_f a_f) + (a - a_hat)'(y - w),   a_hat_dot = Gamma w,   y = Y's
+V1_dot = -s'Kd s + s'(tau_f(v) - Y_f pi_f) + (pi - pi_hat)'(y - w),   pi_hat_dot = Gamma w,   y = Y's
 
-`tau_f` is the friction of the plant and `Y_f a_f` that of the law. Leakage and dead zone change `y` to `w`.
+`tau_f` is the friction of the plant and `Y_f pi_f` that of the law. Leakage and dead zone change `y` to `w`.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Theorems about the adaptive loop, checked by the extension on random plants, gains and states.
 
-V1 = s'Ms/2 + (a - a_hat)' Gamma^-1 (a - a_hat)/2,   V1(0) - V1(t) = int s'Kd s dt,   M_dot - 2C skew,   e -> 0
+V1 = s'Ms/2 + (pi - pi_hat)' Gamma^-1 (pi - pi_hat)/2,   V1(0) - V1(t) = int s'Kd s dt,   M_dot - 2C skew,   e -> 0
 """
 
 from __future__ import annotations
@@ -97,7 +97,7 @@ def test_monitors_are_those_of_the_recorded_states() -> None:
 @pytest.mark.filterwarnings("ignore:.*balance does not close:UserWarning")
 @pytest.mark.parametrize("form", ["diagonal", "full"])
 def test_tracking_from_any_state_and_no_estimate(form: str) -> None:
-    """e -> 0 with a_hat(0) = 0. Under excitation also a_hat -> a."""
+    """e -> 0 with pi_hat(0) = 0. Under excitation also pi_hat -> pi."""
     rng = np.random.default_rng(23)
     rows = 24
     plants, laws = [plant(rng) for _ in range(rows)], [law(rng, form, exciting(rng), scales=(40.0, 20.0, 20.0)) for _ in range(rows)]

@@ -1,6 +1,6 @@
-"""Composite adaptation: tau_W = W a along every run, V1_dot = -s'Kd s - e_W'R e_W, and faster convergence of the estimate.
+"""Composite adaptation: tau_W = W pi along every run, V1_dot = -s'Kd s - e_W'R e_W, and faster convergence of the estimate.
 
-`W` is the filtered regressor, `tau_W` the filtered torque, `e_W = tau_W - W a_hat`, and `R` the weight.
+`W` is the filtered regressor, `tau_W` the filtered torque, `e_W = tau_W - W pi_hat`, and `R` the weight.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """The projection of `Adaptive`: estimates stay physically possible, and the stability proof of Slotine and Li remains valid.
 
-P(a_hat) >= P_min / 2 at all times,   V1_dot = -s'Kd s - c (a_hat - a) . g with c (a_hat - a) . g >= 0,   e -> 0
+P(pi_hat) >= P_min / 2 at all times,   V1_dot = -s'Kd s - c (pi_hat - pi) . g with c (pi_hat - pi) . g >= 0,   e -> 0
 
 `P` is the pseudo-inertia of a body, `P_min` its lower bound, and `-c g` the correction along the gradient `g`. The *boundary
 layer* of a body has all `P` with `P >= P_min / 2` but not `P >= P_min`.

@@ -1,6 +1,6 @@
 """The PR robot under Slotine-Li adaptation against 25-digit values (tests/vectors/oracle_ex1_adaptive_public.json).
 
-M = [[A, B cos q2], [B cos q2, C]],  C = S(q, v),  tau = Y a_hat + Kp e + Kd e_dot,  a_hat_dot = Gamma Y' s
+M = [[A, B cos q2], [B cos q2, C]],  C = S(q, v),  tau = Y pi_hat + Kp e + Kd e_dot,  pi_hat_dot = Gamma Y' s
 """
 
 from __future__ import annotations

@@ -1,12 +1,12 @@
 """System 1: the PR robot on a horizontal plane under adaptive tracking control.
 
-    tau = Y a_hat + Kp e + Kd e_dot,   a_hat_dot = Gamma Y's,   Y (A, B, C)' = M a_r + S v_r
+    tau = Y pi_hat + Kp e + Kd e_dot,   pi_hat_dot = Gamma Y's,   Y (A, B, C)' = M a_r + S v_r
 
-Here ' is the transpose, Y the regressor, S the Coriolis matrix, s the sliding variable, a = (A, B, C) the parameters and a_hat their
+Here ' is the transpose, Y the regressor, S the Coriolis matrix, s the sliding variable, pi = (A, B, C) the parameters and pi_hat their
 estimate. e is the tracking error, v_r and a_r are reference velocity and acceleration, and Kp, Kd and Gamma the gains.
 
 The checks compare the simulation with these results of the theory. dM/dt - 2S is skew-symmetric. The Lyapunov function
-V1 = s'Ms/2 + (a - a_hat)'Gamma^-1(a - a_hat)/2 never increases. V1(0) - V1(t) is the integral of s'Kd s. The error e goes to zero from
+V1 = s'Ms/2 + (pi - pi_hat)'Gamma^-1(pi - pi_hat)/2 never increases. V1(0) - V1(t) is the integral of s'Kd s. The error e goes to zero from
 every initial state and every initial estimate, even if the initial estimate is zero.
 """
 
@@ -29,7 +29,7 @@ A, B, C = 2.0, 0.5, 0.5
 KP, KD, GAMMA = (40.0, 20.0), (20.0, 10.0), 5.0
 Q0 = (0.2, -0.3)
 
-# The state (q1, q2, v1, v2, a_hat) by time t, from rest in Q0 with a_hat = 0. The values were integrated with 25 digits and rounded to 13.
+# The state (q1, q2, v1, v2, pi_hat) by time t, from rest in Q0 with pi_hat = 0. The values were integrated with 25 digits and rounded to 13.
 ORACLE = {
     0.25: (0.2600272316271, 0.2955772120178, 0.6692427878501, 2.635724070174, 0.563398733585, -0.1024356686385, -0.2466599487647),
     1.0: (0.5205529425694, 1.268307483847, -0.1470997213416, 0.07134418422685, 0.9123593755904, 1.040728065069, 0.4407824091997),
@@ -68,7 +68,7 @@ def identities(report: Report, arm: al.Arm) -> None:
     left = arm.regressor(q, v, v_r, a_r) @ arm.parameters
     right = (arm.mass_matrix(q) @ a_r[..., None] + arm.coriolis_matrix(q, v) @ v_r[..., None])[..., 0]
     # The terms are at most 15, so the tolerance is a few rounding errors of that size.
-    report.bound("Y(q, v, v_r, a_r) a = M a_r + S v_r, 1000 random states", np.abs(left - right).max(), 5e-14)
+    report.bound("Y(q, v, v_r, a_r) pi = M a_r + S v_r, 1000 random states", np.abs(left - right).max(), 5e-14)
     try:
         al.planar_pr(1.0, 1.0, 1.0)
         answer = "accepted"
@@ -101,7 +101,7 @@ def against_oracle(report: Report, plant: al.RigidArm, law: al.Adaptive) -> None
     report.equal("times of the records", times, run.t.tolist())
     assert run.estimate is not None
     for state, t, expected in zip(np.hstack([run.q, run.v, run.estimate]), times, ORACLE.values(), strict=True):
-        report.bound(f"(q, v, a_hat) at {t:g} s minus the 25-digit solution", np.abs(state - expected).max(), ORACLE_TOLERANCE)
+        report.bound(f"(q, v, pi_hat) at {t:g} s minus the 25-digit solution", np.abs(state - expected).max(), ORACLE_TOLERANCE)
 
 
 def lyapunov(report: Report, plant: al.RigidArm, law: al.Adaptive) -> None:
@@ -116,7 +116,7 @@ def lyapunov(report: Report, plant: al.RigidArm, law: al.Adaptive) -> None:
     report.bound("skewness of M' - 2S, largest", np.abs(run.monitors["skewness"]).max(), 1e-13)
     assert run.estimate is not None
     # With this motion the estimation error decreases by a factor of five in 10 s.
-    report.near("a_hat(40 s) -> (A, B, C), this motion being rich enough", (A, B, C), run.estimate[-1], 5e-3)
+    report.near("pi_hat(40 s) -> (A, B, C), this motion being rich enough", (A, B, C), run.estimate[-1], 5e-3)
     report.figure("adaptive", run)
 
 

@@ -1,15 +1,15 @@
-"""The time derivative a_hat_dot of an estimate of inertial parameters, from y = Y's. Y is the regressor, s the sliding variable, and ' the
+"""The time derivative pi_hat_dot of an estimate of inertial parameters, from y = Y's. Y is the regressor, s the sliding variable, and ' the
 transpose.
 
-    all parameters or a    a_hat_dot = Gamma y
-    base set
-    natural metric         a_hat_dot = gamma G(a_hat)^-1 y,  G_kl = tr(P^-1 E_k P^-1 E_l), body by body     (Lee, Kwon and Park 2018)
+    all parameters,        pi_hat_dot = Gamma y
+    or a base set
+    natural metric         pi_hat_dot = gamma G(pi_hat)^-1 y,  G_kl = tr(P^-1 E_k P^-1 E_l), body by body     (Lee, Kwon and Park 2018)
                            distance  d(P || P_hat) = log(det P_hat / det P) + tr(P_hat^-1 P) - 4
-    projection             a_hat_dot = Gamma (y - c g),   Z_k = R_k P_k R_k - 1 with R_k = (P_k^min)^-1/2,   N_k the negative part of Z_k,
+    projection             pi_hat_dot = Gamma (y - c g),   Z_k = R_k P_k R_k - 1 with R_k = (P_k^min)^-1/2,   N_k the negative part of Z_k,
                            f^2 = sum_k of the squared Frobenius norm of N_k,   g_j = sum_k tr(R_k N_k R_k E_j),
                            c = [min(1, 2 f) max(0, g'Gamma y) + 10 f^2] / g'Gamma g               (Pomet and Praly 1992)
 
-Gamma and gamma are adaptation gains. P is the pseudo-inertia of a body with the estimated parameters a_hat; for the planar PR arm it is
+Gamma and gamma are adaptation gains. P is the pseudo-inertia of a body with the estimated parameters pi_hat; for the planar PR arm it is
 [[A, B], [B, C]]. E_j is the P of a body whose parameter j is 1 and whose others are 0. P_k^min is the pseudo-inertia of the smallest body
 k that the projection allows. If P_k >= P_k^min at the start, then P_k >= P_k^min / 2 at all times.
 """

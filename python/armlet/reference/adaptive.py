@@ -1,20 +1,20 @@
 """Adaptive tracking, written from its equations; e = q_d - q, and C is the Coriolis matrix of the Christoffel symbols.
 
     v_r = v_d + Lambda e,  Lambda = Kd^-1 Kp,  s = v_r - v,  a_r = a_d + Lambda e_dot
-    tau = Y(q, v, v_r, a_r) a_hat + Kp e + Kd e_dot, plus armature a_r if it is not estimated            (Slotine and Li 1987)
-    a_hat_dot = Gamma w,  w = Y's, or a rate of `adaptation`
+    tau = Y(q, v, v_r, a_r) pi_hat + Kp e + Kd e_dot, plus armature a_r if it is not estimated            (Slotine and Li 1987)
+    pi_hat_dot = Gamma w,  w = Y's, or a rate of `adaptation`
     columns of Y        inertial, then diag(a_r), diag(v_r), diag(tanh(v_r/v_s)), diag(exp(-(v_r/v_s)^2) tanh(v_r/v_s))
-    leakage             w = Y's - sigma (a_hat - a_0), a_0 the centre; e-modification: sigma |s|   (Ioannou 1984, Narendra 1987)
+    leakage             w = Y's - sigma (pi_hat - pi_0), pi_0 the centre; e-modification: sigma |s|   (Ioannou 1984, Narendra 1987)
     dead zone           w = 0 while |s| is below the size of the zone
-    composite           w = Y's + W'R e_W,   e_W = tau_W - W a_hat,   W_dot = Y(q, v, v, v_dot) - lambda W,   tau_W_dot = tau - lambda tau_W
+    composite           w = Y's + W'R e_W,   e_W = tau_W - W pi_hat,   W_dot = Y(q, v, v, v_dot) - lambda W,   tau_W_dot = tau - lambda tau_W
                                                                                                            (Slotine and Li 1989)
-    concurrent          w = Y's + sum_j W_j'R (tau_j - W_j a_hat) of stored samples                 (Chowdhary and Johnson 2010)
-    Lyapunov function   -V1_dot = s'(tau - (M a_r + C v_r + g + tau_f(v))) + (a - a_hat)'w,  without projection and external force
+    concurrent          w = Y's + sum_j W_j'R (tau_j - W_j pi_hat) of stored samples                 (Chowdhary and Johnson 2010)
+    Lyapunov function   -V1_dot = s'(tau - (M a_r + C v_r + g + tau_f(v))) + (pi - pi_hat)'w,  without projection and external force
 
-q_d, v_d, a_d are the desired motion, and Kp and Kd the gains. Y is the regressor of the estimated parameters a_hat. Gamma is the adaptation
+q_d, v_d, a_d are the desired motion, and Kp and Kd the gains. Y is the regressor of the estimated parameters pi_hat. Gamma is the adaptation
 gain, sigma the leakage, and v_s the friction speed. Composite and concurrent adaptation have separate weights R. lambda is the rate of the
 filters, and v_dot the acceleration of the plant. If armature is not estimated, the filter of tau receives tau - armature v_dot. In the last
-row, M, C, g, the friction torque tau_f and the true parameters a are those of the plant. ' is the transpose, and _dot the time derivative.
+row, M, C, g, the friction torque tau_f and the true parameters pi are those of the plant. ' is the transpose, and _dot the time derivative.
 """
 
 from collections.abc import Iterable
@@ -45,7 +45,7 @@ def columns(v_r: Array, a_r: Array, v_s: Array, kinds: Iterable[str]) -> Array:
 
 
 class Adaptive(Law):
-    """The tracking law of Slotine and Li. Its state is the estimate a_hat, and then the filters of composite adaptation.
+    """The tracking law of Slotine and Li. Its state is the estimate pi_hat, and then the filters of composite adaptation.
 
     The estimate has all inertial parameters or a base set of them, and then the joint parameters.
     """
@@ -168,7 +168,7 @@ class Adaptive(Law):
         return float(s @ (terms["u"] - needed) + (self.truth(plant) - state[: self.p]) @ terms["w"])
 
     def lyapunov(self, t: float, q: Array, v: Array, state: Array, plant: Any) -> float:
-        """V1 = s'Ms/2 + d'Gamma^-1 d/2 with d = a - a_hat, and with M and the parameters a of the plant.
+        """V1 = s'Ms/2 + d'Gamma^-1 d/2 with d = pi - pi_hat, and with M and the parameters pi of the plant.
 
         In the natural metric, the second term is the sum of each body's distance d(P || P_hat) divided by its gamma.
         """

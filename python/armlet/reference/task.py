@@ -59,7 +59,7 @@ def rotation_matrix(vector: Array) -> Array:
 
 
 def pose_error(X: Array, target: Array, rows: list[int]) -> Array:
-    """The rows `rows` of x_d - p and log(R_d R') for a pose X (4, 4). Rows of orientation that are not in `rows` have the target zero."""
+    """The rows `rows` of p_d - p and log(R_d R') for a pose X (4, 4). Rows of orientation that are not in `rows` have the target zero."""
     full = np.zeros(6)
     full[rows] = target
     turn = rotation_vector(rotation_matrix(full[3:]) @ X[:3, :3].T) if max(rows) > 2 else np.zeros(3)

@@ -1,13 +1,13 @@
 """Tasks of an arm: the error e(q), the feed-forward w and the Jacobian J(q) of a command J v = w + K e.
 
-    frame           e = x_d - p,  log(R_d R')                       J: rows of the geometric Jacobian
+    frame           e = p_d - p,  log(R_d R')                       J: rows of the geometric Jacobian
     posture         e = q_d - q of chosen joints                    rows of the identity
     centre of mass  e = c_d - c                                     sum_i dT_i/dq P_i e_4 / mass (see `arm`)
     axis            e = B'r,  exp(r) a = d, |r| <= pi            B'J_w,  B = R [b1 b2], b1 and b2 perpendicular to the axis in the frame
     relative        e as for frame, with X = X_r^-1 X_f             from dX/dq = X_r^-1 dX_f/dq - X_r^-1 dX_r/dq X
     joint limits    e = clip(q, lower + m range, upper - m range) - q,  m the margin
 
-K is the gain, and ' the transpose. p and R are position and rotation matrix of the frame, x_d and R_d their targets. c is the centre of
+K is the gain, and ' the transpose. p and R are position and rotation matrix of the frame, p_d and R_d their targets. c is the centre of
 mass and c_d its target. a and d are the direction of the axis and its target in world axes, and J_w the angular rows of the geometric
 Jacobian. X_f and X_r are the poses of the frame and of the reference frame. The feed-forward of a direction d(t) is B' times its angular
 velocity (d x d_dot) / d.d. Complex steps compute the derivatives of this velocity and of J, because each Jacobian here is analytic in q.

@@ -1,8 +1,8 @@
 """System 1: the PR robot under adaptive tracking, with parameters unknown to the law. Pull it, add a load, and observe the estimate.
 
-    tau = Y a_hat + Kd s,   a_hat_dot = Gamma Y's,   s = v_d - v + Lambda (q_d - q),   Lambda = Kd^-1 Kp
+    tau = Y pi_hat + Kd s,   pi_hat_dot = Gamma Y's,   s = v_d - v + Lambda (q_d - q),   Lambda = Kd^-1 Kp
 
-Y is the regressor, a_hat the estimate of the parameters and ' the transpose. The law has three parameters A, B, C and no frames. The plant
+Y is the regressor, pi_hat the estimate of the parameters and ' the transpose. The law has three parameters A, B, C and no frames. The plant
 is the same robot as a chain of links, so that it can be drawn and pushed. Its parameters are A = m1 + m2, B = m2 d, C = I2 + m2 d^2. m1 and
 m2 are the masses of the links. d is the distance of the centre of mass of link 2 from its joint, and I2 the inertia about this centre. At
 q2 = 0 link 2 is along -y.

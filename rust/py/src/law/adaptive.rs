@@ -11,21 +11,21 @@ use armlet_macros::entered;
 use pyo3::prelude::*;
 use pyo3::types::{PyBool, PyString, PyTuple};
 
-/// Adaptive tracking (Slotine and Li): `tau = Y a_hat + Kp e + Kd e_dot`, `a_hat_dot = Gamma Y' s`.
+/// Adaptive tracking (Slotine and Li): `tau = Y pi_hat + Kp e + Kd e_dot`, `pi_hat_dot = Gamma Y' s`.
 ///
 /// `e = q_d - q`, `Lambda = Kd^-1 Kp`, `v_r = v_d + Lambda e`, `a_r = a_d + Lambda e_dot`, `s = v_r - v`, and `Y(q, v, v_r, a_r)` is the
 /// arm's regressor. Without leakage and dead zone, the error `e` converges to zero from every initial state and every initial estimate.
-/// This requires a rigid plant with the structure of the model, without sampling, torque limits and other forces. The estimate `a_hat`
-/// converges to the true parameters `a` only under excitation. Without `armature=True` the rotor inertia is known, and the law adds
+/// This requires a rigid plant with the structure of the model, without sampling, torque limits and other forces. The estimate `pi_hat`
+/// converges to the true parameters `pi` only under excitation. Without `armature=True` the rotor inertia is known, and the law adds
 /// `armature a_r` to the torque.
 ///
 /// The estimate has all inertial parameters, or the base set of inertial parameters. After them it has the requested parameters of joints
 /// (friction, rotor inertia), each with its column of `Y`. The columns are `a_r` (rotor inertia), `v_r` (damping), `tanh(v_r / v_s)`
 /// (Coulomb friction) and `exp(-(v_r / v_s)^2) tanh(v_r / v_s)` (Stribeck friction). `parameter_names` lists all parameters.
 ///
-/// With leakage, `a_hat_dot = Gamma (Y' s - sigma (a_hat - a_0))`. With `composite=R`, `a_hat_dot = Gamma (Y' s + W' R e_W)` with
-/// `e_W = tau_W - W a_hat`. `W` is the filtered regressor, and `tau_W` the filtered torque. The filter is `1/(p + lambda)` with the Laplace
-/// variable `p`, so the equation of motion becomes `tau_W = W a`, which contains no acceleration. The filter uses the law's output as the
+/// With leakage, `pi_hat_dot = Gamma (Y' s - sigma (pi_hat - pi_0))`. With `composite=R`, `pi_hat_dot = Gamma (Y' s + W' R e_W)` with
+/// `e_W = tau_W - W pi_hat`. `W` is the filtered regressor, and `tau_W` the filtered torque. The filter is `1/(p + lambda)` with the Laplace
+/// variable `p`, so the equation of motion becomes `tau_W = W pi`, which contains no acceleration. The filter uses the law's output as the
 /// torque. So composite adaptation does not allow saturation, or other torques on the arm. With `composite`, `terms` has `W`, `tau_W` and
 /// `e_W`. The law's state is then the estimate, followed by `n b + k + n` states of the filters. Each of b inertial parameters has `n` of
 /// these states, each of k joint parameters has one, and the torques have `n`.
@@ -52,13 +52,13 @@ use pyo3::types::{PyBool, PyString, PyTuple};
 ///     leakage: `sigma`, >= 0 (keyword only). Its unit is 1/s divided by the unit of `gamma`. With `leakage_form="e"` the unit is 1/rad or
 ///         1/m divided by the unit of `gamma`.
 ///     leakage_form: "sigma" for the constant `sigma`, "e" for `sigma |s|` in its place (e-modification) (keyword only).
-///     leakage_centre: `a_0`, `(p,)`, in the units of the estimate; the initial estimate if None (keyword only).
+///     leakage_centre: `pi_0`, `(p,)`, in the units of the estimate; the initial estimate if None (keyword only).
 ///     dead_zone: `s_0`, >= 0, rad/s or m/s: the estimate is constant while the norm of `s` is below it (keyword only).
 ///     composite: positive definite weight `R` of `e_W`, 1/(N m s^3): scalar, `(n,)` or `(n, n)`; None: no composite adaptation
 ///         (keyword only).
 ///     composite_rate: `lambda` of the filter, 1/s, > 0 (keyword only).
 ///     concurrent: samples of recorded motion and torque, from `al.select_samples` (keyword only). Concurrent learning adds
-///         `sum_j W_j' R e_j`, `e_j = tau_j - W_j a_hat`, to `Y' s`. The estimate then converges without excitation, if the samples
+///         `sum_j W_j' R e_j`, `e_j = tau_j - W_j pi_hat`, to `Y' s`. The estimate then converges without excitation, if the samples
 ///         determine the parameters.
 ///     concurrent_weight: positive definite weight `R` of each sample: scalar, `(n,)` or `(n, n)` (keyword only). Its unit is 1/(N m s)
 ///         for samples with accelerations, and 1/(N m s^3) for windows.

@@ -95,8 +95,8 @@ struct Raw {
 
 /// A task that moves a frame of an arm to a target. This is also the base class of all tasks.
 ///
-/// Each controlled coordinate is a row of the task. The error `e` is `x_d - p`, m, for x, y, z, and `log(R_d R')`, rad, for rx, ry, rz,
-/// both in world axes. `p` and `R` are the position and the rotation of the frame, and `x_d` and `R_d` those of the target.
+/// Each controlled coordinate is a row of the task. The error `e` is `p_d - p`, m, for x, y, z, and `log(R_d R')`, rad, for rx, ry, rz,
+/// both in world axes. `p` and `R` are the position and the rotation of the frame, and `p_d` and `R_d` those of the target.
 ///
 /// Args:
 ///     frame: name of the frame.

@@ -1,4 +1,4 @@
-//! A task on rows of the pose of a frame. Error: `x_d - p` in rows of position, and `log(R_d R')` in rows of orientation, with the position
+//! A task on rows of the pose of a frame. Error: `p_d - p` in rows of position, and `log(R_d R')` in rows of orientation, with the position
 //! `p` and the rotation matrix `R` of the frame. Jacobian: rows of the geometric Jacobian.
 
 use super::{TaskFunction, TaskKind};

@@ -6,15 +6,16 @@
 //!
 //! | task | error | Jacobian |
 //! |---|---|---|
-//! | frame | `x_d - p`, `log(R_d R')` | rows of the geometric Jacobian |
+//! | frame | `p_d - p`, `log(R_d R')` | rows of the geometric Jacobian |
 //! | posture | `q_d - q` of chosen joints | rows of the identity |
 //! | centre of mass | `c_d - c` | `sum m_b J_b / m_total` over the bodies `b` |
 //! | axis | rotation vector from `a` to `a_d`, along two directions `b` of the frame perpendicular to `a` | rows `b' R' J_w` |
-//! | relative | `x_d - R_r'(p - p_r)`, `log(R_d (R_r' R)')` | `R_r'(J_v - J_v,r + [p - p_r]x J_w,r)`, `R_r'(J_w - J_w,r)` |
+//! | relative | `x_d - x`, `log(R_d (R_r' R)')` | `R_r'(J_v - J_v,r + [p - p_r]x J_w,r)`, `R_r'(J_w - J_w,r)` |
 //! | joint limits | nearest position within the narrowed limits, minus `q` | rows of the identity |
 //!
-//! `p` and `R` are the position and the rotation matrix of the frame, and `'` is the transpose. `J_v` and `J_w` are the linear and angular
-//! rows of the geometric Jacobian. The index `r` means the reference frame. `[p]x` is the cross-product matrix.
+//! `p` and `R` are the position and the rotation matrix of the frame, and `'` is the transpose. `x = R_r'(p - p_r)` is
+//! a relative position. The index `d` means the target, and `r` the reference frame. `J_v` and `J_w` are the linear and angular rows of the
+//! geometric Jacobian. `[p]x` is the cross-product matrix.
 
 mod axis;
 mod centre_of_mass;

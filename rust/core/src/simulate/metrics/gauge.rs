@@ -1,10 +1,10 @@
 //! Metrics of one run or of several runs at the same time, updated at each record of the run.
 //!
 //! The error is `e = q_d - q` with the desired position `q_d` and the position `q` of a joint. `w_i = t_{i+1} - t_{i-1}` is twice the
-//! trapezoidal weight of record `i`. `p` is the position of a frame, and `x_d` its desired position. `E` is the energy, and `P` the
+//! trapezoidal weight of record `i`. `p` is the position of a frame, and `p_d` its desired position. `E` is the energy, and `P` the
 //! supplied power. The settling band is `|e| <= settle max |e|` with a constant fraction `settle`, or a given band. The metrics are
 //!
-//! `sum w e^2`, `max |e|`, `max q`, `min q`, the last record with `|e|` outside of the band, `sum w |x_d - p|^2`, `sum w tau^2`,
+//! `sum w e^2`, `max |e|`, `max q`, `min q`, the last record with `|e|` outside of the band, `sum w |p_d - p|^2`, `sum w tau^2`,
 //! `max |tau|`, the time outside of limits, and `max |E|`. Another metric counts violations of conditions. One of the conditions is
 //! `|E(t) - E(0) - int P dt| <= tolerance max |E|`.
 //!
