@@ -327,4 +327,4 @@ def test_the_page_shows_the_listing_as_it_is() -> None:
     wanted, found = ([line for line in text.splitlines() if not own.match(line)] for text in (shown, str(program)))
     assert wanted == found
     recorded = [str(line) for line in program.at("recorded").instructions]
-    assert {"t2 = 1.0 * t0", "t3 = 0.0 * t0"} <= set(recorded)
+    assert {"t3 = 1.0 * t0", "t4 = 0.0 * t0"} <= set(recorded)

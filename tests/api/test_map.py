@@ -28,9 +28,10 @@ ROWS = re.findall(r"^\| (an? [^|]+?) \| `(\w+)` \| (\d+) \| (`[^|]+`) \|$", PAGE
 
 
 def code(path: Path) -> str:
-    """A source without comments, docstrings and unit tests."""
+    """A source without comments, docstrings, lists of modules and unit tests."""
     text = path.read_text(encoding="utf-8")
     if path.suffix == ".rs":
+        text = re.sub(r"^mod \w+;$|^pub use \w+::\*;$", "", text, flags=re.MULTILINE)
         return re.sub(r"//[^\n]*|/\*.*?\*/", "", text, flags=re.DOTALL).partition("#[cfg(test)]")[0]
     return re.sub(r'""".*?"""|#[^\n]*', "", text, flags=re.DOTALL)
 

@@ -14,7 +14,7 @@ LANES = ("scalar/", "plan/", "motion/", "trace/sym.rs")
 BATCHES = {
     f"simulate/{name}.rs" for name in ("assembly", "fixed/steps", "runs/structures", "sampled/sampler", "sampled/torque_sensing", "world")
 }
-IMPL = re.compile(r"^impl(?:<(?P<parameters>[^{]*?)>)? (?:Law|Plant)(?:<[\w:]+>)? for (?P<type>\w+)", re.MULTILINE)
+IMPL = re.compile(r"^impl(?:<(?P<parameters>[^{]*?)>)? (?:Equations|PlantEquations)(?:<[\w:]+>)? for (?P<type>\w+)", re.MULTILINE)
 
 
 def lanes_in(sources: dict[str, str]) -> dict[str, int]:
@@ -57,8 +57,17 @@ def test_laws_and_plants_have_no_type_parameter() -> None:
     print(f"laws and plants in a control loop: {len(found)}")
     assert len(found) > 12
     assert {name: more for name, more in found.items() if more} == {}
-    law = "impl<'a, S: Real, D, const TORQUE: bool> Law<S> for Tracking<'a, S, D, TORQUE>\nwhere\n"
+    law = "impl<'a, S: Real, D, const TORQUE: bool> Equations<S> for Tracking<'a, S, D, TORQUE>\nwhere\n"
     assert type_parameters(law) == {"Tracking": {"S", "D"}}
+
+
+@pytest.mark.parametrize("pattern", [r"\bmul_add\b", r"\bneg_mul_add\b", r"\btrig: &"])
+def test_formulas_have_plain_operators_and_no_tables_of_sines(pattern: str) -> None:
+    """Recordings contract products and sums, and the arm of a formula knows its sines and cosines."""
+    formulas = {name: text for name, text in sources().items() if name.startswith(("law/", "plant/", "simulate/"))}
+    found = {name: len(re.findall(pattern, text)) for name, text in formulas.items()}
+    assert {name: count for name, count in found.items() if count} == {}
+    assert re.search(pattern, "fn f(trig: &[Sym]) { a.mul_add(b, c) + a.neg_mul_add(b, c) }")
 
 
 @pytest.mark.parametrize("name", ["Dual", "Float"])

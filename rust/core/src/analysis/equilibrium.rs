@@ -13,7 +13,7 @@
 
 use super::equilibrium_problem::{EquilibriumProblem, Unbalanced};
 use super::loop_slope::{Modes, loop_modes};
-use crate::dynamics::ArmAt;
+use crate::dynamics::At;
 use crate::error::{Error, Result, finite};
 use crate::interrupt;
 use crate::law::{CartesianImpedanceSpec, ElasticImpedanceSpec, LawSpec};
@@ -21,6 +21,7 @@ use crate::linalg::{Gain, cholesky, symmetric_eigen};
 use crate::memory;
 use crate::motion::Motion;
 use crate::plant::PlantSpec;
+use nalgebra::DVector;
 
 /// An equilibrium and its properties.
 ///
@@ -117,7 +118,7 @@ fn target(law: &CartesianImpedanceSpec) -> Vec<f64> {
 /// The task of a law, evaluated at one pose after another.
 struct TargetError<'a> {
     law: &'a CartesianImpedanceSpec,
-    arm: ArmAt,
+    arm: At,
     target: Vec<f64>,
 }
 
@@ -128,11 +129,9 @@ impl<'a> TargetError<'a> {
 
     /// Compute the task error `e`, `(m,)`, and the Jacobian `J`, `(m, n)`, at `q`.
     fn at(&mut self, q: &[f64]) -> (Vec<f64>, Vec<f64>) {
-        let m = self.target.len();
-        let (mut e, mut j) = (vec![0.0; m], vec![0.0; m * q.len()]);
         self.arm.move_to(q);
-        self.arm.error_and_jacobian(&self.law.coordinates, &self.target, &mut e, &mut j);
-        (e, j)
+        let (e, j) = self.arm.error_and_jacobian(&self.law.coordinates, &DVector::from_column_slice(&self.target));
+        (e.as_slice().to_vec(), j.transpose().as_slice().to_vec())
     }
 }
 
@@ -140,9 +139,7 @@ impl<'a> TargetError<'a> {
 /// damping of a Cartesian impedance. For `PdGravity`, the last two diagonals are those of its gains. For other laws they are zero.
 pub(super) fn joint_view(plant: &PlantSpec, law: &LawSpec, q: &[f64]) -> (Vec<f64>, Vec<f64>, Vec<f64>) {
     let n = q.len();
-    let mut m = vec![0.0; n * n];
-    plant.model().at(q).mass_matrix(&mut m);
-    let mass = (0..n).map(|i| m[i * n + i]).collect();
+    let mass = plant.model().at(q).mass_matrix().diagonal().as_slice().to_vec();
     match law.outer() {
         Some(LawSpec::CartesianImpedance(law)) => {
             let (_, j) = TargetError::new(&law).at(q);

@@ -91,18 +91,17 @@ impl EquilibriumProblem<'_> {
         q.extend(&self.law.initial_state()[q.len() - n..]);
         let (y, size) = (q, n + self.law.initial_state().len());
         let (mut residual, mut arm) = (Residual::new(self, self.motors())?, self.plant.model().at(&y[..n]));
-        let (mut mass, mut best) = (vec![0.0; n * n], f64::INFINITY);
+        let mut best = f64::INFINITY;
         let mut h = 0.0f64;
         for _ in 0..STEPS {
             interrupt::check();
             let force = DVector::from_column_slice(residual.at(y));
             finite("equilibrium", force.as_slice())?;
             arm.move_to(&y[..n]);
-            arm.mass_matrix(&mut mass);
             let mut rates = DMatrix::<f64>::zeros(size, size);
             let mut inertia = DMatrix::<f64>::identity(size, size);
             residual.slopes(y, |i, j, rate| rates[(i, j)] = rate);
-            (0..n * n).for_each(|at| inertia[(at / n, at % n)] = mass[at]);
+            inertia.view_mut((0, 0), (n, n)).copy_from(&arm.mass_matrix());
             let fastest = rates.amax() / inertia.diagonal().amin();
             let longest_step = LONGEST / fastest.max(f64::MIN_POSITIVE);
             h = if h == 0.0 { 1.0 / fastest.max(1.0) } else { h.min(longest_step) };

@@ -3,13 +3,14 @@
 
 use super::recordings::{EquilibriumProblem, Function, jacobian};
 use crate::error::{Error, Result};
-use crate::law::LawSpec;
+use crate::law::{Answer, LawSpec, RecordedLaw};
 use crate::linalg::dot;
 use crate::linalg::eigenvalues::eigenvalues;
 use crate::linalg::svd::Svd;
-use crate::plant::PlantSpec;
+use crate::plant::{PlantSpec, RecordedPlant};
 use crate::scalar::Real;
 use crate::trace::Sym;
+use crate::trace::expression::stacked;
 use crate::trace::function::{Recorded, recorded};
 
 /// Compute the matrix `A` of the linearised loop, `(s, s)`, row-major, at time `t` (s), the plant's state `x` and the law's state `z`.
@@ -36,17 +37,14 @@ pub fn loop_slope(
 
 /// Record the rates of the loop's state at time `t`, s. The result is `None` if the law branches on its data.
 fn loop_rates(problem: &EquilibriumProblem, t: f64) -> Option<(Recorded, usize)> {
-    let (n, states) = (problem.plant.n(), problem.plant.states());
+    let states = problem.plant.states();
     let size = states + problem.law.initial_state().len();
-    let set_up = || (problem.plant.build(problem.frame), problem.law.build(), problem.law.desired(t));
-    let recorded = recorded(size, set_up, |(mut plant, mut law, desired), state| {
-        let trig: Vec<(Sym, Sym)> = state[..n].iter().map(|q| q.sin_cos()).collect();
+    let set_up = || (RecordedPlant::new(problem.plant, problem.frame), RecordedLaw::continuous(problem.law), problem.law.desired(t));
+    let recorded = recorded(size, set_up, |(plant, law, desired), state| {
         let (x, z) = state.split_at(states);
-        let (mut tau, mut rates) = (vec![Sym::zero(); n], vec![Sym::zero(); size]);
-        let (x_dot, z_dot) = rates.split_at_mut(states);
-        law.evaluate(&desired, &trig, x, z, &mut tau, z_dot);
-        plant.rates(&trig, x, &tau, &problem.wrench.map(Sym::splat), x_dot);
-        rates
+        let Answer { tau, z_dot, .. } = law.answer(&desired, &x[..problem.plant.seen()], z);
+        let x_dot = plant.rates(x, &tau, &problem.wrench.map(Sym::splat)).x_dot;
+        stacked([&x_dot, &z_dot]).as_slice().to_vec()
     });
     recorded.map(|recorded| (recorded, size))
 }

@@ -12,15 +12,14 @@
 //! `r(q) = B0 B^-1 (tau(q, theta) - L(q))`, `theta = q + K^-1 L(q)`.
 
 use super::recordings::{EquilibriumProblem, Function, Motors, jacobian};
-use crate::dynamics::ArmAt;
 use crate::error::{Error, Result};
-use crate::law::Law;
-use crate::linalg::gain::{AnyGain, Gain};
-use crate::plant::{LoopWall, Stop, unilateral};
+use crate::law::{Answer, RecordedLaw};
+use crate::plant::{LoopWall, Parameters, unilateral};
 use crate::scalar::Real;
 use crate::spatial::{Vector, Vector3};
+use crate::trace::expression::{constant, stacked, vector, zeros};
 use crate::trace::function::recorded;
-use crate::trace::{Jacobian, Sym};
+use crate::trace::{E, Jacobian, V, sym};
 
 /// The recorded residual `r(y)`. Its results are the residual, then the load `L(q)`, then the force of the wall.
 pub(super) struct Residual {
@@ -35,12 +34,10 @@ impl Residual {
             Motors::Unknown(..) => 2 * n,
             Motors::Absent | Motors::Carrying(..) => n + problem.law.initial_state().len(),
         };
-        let record = |mut forces: Forces, y: &[Sym]| {
-            let mut results = vec![Sym::zero(); size];
-            let wall = forces.residual(y, &mut results);
-            results.extend(&forces.load);
-            results.extend(wall.array());
-            results
+        let record = |forces: Forces, y: &[E]| {
+            let (load, wall) = sym::contract(|| forces.load(&vector(&y[..n])));
+            let residual = sym::contract(|| forces.residual(y, &load));
+            stacked([&residual, &load, &vector(&wall.array())]).as_slice().to_vec()
         };
         let function = Function::Residual(motors.clone());
         match jacobian(problem, function, || recorded(size, || Forces::new(problem, motors), record).map(|recorded| (recorded, size))) {
@@ -78,126 +75,73 @@ impl Residual {
     }
 }
 
-/// The operations of the residual `r`, with their buffers.
+/// The equations of the residual `r`.
 struct Forces<'a> {
     problem: &'a EquilibriumProblem<'a>,
-    law: Box<dyn Law + Send>,
-    arm: ArmAt<Sym>,
-    desired: Vec<Sym>,
-    x: Vec<Sym>,
-    load: Vec<Sym>,
-    tau: Vec<Sym>,
-    stops: Vec<Stop>,
-    /// The joint stiffness, or the compliance of springs that carry the load.
-    elasticity: Option<AnyGain<Sym>>,
-    /// The factor of the balance of motor torques.
-    share: Option<AnyGain<Sym>>,
+    law: RecordedLaw<'a>,
+    numbers: Parameters,
+    desired: Vec<E>,
     /// Whether the springs carry the load.
     carrying: bool,
-    stretch: Vec<Sym>,
-    spring: Vec<Sym>,
 }
 
 impl<'a> Forces<'a> {
     fn new(problem: &'a EquilibriumProblem<'a>, motors: Motors) -> Self {
-        let n = problem.plant.n();
-        let zeros = |k: usize| vec![Sym::zero(); k];
+        let law = RecordedLaw::continuous(problem.law);
         let carrying = matches!(motors, Motors::Carrying(..));
-        let (elasticity, share) = match motors {
-            Motors::Absent => (None, None),
-            Motors::Unknown(elasticity, share) | Motors::Carrying(elasticity, share) => (Some(elasticity), Some(share)),
+        let numbers = Parameters::of_arm(problem.plant.model());
+        let numbers = match motors {
+            Motors::Absent => numbers,
+            // The joint stiffness, or the compliance of springs that carry the load; then the factor of the balance of motor torques.
+            Motors::Unknown(elasticity, share) | Motors::Carrying(elasticity, share) => {
+                numbers.gain("elasticity", &elasticity).gain("share", &share)
+            }
         };
-        let built = |gain: Option<Gain>| gain.map(|gain| AnyGain::new(&gain));
-        Forces {
-            problem,
-            law: problem.law.build(),
-            arm: ArmAt::new(problem.plant.model()),
-            desired: problem.law.desired(0.0),
-            x: zeros(4 * n),
-            load: zeros(n),
-            tau: zeros(n),
-            stops: problem.plant.stops().into_iter().flat_map(|stops| stops.all()).collect(),
-            elasticity: built(elasticity),
-            share: built(share),
-            carrying,
-            stretch: zeros(n),
-            spring: zeros(n),
-        }
+        Forces { problem, law, numbers, desired: problem.law.desired(0.0), carrying }
     }
 
-    /// Write the load `L(q)` to `self.load`, and return the force of the wall.
-    fn load(&mut self, q: &[Sym]) -> Vector3<Sym> {
-        let n = q.len();
-        self.arm.move_to(q);
-        self.arm.gravity(&mut self.load);
+    /// The load `L(q)`, and the force of the wall.
+    fn load(&self, q: &V) -> (V, Vector3<E>) {
+        let Some(arm) = self.numbers.arm_at(q) else { unreachable!("the residual has an arm") };
+        let mut load = arm.gravity();
         if let Some(frame) = self.problem.frame {
-            let (_, jacobian) = self.arm.jacobian(frame);
-            for i in 0..n {
-                for (k, &w) in self.problem.wrench.iter().enumerate() {
-                    self.load[i] = jacobian[k * n + i].neg_mul_add(Sym::splat(w), self.load[i]);
-                }
-            }
+            load -= arm.jacobian(frame).1.tr_mul(&vector(&self.problem.wrench.map(constant)));
         }
         let mut push = Vector3::zero();
         if let Some(wall) = self.problem.plant.wall() {
-            let (p, jacobian) = self.arm.jacobian(wall.frame);
+            let (p, j) = arm.jacobian(wall.frame);
             push = LoopWall::new(wall).force(p, Vector3::zero(), None).0;
-            for i in 0..n {
-                for k in 0..3 {
-                    self.load[i] = jacobian[k * n + i].neg_mul_add(push[k], self.load[i]);
-                }
-            }
+            load -= j.rows(0, 3).tr_mul(&push);
         }
         if let Some(stops) = self.problem.plant.stops() {
-            for &stop in &self.stops {
+            for stop in stops.all() {
                 let i = stop.joint;
-                let (depth, _) = stop.depth(Sym::splat(stops.limit(stop)), q[i], Sym::zero());
-                let force = unilateral::push(Sym::splat(stops.stiffness[i]), Sym::zero(), depth, Sym::zero(), None).0;
-                self.load[i] += if stop.upper { force } else { -force };
+                let (depth, _) = stop.depth(constant(stops.limit(stop)), q[i], E::zero());
+                let force = unilateral::push(constant(stops.stiffness[i]), E::zero(), depth, E::zero(), None).0;
+                load[i] += if stop.upper { force } else { -force };
             }
         }
-        push
+        (load, push)
     }
 
-    /// Write the residual `r` of the unknowns `y` to the argument `r`, and return the force of the wall. After `q`, the unknowns are the
-    /// motor positions or the law's state.
-    fn residual(&mut self, y: &[Sym], r: &mut [Sym]) -> Vector3<Sym> {
-        let n = self.load.len();
-        let (q, behind) = y.split_at(n);
-        self.x[..n].copy_from_slice(q);
-        let wall = self.load(q);
-        let (Some(elasticity), Some(share)) = (&self.elasticity, &self.share) else {
-            let (r, rate) = r.split_at_mut(n);
-            self.law.evaluate(&self.desired, self.arm.trig(), &self.x[..2 * n], behind, r, rate);
-            for i in 0..n {
-                r[i] -= self.load[i];
-            }
-            return wall;
-        };
+    /// The residual `r` of the unknowns `y` under the load `L(q)`. After `q`, the unknowns are the motor positions or the law's state.
+    fn residual(&self, y: &[E], load: &V) -> V {
+        let n = load.len();
+        let (q, behind) = (vector(&y[..n]), &y[n..]);
+        // The links and the motors at the positions `theta` are at rest.
+        let answer = |theta: &V, z: &[E]| self.law.answer(&self.desired, stacked([&q, &zeros(n), theta, &zeros(n)]).as_slice(), z);
+        if !self.numbers.has("elasticity") {
+            let Answer { tau, z_dot, .. } = self.law.answer(&self.desired, stacked([&q, &zeros(n)]).as_slice(), behind);
+            return stacked([&(tau - load), &z_dot]);
+        }
+        let (elasticity, share) = (self.numbers.get_gain("elasticity"), self.numbers.get_gain("share"));
         if self.carrying {
-            let (r, rate) = r.split_at_mut(n);
-            elasticity.multiply(&self.load, &mut self.stretch);
-            for i in 0..n {
-                self.x[2 * n + i] = q[i] + self.stretch[i];
-            }
-            self.law.evaluate(&self.desired, self.arm.trig(), &self.x, behind, &mut self.tau, rate);
-            for i in 0..n {
-                self.tau[i] -= self.load[i];
-            }
-            share.multiply(&self.tau, r);
-            return wall;
+            let theta = &q + elasticity * load;
+            let Answer { tau, z_dot, .. } = answer(&theta, behind);
+            return stacked([&(share * &(tau - load)), &z_dot]);
         }
-        self.x[2 * n..3 * n].copy_from_slice(behind);
-        self.law.evaluate(&self.desired, self.arm.trig(), &self.x, &[], &mut self.tau, &mut []);
-        for i in 0..n {
-            self.stretch[i] = behind[i] - q[i];
-        }
-        elasticity.multiply(&self.stretch, &mut self.spring);
-        for i in 0..n {
-            r[i] = self.spring[i] - self.load[i];
-            self.tau[i] -= self.spring[i];
-        }
-        share.multiply(&self.tau, &mut r[n..]);
-        wall
+        let theta = vector(behind);
+        let spring = elasticity * &(&theta - &q);
+        stacked([&(&spring - load), &(share * &(answer(&theta, &[]).tau - &spring))])
     }
 }

@@ -143,7 +143,7 @@ fn spread(model: &Model) -> Result<(Vec<f64>, f64)> {
             interrupt::check();
             within(&bounds, &angles, &zeros, &mut state, &mut q);
             at.move_to(&q);
-            at.mass_matrix(&mut mass);
+            at.write_mass_matrix(&mut mass);
             each(&mut mass)?;
         }
         Ok(())

@@ -8,8 +8,7 @@
 
 #[doc(hidden)]
 pub mod aba;
-#[doc(hidden)]
-mod arm_at;
+mod at;
 mod body_derivatives;
 mod buffered_tree;
 mod closed_form;
@@ -50,7 +49,7 @@ mod vectors;
 #[doc(hidden)]
 pub mod workspace;
 
-pub use arm_at::ArmAt;
+pub use at::At;
 pub use evaluate::Evaluator;
 pub use functions::Functions;
 pub use model::{AnyArm, Model};

@@ -5,6 +5,7 @@ use super::Bodies;
 use super::task::{TaskFunction, TaskKind};
 use crate::arm::{Arm, Tree};
 use crate::scalar::Real;
+use nalgebra::DMatrix;
 
 /// Task functions of one arm, with buffers. Evaluation allocates nothing.
 ///
@@ -96,6 +97,14 @@ impl<S: Real> TaskStack<S> {
     /// Write the stacked rates `dJ/dt`, `(sum rows, n)`, to `j`, at the joint rates of [`TaskStack::set_moving`].
     pub fn jacobians_dot(&mut self, j: &mut [S]) {
         self.write(j, true);
+    }
+
+    /// The stacked Jacobians, `(sum rows, n)`, or their rates at the joint rates of [`TaskStack::set_moving`].
+    pub fn jacobian_matrix(&mut self, rate: bool) -> DMatrix<S> {
+        let (rows, n) = (self.rows.iter().sum(), self.n());
+        let mut j = vec![S::zero(); rows * n];
+        self.write(&mut j, rate);
+        DMatrix::from_row_slice(rows, n, &j)
     }
 
     fn write(&mut self, mut j: &mut [S], rate: bool) {

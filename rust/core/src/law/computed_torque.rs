@@ -3,14 +3,14 @@
 //! `tau = M(q) (a_d + Kd e_dot + Kp e) + C(q, v) v + g(q)`, so that `e_ddot + Kd e_dot + Kp e = 0` for the error `e = q_d - q` of a plant
 //! that equals the law's model. `Kp` is in 1/s^2 and `Kd` in 1/s.
 
-use super::definition::{Definition, JointReference, Law, Shape, facts};
+use super::definition::{Definition, JointReference, Shape, facts};
+use super::equations::{Answer, Equations, Loop};
 use super::sizes::{require_same_dof, require_size};
-use crate::dynamics::{AnyArm, Dynamics, Model, Workspace};
+use crate::dynamics::Model;
 use crate::error::Result;
-use crate::linalg::gain::{AnyGain, Gain};
+use crate::linalg::Gain;
 use crate::motion::Motion;
-use crate::scalar::Real;
-use crate::trace::Sym;
+use crate::plant::Parameters;
 
 /// The computed-torque law of an arm, with validated parameters.
 ///
@@ -61,54 +61,16 @@ impl Definition for ComputedTorqueSpec {
 
 impl Shape for ComputedTorqueSpec {}
 
-impl ComputedTorqueSpec {
-    pub(super) fn build(&self) -> ComputedTorque {
-        let (arm, zeros) = (AnyArm::new(&self.model), vec![Sym::zero(); self.model.n()]);
-        ComputedTorque {
-            workspace: arm.workspace(),
-            arm,
-            kp: AnyGain::labelled("kp", &self.kp),
-            kd: AnyGain::labelled("kd", &self.kd),
-            e: zeros.clone(),
-            e_dot: zeros.clone(),
-            kp_e: zeros.clone(),
-            command: zeros,
-        }
+impl Equations for ComputedTorqueSpec {
+    fn parameters(&self, _: Option<f64>) -> Parameters {
+        Parameters::of_arm(&self.model).gain("kp", &self.kp).gain("kd", &self.kd)
     }
-}
 
-/// The computed-torque law in a control loop.
-pub struct ComputedTorque {
-    arm: AnyArm<Sym>,
-    workspace: Workspace<Sym>,
-    kp: AnyGain<Sym>,
-    kd: AnyGain<Sym>,
-    e: Vec<Sym>,
-    e_dot: Vec<Sym>,
-    kp_e: Vec<Sym>,
-    command: Vec<Sym>,
-}
-
-impl Law for ComputedTorque {
-    fn evaluate(&mut self, desired: &[Sym], trig: &[(Sym, Sym)], x: &[Sym], _: &[Sym], tau: &mut [Sym], _: &mut [Sym]) {
-        let n = tau.len();
-        let (q, v) = (&x[..n], &x[n..2 * n]);
-        let ComputedTorque { e, e_dot, kp_e, command, .. } = self;
-        for i in 0..n {
-            e[i] = desired[i] - q[i];
-            e_dot[i] = desired[n + i] - v[i];
-        }
-        self.kp.multiply(e, kp_e);
-        self.kd.multiply(e_dot, command);
-        for i in 0..n {
-            command[i] += kp_e[i] + desired[2 * n + i];
-        }
-        Sym::term("q_d", &[n], || desired[..n].to_vec());
-        Sym::term("v_d", &[n], || desired[n..2 * n].to_vec());
-        Sym::term("a_d", &[n], || desired[2 * n..].to_vec());
-        Sym::term("e", &[n], || e.clone());
-        Sym::term("e_dot", &[n], || e_dot.clone());
-        Sym::term("a", &[n], || command.clone());
-        self.arm.inverse_dynamics(&mut self.workspace, trig, q, v, command, tau);
+    fn equations(&self, at: &Loop) -> Answer {
+        let [q_d, v_d, a_d] = at.desired_terms(0, &["q_d", "v_d", "a_d"]);
+        let e = at.term("e", q_d - &at.q);
+        let e_dot = at.term("e_dot", v_d - &at.v);
+        let a = at.term("a", a_d + at.gain("kd") * &e_dot + at.gain("kp") * &e);
+        Answer::new(at.arm().inverse_dynamics(&at.v, &a))
     }
 }

@@ -1,16 +1,13 @@
-//! The interfaces of a law: its declaration, and its evaluation in a control loop. Most functions have a default.
+//! The declaration of a law. Most functions have a default.
 
 use super::inertia_reduction::ReductionSpec;
 use super::level::Level;
 use super::terms::Term;
-use super::truth::Truth;
 use crate::dynamics::Model;
 use crate::kinematics::Coordinates;
 use crate::linalg::Gain;
 use crate::motion::Motion;
 use crate::plant::PlantKind;
-use crate::scalar::Real;
-use crate::trace::Sym;
 
 /// The desired positions of the joints.
 ///
@@ -73,19 +70,19 @@ pub trait Definition {
     fn plant(&self) -> PlantKind;
     /// The model of the arm.
     fn model(&self) -> &Model;
-    /// The desired motions, in the order in which [`Law::evaluate`] reads them.
+    /// The desired motions, in the order in which [`Loop::desired`](super::Loop::desired) reads them.
     fn motions(&self) -> Vec<&Motion>;
     /// Named terms at the law's state `z` that are not part of an evaluation of the law.
     fn stored_terms(&self, _z: &[f64]) -> Vec<Term> {
         Vec::new()
     }
 
-    /// The law's state at the start of a run, `(p,)`, before [`Law::restart`].
+    /// The law's state at the start of a run, `(p,)`, before [`Equations::start_state`](super::Equations::start_state).
     fn initial_state(&self) -> &[f64] {
         &[]
     }
 
-    /// Whether [`Law::restart`] sets a part of the law's state from the plant's state.
+    /// Whether [`Equations::start_state`](super::Equations::start_state) sets a part of the law's state from the plant's state.
     fn restarts(&self) -> bool {
         false
     }
@@ -171,62 +168,6 @@ macro_rules! facts {
     };
 }
 pub(super) use facts;
-
-/// A law in a recording. It is evaluated once, to record the operations of its formulas.
-///
-/// ```
-/// # use armlet_core::arm::Arm;
-/// # use armlet_core::dynamics::Model;
-/// use armlet_core::law::{Gain, LawSpec, PdGravitySpec};
-/// use armlet_core::scalar::Real;
-/// use armlet_core::trace::function::recorded;
-/// # let model = Model::from(Arm::pendulum(2.0, 5.0)?);
-///
-/// let law = PdGravitySpec::new(model, vec![0.5], Gain::scalar("kp", 1, 20.0)?, Gain::scalar("kd", 1, 4.0)?)?;
-/// let law = LawSpec::from(law);
-/// // The law as a function of position and velocity.
-/// let recording = recorded(2, || law.build(), |mut control, x| {
-///     let mut tau = [x[0]];
-///     control.evaluate(&law.desired(0.0), &[x[0].sin_cos()], x, &[], &mut tau, &mut []);
-///     tau.to_vec()
-/// });
-/// let mut tau = recording.expect("a law does not branch on its numbers").interpreted(false);
-/// tau.all_inputs().copy_from_slice(&[0.3, 0.1]);
-/// tau.run();
-/// assert!((tau.output(0)[0] - (20.0 * 0.2 - 4.0 * 0.1 + 5.0 * 0.3f64.sin())).abs() < 1e-12);
-/// # Ok::<(), armlet_core::error::Error>(())
-/// ```
-pub trait Law {
-    /// Compute the plant's input `tau`, `(n,)`, and the rate `dz`, `(p,)`, of the law's state `z`, `(p,)`.
-    ///
-    /// `desired` has the samples of the desired motions one after another, each `[x_d, x_d', x_d'']` with time derivatives `'`. `trig` has
-    /// (sin, cos) of each joint position, and `x` is the plant's state.
-    fn evaluate(&mut self, desired: &[Sym], trig: &[(Sym, Sym)], x: &[Sym], z: &[Sym], tau: &mut [Sym], dz: &mut [Sym]);
-
-    /// Initialise the filters in the law's state `z` from the plant's state `x`. `_trig` has (sin, cos) of each joint position.
-    fn restart(&mut self, _trig: &[(Sym, Sym)], _x: &[Sym], _z: &mut [Sym]) {}
-
-    /// Set the sample period of the loop, s, and the limits of the plant's input, `(n,)` or empty.
-    fn configure(&mut self, _period: Option<f64>, _limits: &[Sym]) {}
-
-    /// The rate at which the law's Lyapunov function decreases at the last evaluation, W; zero for a law without such a function. It
-    /// assumes a plant that differs from the law's model only in the estimated parameters. It also assumes a law without leakage, dead
-    /// zone, composite and concurrent adaptation.
-    fn dissipation(&self) -> Sym {
-        Sym::zero()
-    }
-
-    /// The rate at which the Lyapunov function decreases on the true plant, without the effect of a projection, W. `friction` are the
-    /// torques of the plant's stick-slip friction, if there is one. `x` is the plant's state, `z` the law's state.
-    fn dissipation_of(&self, _: &Truth, _friction: Option<&[Sym]>, _x: &[Sym], _z: &[Sym]) -> Sym {
-        self.dissipation()
-    }
-
-    /// The rate of the law's storage function at the last evaluation, W. `outside` is the power of external forces, W.
-    fn storage_rate(&self, _x: &[Sym], outside: Sym) -> Sym {
-        outside
-    }
-}
 
 /// Whether two laws of one kind have the same shape.
 pub trait Shape {

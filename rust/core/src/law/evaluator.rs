@@ -2,49 +2,27 @@
 //!
 //! The first call records the law. The interpreter runs the recording, and after a number of calls machine code does, with the same bits.
 
+use super::LawSpec;
+use super::equations::Answer;
+use super::recorded::RecordedLaw;
 use super::terms::Term;
-use super::{Law, LawSpec};
 use crate::motion::{Motion, sample_all};
 use crate::scalar::Real;
-use crate::trace::Jacobian;
-use crate::trace::function::{self, CALLS, Evaluation, Recorded};
+use crate::trace::by_engine::{Evaluator, SharedFunction};
+use crate::trace::expression::{clamp, stacked};
+use crate::trace::function::{self, Evaluation, Recorded};
 use crate::trace::sym::{self, Sym};
+use crate::trace::{Jacobian, V};
+use std::sync::Arc;
 
 /// The largest number of joints for which this evaluator makes machine code. It limits the time of the call that makes it.
 const MOST_JOINTS: usize = 12;
 
-/// A law in a recording.
-struct RecordedLaw {
-    law: Box<dyn Law + Send>,
-    trig: Vec<(Sym, Sym)>,
-    tau: Vec<Sym>,
-    dz: Vec<Sym>,
-}
-
-impl RecordedLaw {
-    fn new(spec: &LawSpec) -> Self {
-        let (n, zeros) = (spec.model().n(), |k: usize| vec![Sym::zero(); k]);
-        RecordedLaw { law: spec.build(), trig: Vec::new(), tau: zeros(n), dz: zeros(spec.initial_state().len()) }
-    }
-
-    fn turn(&mut self, x: &[Sym]) {
-        self.trig = x[..self.tau.len()].iter().map(|q| q.sin_cos()).collect();
-    }
-
-    /// Initialise the filters in the law's state `z` from the plant's state `x`.
-    fn restart(&mut self, x: &[Sym], z: &mut [Sym]) {
-        self.turn(x);
-        self.law.restart(&self.trig, x, z);
-    }
-
-    /// The plant's input from one array: the desired motion, the plant's state and the law's state, with the lengths `widths`.
-    fn input_of(&mut self, inputs: &[Sym], widths: [usize; 3]) -> &[Sym] {
-        let (desired, state) = inputs.split_at(widths[0]);
-        let (x, z) = state.split_at(widths[1]);
-        self.turn(x);
-        self.law.evaluate(desired, &self.trig, x, z, &mut self.tau, &mut self.dz);
-        &self.tau
-    }
+/// The law's answer to one array of inputs. They are the desired motion, the plant's state and the law's state, with the lengths `widths`.
+fn answer_to(law: &RecordedLaw, inputs: &[Sym], widths: [usize; 3]) -> Answer {
+    let (desired, state) = inputs.split_at(widths[0]);
+    let (x, z) = state.split_at(widths[1]);
+    law.answer(desired, x, z)
 }
 
 /// A law that is evaluated at single instants, with its buffers. A call allocates nothing, except the calls that record the
@@ -66,9 +44,8 @@ impl RecordedLaw {
 /// ```
 pub struct LawEvaluator {
     spec: LawSpec,
-    calls: usize,
-    interpreted: Option<Evaluation>,
-    machine: Option<Evaluation>,
+    /// The plant's input.
+    input: Option<Evaluator>,
     /// The law's state at the start of a run, if it depends on the plant's state.
     restart: Option<Evaluation>,
     terms: Option<RecordedTerms>,
@@ -105,9 +82,7 @@ impl LawEvaluator {
         let widths = widths(spec);
         LawEvaluator {
             spec: spec.clone(),
-            calls: 0,
-            interpreted: None,
-            machine: None,
+            input: None,
             restart: None,
             terms: None,
             slope: None,
@@ -125,17 +100,16 @@ impl LawEvaluator {
         if let LawSpec::External(law) = &self.spec {
             return law.evaluate(t, &self.inputs, tau);
         }
-        self.calls += 1;
-        if self.calls > CALLS && self.spec.model().n() <= MOST_JOINTS {
-            let machine = self.machine.get_or_insert_with(|| law_of(&self.spec, self.widths).program(false));
-            let found = call(machine, &self.inputs, tau.len());
-            tau.copy_from_slice(found);
-            if machine.is_near(0) {
-                return;
-            }
-        }
-        let interpreted = self.interpreted.get_or_insert_with(|| law_of(&self.spec, self.widths).interpreted(false));
-        tau.copy_from_slice(call(interpreted, &self.inputs, tau.len()));
+        let LawEvaluator { spec, input, inputs, widths, .. } = self;
+        let input = input.get_or_insert_with(|| {
+            let most = if spec.model().n() <= MOST_JOINTS { usize::MAX } else { 0 };
+            let recorded = law_of(spec, *widths);
+            let values = recorded.values.clone();
+            Evaluator::new(Arc::new(SharedFunction::new(recorded, false).up_to(most)), &values)
+        });
+        input.inputs().copy_from_slice(inputs);
+        input.run();
+        tau.copy_from_slice(input.outputs(0, tau.len()));
     }
 
     /// Compute the named terms of the law. The arguments are those of [`LawEvaluator::input`]. For a law with a state, the last two terms
@@ -228,91 +202,82 @@ impl LawSpec {
     }
 }
 
+/// Record a function of the law. `set_up` declares its numbers.
+fn recorded_law<'a>(
+    inputs: usize,
+    set_up: impl FnOnce() -> RecordedLaw<'a>,
+    results: impl FnOnce(&RecordedLaw, &[Sym]) -> Vec<Sym>,
+) -> Recorded {
+    let recorded = function::recorded(inputs, set_up, |law, inputs| results(&law, inputs));
+    let Some(recorded) = recorded else { unreachable!("no law reads the value of a recorded number") };
+    recorded
+}
+
 /// Record the law's state after [`LawSpec::restart`] as a function of the plant's state and the law's state.
 fn restart_of(spec: &LawSpec, [_, states, p]: [usize; 3]) -> Recorded {
-    let begin = |mut law: RecordedLaw, inputs: &[Sym]| {
-        let (x, z) = inputs.split_at(states);
-        let mut z = z.to_vec();
-        law.restart(x, &mut z);
-        z
-    };
-    recordable(function::recorded(states + p, || RecordedLaw::new(spec), begin))
+    recorded_law(
+        states + p,
+        || RecordedLaw::continuous(spec),
+        |law, inputs| law.restart(&inputs[..states], &inputs[states..]).as_slice().to_vec(),
+    )
 }
 
 impl RecordedTerms {
     fn of(spec: &LawSpec, widths: [usize; 3]) -> Self {
         let mut names = Vec::new();
-        let recorded = function::recorded(
-            widths.iter().sum(),
-            || RecordedLaw::new(spec),
-            |mut law, inputs| {
-                sym::collect_terms();
-                let tau = law.input_of(inputs, widths).to_vec();
-                Sym::term("tau", &[tau.len()], || tau);
-                if !law.dz.is_empty() {
-                    Sym::term("state_rate", &[law.dz.len()], || law.dz.clone());
-                }
-                let terms = sym::terms();
-                names = terms.iter().map(|(name, shape, _)| (*name, shape.clone())).collect();
-                terms.into_iter().flat_map(|(.., values)| values).collect()
-            },
-        );
-        RecordedTerms { names, values: recordable(recorded).interpreted(false) }
+        let values = |law: &RecordedLaw, inputs: &[Sym]| {
+            sym::collect_terms();
+            let Answer { tau, z_dot, .. } = answer_to(law, inputs, widths);
+            let mut terms = sym::terms();
+            terms.push(("tau", vec![tau.len()], tau.as_slice().to_vec()));
+            if !z_dot.is_empty() {
+                terms.push(("state_rate", vec![z_dot.len()], z_dot.as_slice().to_vec()));
+            }
+            names = terms.iter().map(|(name, shape, _)| (*name, shape.clone())).collect();
+            terms.into_iter().flat_map(|(.., values)| values).collect()
+        };
+        let values = recorded_law(widths.iter().sum(), || RecordedLaw::continuous(spec), values).interpreted(false);
+        RecordedTerms { names, values }
     }
 }
 
 /// Record the law as a function of the desired motion, the plant's state and the law's state. Its result is the plant's input.
 fn law_of(spec: &LawSpec, widths: [usize; 3]) -> Recorded {
-    recordable(function::recorded(widths.iter().sum(), || RecordedLaw::new(spec), |mut law, inputs| law.input_of(inputs, widths).to_vec()))
+    let tau = |law: &RecordedLaw, inputs: &[Sym]| answer_to(law, inputs, widths).tau.as_slice().to_vec();
+    recorded_law(widths.iter().sum(), || RecordedLaw::continuous(spec), tau)
 }
 
 /// Record the plant's input and the rate of the law's state. The inputs are those of [`law_of`].
 fn rates_of(spec: &LawSpec, widths: [usize; 3]) -> Recorded {
-    let rates = |mut law: RecordedLaw, inputs: &[Sym]| {
-        law.input_of(inputs, widths);
-        [law.tau, law.dz].concat()
+    let rates = |law: &RecordedLaw, inputs: &[Sym]| {
+        let Answer { tau, z_dot, .. } = answer_to(law, inputs, widths);
+        stacked([&tau, &z_dot]).as_slice().to_vec()
     };
-    recordable(function::recorded(widths.iter().sum(), || RecordedLaw::new(spec), rates))
+    recorded_law(widths.iter().sum(), || RecordedLaw::continuous(spec), rates)
 }
 
-fn recordable(recorded: Option<Recorded>) -> Recorded {
-    let Some(recorded) = recorded else { unreachable!("no law reads the value of a recorded number") };
-    recorded
-}
-
-/// Record the law as operations; `None` if the code branches on data.
+/// Record the law as operations.
 ///
 /// The inputs are the desired motion, the plant's state and the law's state, with the lengths `widths`. The results are the plant's input
 /// and the rate of the law's state, then whether both are valid, if the law has a decision. `period` is the time between two calls, s, if it
 /// is known. `limits` are the limits of the plant's input, `(n,)` or empty.
-pub(super) fn recording(spec: &LawSpec, widths: [usize; 3], period: Option<f64>, limits: &[f64]) -> Option<Recorded> {
-    let limits_of = || limits.iter().map(|&limit| Sym::splat(limit)).collect::<Vec<Sym>>();
-    let set_up = || {
-        let mut engine = RecordedLaw::new(spec);
-        engine.law.configure(period, &limits_of());
-        engine
-    };
-    function::recorded(widths.iter().sum(), set_up, |mut law, inputs| {
-        let mut answer = law.input_of(inputs, widths).to_vec();
-        for (tau, limit) in answer.iter_mut().zip(limits_of()) {
-            *tau = tau.clamped(-limit, limit);
-        }
-        answer.extend(&law.dz);
+pub(super) fn recording(spec: &LawSpec, widths: [usize; 3], period: Option<f64>, limits: &[f64]) -> Recorded {
+    let limits = || V::from_iterator(limits.len(), limits.iter().map(|&limit| Sym::splat(limit)));
+    let answer = |law: &RecordedLaw, inputs: &[Sym]| {
+        let Answer { tau, z_dot, .. } = answer_to(law, inputs, widths);
+        let mut answer = stacked([&clamp(&tau, &limits()), &z_dot]).as_slice().to_vec();
         answer.extend(sym::validity());
         answer
-    })
+    };
+    recorded_law(widths.iter().sum(), || RecordedLaw::new(spec, period, limits()), answer)
 }
 
 /// Record the law's state at the start of a run, as operations on the plant's state. `states` is the length of the plant's state. The
 /// result is `None` if the law's state does not depend on the plant's state.
 pub(super) fn start_recording(spec: &LawSpec, states: usize) -> Option<Recorded> {
-    if !spec.restarts() {
-        return None;
-    }
-    let begin = |mut law: RecordedLaw, x: &[Sym]| {
-        let mut z: Vec<Sym> = spec.initial_state().iter().map(|&z| Sym::splat(z)).collect();
-        law.restart(x, &mut z);
-        z
+    let start = |law: &RecordedLaw, x: &[Sym]| {
+        let z: Vec<Sym> = spec.initial_state().iter().map(|&z| Sym::splat(z)).collect();
+        law.restart(x, &z).as_slice().to_vec()
     };
-    function::recorded(states, || RecordedLaw::new(spec), begin)
+    spec.restarts().then(|| recorded_law(states, || RecordedLaw::continuous(spec), start))
 }

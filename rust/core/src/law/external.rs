@@ -1,11 +1,11 @@
 //! An external law: a function that the caller supplies. It is a function of time and measured state, and is evaluated at samples.
 
-use super::definition::{Definition, Law, Route, Shape};
+use super::definition::{Definition, Route, Shape};
+use super::equations::{Answer, Equations, Loop};
 use crate::dynamics::Model;
 use crate::motion::Motion;
-use crate::plant::PlantKind;
-use crate::scalar::Real;
-use crate::trace::Sym;
+use crate::plant::{Parameters, PlantKind};
+use crate::trace::expression::{constant, zeros};
 use std::sync::Arc;
 
 /// The function `call(t, x, tau)` of the time `t`, s, and the plant's state `x`. It writes the plant's input `tau`, `(n,)`. Its result is
@@ -93,17 +93,13 @@ impl Definition for ExternalSpec {
 
 impl Shape for ExternalSpec {}
 
-impl ExternalSpec {
-    pub(super) fn build(&self) -> impl Law + Send + use<> {
-        HeldInput
+impl Equations for ExternalSpec {
+    fn parameters(&self, _: Option<f64>) -> Parameters {
+        Parameters::default()
     }
-}
 
-/// The law in a recorded loop, whose input is held. The caller's function is called outside of the recording.
-struct HeldInput;
-
-impl Law for HeldInput {
-    fn evaluate(&mut self, _: &[Sym], _: &[(Sym, Sym)], _: &[Sym], _: &[Sym], tau: &mut [Sym], _: &mut [Sym]) {
-        tau.fill(Sym::splat(f64::NAN));
+    /// The input is held, and the loop sets it at the samples.
+    fn equations(&self, _: &Loop) -> Answer {
+        Answer::new(zeros(self.model.n()).map(|_| constant(f64::NAN)))
     }
 }

@@ -110,7 +110,7 @@ pub struct GuardedSpec {
     pub(super) thresholds: Vec<f64>,
     pub(super) reaction: Option<Reaction>,
     pub(super) joint_stiffness: Option<Gain>,
-    start: Vec<f64>,
+    pub(super) start: Vec<f64>,
 }
 
 impl GuardedSpec {

@@ -1,51 +1,13 @@
-//! A guarded law in a control loop, with the equations of [`super::guarded`].
+//! The equations of a guarded law: see [`super::guarded`].
 
-use super::definition::{Law, Shape};
+use super::definition::Shape;
+use super::equations::{Answer, Equations, Loop};
 use super::guarded::{GuardedSpec, Reaction};
-use crate::dynamics::{AnyArm, Dynamics, Workspace};
-use crate::linalg::gain::{AnyGain, Gain};
-use crate::scalar::{Real, labelled_numbers, sign};
-use crate::trace::Sym;
-
-impl GuardedSpec {
-    pub(super) fn build(&self) -> Guarded {
-        let n = self.model.n();
-        let arm = AnyArm::new(&self.model);
-        let (stiffness, damping) = self.reaction.as_ref().map_or((None, None), Reaction::gains);
-        let [viscous, coulomb] = &self.friction;
-        let retreat = if let Some(Reaction::Retract(_, _, speed, duration)) = &self.reaction {
-            Some([("reaction_speed", *speed), ("reaction_duration", *duration)])
-        } else {
-            None
-        };
-        Guarded {
-            inner: self.inner.build(),
-            own: self.inner.initial_state().len(),
-            workspace: arm.workspace(),
-            arm,
-            gain: AnyGain::labelled("observer_gain", &self.gain),
-            continuous_gain: self.gain.clone(),
-            viscous: labelled_numbers("observer_damping", viscous),
-            coulomb: labelled_numbers("observer_friction", coulomb),
-            springs: self.joint_stiffness.as_ref().map(|stiffness| AnyGain::labelled("law_joint_stiffness", stiffness)),
-            thresholds: if self.reacts() { labelled_numbers("threshold", &self.thresholds) } else { Vec::new() },
-            stiffness: stiffness.map(|gain| AnyGain::labelled("reaction_stiffness", gain)),
-            damping: damping.map(|gain| AnyGain::labelled("reaction_damping", gain)),
-            retreat: retreat.map(|numbers| numbers.map(|(name, x)| Sym::labelled(name, 0, || Sym::varying(x)))),
-            limits: Vec::new(),
-            mass: vec![Sym::zero(); n * n],
-            coriolis: vec![Sym::zero(); n * n],
-            momentum: vec![Sym::zero(); n],
-            gravity: vec![Sym::zero(); n],
-            residual: vec![Sym::zero(); n],
-            observed: vec![Sym::zero(); n],
-            work: vec![Sym::zero(); n],
-            push: vec![Sym::zero(); n],
-            reaction: vec![Sym::zero(); n],
-            reacting: Sym::zero(),
-        }
-    }
-}
+use crate::linalg::Gain;
+use crate::plant::Parameters;
+use crate::scalar::{Real, sign};
+use crate::trace::expression::{clamp, constant, indicator, largest, magnitudes, select, stacked, zeros};
+use crate::trace::{E, V};
 
 impl Shape for GuardedSpec {
     fn same_shape(&self, other: &Self) -> bool {
@@ -58,170 +20,122 @@ impl Shape for GuardedSpec {
     }
 }
 
-/// A guarded law in a control loop.
-pub struct Guarded {
-    inner: Box<dyn Law + Send>,
-    /// Length of the state of the inner law.
-    own: usize,
-    arm: AnyArm<Sym>,
-    workspace: Workspace<Sym>,
-    /// Observer gain, 1/s: `K` in a continuous loop, `K_T = K (I + K T)^-1` in a sampled loop with the sample time `T`.
-    gain: AnyGain<Sym>,
-    /// Observer gain `K`, from which `gain` is computed.
-    continuous_gain: Gain,
-    viscous: Vec<Sym>,
-    coulomb: Vec<Sym>,
-    /// Joint stiffness `K_J` of an elastic arm, N m/rad or N/m; `None` for a rigid arm.
-    springs: Option<AnyGain<Sym>>,
-    /// Thresholds of contact, `(n,)`; empty without a reaction.
-    thresholds: Vec<Sym>,
-    stiffness: Option<AnyGain<Sym>>,
-    damping: Option<AnyGain<Sym>>,
-    /// Speed `V` (rad/s or m/s) and duration (s) of a retreat.
-    retreat: Option<[Sym; 2]>,
-    /// Limits of the plant's input, `(n,)`, N m or N; empty without limits.
-    limits: Vec<Sym>,
-    mass: Vec<Sym>,
-    coriolis: Vec<Sym>,
-    pub(super) momentum: Vec<Sym>,
-    gravity: Vec<Sym>,
-    pub(super) residual: Vec<Sym>,
-    /// The torque that the observer uses as `tau`, `(n,)`, N m or N.
-    observed: Vec<Sym>,
-    work: Vec<Sym>,
-    push: Vec<Sym>,
-    reaction: Vec<Sym>,
+impl Equations for GuardedSpec {
+    fn parameters(&self, period: Option<f64>) -> Parameters {
+        let inner = self.inner.parameters(period);
+        let gain = period.map_or_else(|| self.gain.clone(), |period| sampled_gain(&self.gain, period));
+        let (stiffness, damping) = self.reaction.as_ref().map_or((None, None), Reaction::gains);
+        let [viscous, coulomb] = &self.friction;
+        let retreat = if let Some(Reaction::Retract(_, _, speed, duration)) = self.reaction { Some([speed, duration]) } else { None };
+        Parameters::of_arm(&self.model)
+            .around(inner)
+            .gain("observer_gain", &gain)
+            .numbers("observer_damping", viscous)
+            .numbers("observer_friction", coulomb)
+            .option(self.joint_stiffness.as_ref(), |numbers, gain| numbers.gain("law_joint_stiffness", gain))
+            .option(self.reacts().then_some(&self.thresholds), |numbers, x| numbers.numbers("threshold", x))
+            .option(stiffness, |numbers, gain| numbers.gain("reaction_stiffness", gain))
+            .option(damping, |numbers, gain| numbers.gain("reaction_damping", gain))
+            .option(retreat, |numbers, [speed, duration]| numbers.number("reaction_speed", speed).number("reaction_duration", duration))
+    }
+
+    fn equations(&self, at: &Loop) -> Answer {
+        let n = at.q.len();
+        let p = at.z.len() - self.own_states();
+        let [z, w] = [at.z.rows(0, p), at.z.rows(p, n)].map(|part| part.into_owned());
+        let Answer { mut tau, z_dot: mut inner_rate, .. } = self.inner.equations(&at.inner(z));
+
+        // The observer: r = K (p - w), w_dot = tau - tau_f + C' v - g + r.
+        let arm = at.arm();
+        let momentum = at.term("momentum", arm.mass_matrix() * &at.v);
+        // The difference is not fused, so that the residual starts at exactly zero.
+        let r = at.gain("observer_gain") * &E::as_written(|| &momentum - &w);
+        let g = arm.gravity();
+
+        let mut reaction = zeros(0);
+        let mut reacting = E::zero();
+        if self.reacts() {
+            let Contact { torque, rate, hot } = self.react(at, &at.z.rows_range(p + 2 * n..).into_owned(), &r, &g);
+            let reacts = E::zero().lt(hot);
+            tau = select(reacts, &torque, &tau);
+            inner_rate = select(reacts, &zeros(p), &inner_rate);
+            (reaction, reacting) = (rate, hot);
+        }
+        let tau = clamp(&tau, at.tau_max);
+        let r = at.term("residual", r);
+        E::term("reacting", &[1], || vec![reacting]);
+
+        let observed = match &self.joint_stiffness {
+            None => tau.clone(),
+            Some(_) => at.gain("law_joint_stiffness") * &(&at.theta - &at.q),
+        };
+        let tau_f = at.vector("observer_damping").component_mul(&at.v) + at.vector("observer_friction").component_mul(&at.v.map(sign));
+        let w_dot = observed - g - tau_f + &r + arm.coriolis_matrix(&at.v).tr_mul(&at.v);
+        Answer::with_rate(tau, stacked([&inner_rate, &w_dot, &r, &reaction]))
+    }
+
+    fn start_state(&self, at: &Loop) -> V {
+        let (n, p) = (at.q.len(), at.z.len() - self.own_states());
+        let inner = self.inner.start_state(&at.inner(at.z.rows(0, p).into_owned()));
+        stacked([&inner, &(at.arm().mass_matrix() * &at.v), &at.z.rows_range(p + n..).into_owned()])
+    }
+}
+
+/// The reaction at one sample.
+struct Contact {
+    /// Torque of the reaction, `(n,)`, N m or N.
+    torque: V,
+    /// Rate of the part of the law's state that begins with `c`.
+    rate: V,
     /// 1 from the sample of contact on, else 0.
-    pub(super) reacting: Sym,
+    hot: E,
 }
 
-impl Guarded {
-    /// Compute the momentum `p` and the gravity torque `g` at the plant's state `x`.
-    fn look(&mut self, trig: &[(Sym, Sym)], x: &[Sym]) {
-        let n = self.momentum.len();
-        let (q, v) = (&x[..n], &x[n..2 * n]);
-        self.arm.mass_matrix(&mut self.workspace, trig, q, &mut self.mass);
-        for (p, row) in self.momentum.iter_mut().zip(self.mass.chunks_exact(n)) {
-            *p = row.iter().zip(v).fold(Sym::zero(), |sum, (&m, &v)| m.mul_add(v, sum));
-        }
-        self.arm.gravity(&mut self.workspace, trig, q, &mut self.gravity);
+impl GuardedSpec {
+    /// Length of the law's state without the state of the inner law.
+    fn own_states(&self) -> usize {
+        self.start.len() - self.inner.initial_state().len()
     }
 
-    /// Detect contact, and compute the torque of the reaction. `z` and `dz` are the part of the law's state that starts with `c`, and its
-    /// rate.
-    fn react(&mut self, x: &[Sym], z: &[Sym], tau: &mut [Sym], dz: &mut [Sym]) {
-        let n = tau.len();
-        let at = if self.springs.is_some() { 2 * n } else { 0 };
-        let (y, y_dot) = (&x[at..at + n], &x[at + n..at + 2 * n]);
-        let (zero, one) = (Sym::zero(), Sym::splat(1.0));
-        let level = self.residual.iter().zip(&self.thresholds).fold(zero, |most, (&r, &limit)| most.max(r.abs() / limit));
-        let (count, elapsed) = (z[0], z[1]);
-        let before = zero.lt(count);
-        let first = Sym::select(before, zero, Sym::select(one.lt(level), one, zero));
-        let hot = Sym::select(before, one, first);
-        let reacting = zero.lt(hot);
-        let whole = Sym::select(before, count, one);
+    /// Detect contact, and compute the torque of the reaction. `z` is the part of the law's state that begins with `c`: `c`, the time since
+    /// contact, `y_c c` and `r_c c`.
+    fn react(&self, at: &Loop, z: &V, r: &V, g: &V) -> Contact {
+        let (n, one) = (r.len(), constant(1.0));
+        let (y, y_dot) = if self.joint_stiffness.is_some() { (&at.theta, &at.theta_dot) } else { (&at.q, &at.v) };
+        let (c, elapsed) = (z[0], z[1]);
+        let before = E::zero().lt(c);
+        let level = largest(&magnitudes(r).component_div(at.vector("threshold")));
+        let first = E::select(before, E::zero(), indicator(one.lt(level)));
+        let hot = E::select(before, one, first);
 
-        self.reaction.copy_from_slice(&self.gravity);
-        for i in 0..n {
-            self.work[i] = Sym::select(before, z[2 + i] / whole, y[i]) - y[i];
-            self.push[i] = -y_dot[i];
-        }
-        if let Some([speed, duration]) = self.retreat {
+        let y_c = select(before, &(z.rows(2, n) / E::select(before, c, one)), y);
+        let (mut ahead, mut ahead_dot) = (y_c - y, -y_dot);
+        if let Some(Reaction::Retract(..)) = self.reaction {
             // At the sample of contact, `r_c` is the residual of this sample.
-            let latched = |i: usize| Sym::select(before, z[2 + n + i], self.residual[i]);
-            let most = (0..n).fold(zero, |most, i| most.max(latched(i).abs()));
-            let most = Sym::select(zero.lt(most), most, one);
-            let (travel, rate) = (speed * elapsed.min(duration), Sym::select(elapsed.lt(duration), speed, zero));
-            for i in 0..n {
-                let along = latched(i) / most;
-                self.work[i] = travel.mul_add(along, self.work[i]);
-                self.push[i] = rate.mul_add(along, self.push[i]);
+            let r_c = select(before, &z.rows(2 + n, n).into_owned(), r);
+            let most = largest(&magnitudes(&r_c));
+            let direction = r_c / E::select(E::zero().lt(most), most, one);
+            let (speed, duration) = (at.number("reaction_speed"), at.number("reaction_duration"));
+            ahead += &direction * (speed * elapsed.min(duration));
+            ahead_dot += direction * E::select(elapsed.lt(duration), speed, E::zero());
+        }
+        let mut torque = g.clone();
+        for (name, x) in [("reaction_stiffness", &ahead), ("reaction_damping", &ahead_dot)] {
+            if at.numbers().has(name) {
+                torque += at.gain(name) * x;
             }
         }
-        if let Some(stiffness) = &self.stiffness {
-            stiffness.add_to(&self.work, &mut self.reaction);
-        }
-        if let Some(damping) = &self.damping {
-            damping.add_to(&self.push, &mut self.reaction);
-        }
-        for i in 0..n {
-            tau[i] = Sym::select(reacting, self.reaction[i], tau[i]);
-            dz[2 + i] = first * y[i];
-            dz[2 + n + i] = first * self.residual[i];
-        }
-        (dz[0], dz[1]) = (first, hot);
-        self.reacting = hot;
+        let rate = stacked([&V::from_vec(vec![first, hot]), &(y * first), &(r * first)]);
+        Contact { torque, rate, hot }
     }
 }
 
-impl Law for Guarded {
-    fn restart(&mut self, trig: &[(Sym, Sym)], x: &[Sym], z: &mut [Sym]) {
-        let (inner, own) = z.split_at_mut(self.own);
-        self.inner.restart(trig, x, inner);
-        self.look(trig, x);
-        own[..self.momentum.len()].copy_from_slice(&self.momentum);
-    }
-
-    fn configure(&mut self, period: Option<f64>, limits: &[Sym]) {
-        self.inner.configure(period, limits);
-        self.limits = limits.to_vec();
-        if let Some(period) = period {
-            self.gain = AnyGain::labelled("observer_gain", &implicit(&self.continuous_gain, period));
-        }
-    }
-
-    fn evaluate(&mut self, desired: &[Sym], trig: &[(Sym, Sym)], x: &[Sym], z: &[Sym], tau: &mut [Sym], dz: &mut [Sym]) {
-        let n = tau.len();
-        let ((inner, own), (inner_rate, own_rate)) = (z.split_at(self.own), dz.split_at_mut(self.own));
-        self.inner.evaluate(desired, trig, x, inner, tau, inner_rate);
-        self.look(trig, x);
-        let (q, v, w) = (&x[..n], &x[n..2 * n], &own[..n]);
-        for i in 0..n {
-            self.work[i] = self.momentum[i] - w[i];
-        }
-        self.gain.multiply(&self.work, &mut self.residual);
-
-        if !self.thresholds.is_empty() {
-            self.react(x, &own[2 * n..], tau, &mut own_rate[2 * n..]);
-            let reacting = Sym::zero().lt(self.reacting);
-            for rate in inner_rate {
-                *rate = Sym::select(reacting, Sym::zero(), *rate);
-            }
-        }
-        for (tau, &limit) in tau.iter_mut().zip(&self.limits) {
-            *tau = tau.clamped(-limit, limit);
-        }
-
-        Sym::term("momentum", &[n], || self.momentum.clone());
-        Sym::term("residual", &[n], || self.residual.clone());
-        Sym::term("reacting", &[1], || vec![self.reacting]);
-        // The observer: w_dot = tau - tau_f + C' v - g + r.
-        match &self.springs {
-            None => self.observed.copy_from_slice(tau),
-            Some(springs) => {
-                for i in 0..n {
-                    self.work[i] = x[2 * n + i] - q[i];
-                }
-                springs.multiply(&self.work, &mut self.observed);
-            }
-        }
-        self.arm.coriolis_matrix(&mut self.workspace, trig, q, v, &mut self.coriolis);
-        for i in 0..n {
-            let friction = self.coulomb[i].mul_add(sign(v[i]), self.viscous[i] * v[i]);
-            let known = self.observed[i] - self.gravity[i] - friction + self.residual[i];
-            own_rate[i] = (0..n).fold(known, |sum, k| self.coriolis[k * n + i].mul_add(v[k], sum));
-            own_rate[n + i] = self.residual[i];
-        }
-    }
-}
-
-/// The sampled gain `K_T = K (I + K T)^-1` for the sample time `period`, s.
-fn implicit(gain: &Gain, period: f64) -> Gain {
+/// The observer gain `K_T = K (I + K T)^-1` of a sampled loop with the sample time `period`.
+fn sampled_gain(gain: &Gain, period: f64) -> Gain {
     let n = gain.n();
     if gain.is_diagonal() {
-        return Gain::unchecked(n, (0..n).map(|i| gain.at(i, i) / gain.at(i, i).mul_add(period, 1.0)).collect());
+        return Gain::unchecked(n, (0..n).map(|i| gain.at(i, i) / (gain.at(i, i) * period + 1.0)).collect());
     }
-    let sum = (0..n * n).map(|k| gain.at(k / n, k % n).mul_add(period, f64::from(u8::from(k / n == k % n)))).collect();
+    let sum = (0..n * n).map(|k| gain.at(k / n, k % n) * period + f64::from(u8::from(k / n == k % n))).collect();
     Gain::unchecked(n, sum).solve(gain)
 }

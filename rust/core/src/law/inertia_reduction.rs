@@ -8,13 +8,12 @@
 //! `D0 = 2 zeta B0^1/2 (B0^-1/2 K_J B0^-1/2)^1/2 B0^1/2`, with the damping ratio `zeta`. For full matrices
 //! the order of the product `B B0^-1` matters.
 
+use super::equations::Loop;
 use super::sizes::require_size;
 use crate::error::Result;
-use crate::linalg::gain::{AnyGain, Gain};
-use crate::linalg::ratio_damping;
-use crate::plant::{ElasticSpec, PlantSpec};
-use crate::scalar::Real;
-use crate::trace::Sym;
+use crate::linalg::{Gain, ratio_damping};
+use crate::plant::{ElasticSpec, Parameters, PlantSpec};
+use crate::trace::{E, M, V};
 
 /// Implement the common functions of laws with the fields `outer`, a law of the links, and `inner`, a reduction.
 macro_rules! reduced_facts {
@@ -120,77 +119,41 @@ impl ReductionSpec {
             && plant.joint_damping.iter().chain(&plant.motor_friction).all(|&d| d == 0.0)
     }
 
-    pub(super) fn build(&self) -> Reduction {
-        let zeros = vec![Sym::zero(); self.ratio.n()];
-        Reduction {
-            joint_stiffness: AnyGain::labelled("law_joint_stiffness", &self.joint_stiffness),
-            motor_damping: AnyGain::labelled("motor_damping", &self.motor_damping),
-            ratio: AnyGain::labelled("inertia_ratio", &self.ratio),
-            relative: Sym::varying(f64::from(self.relative)),
-            u: zeros.clone(),
-            spring: zeros.clone(),
-            damped: zeros.clone(),
-            work: zeros,
-        }
+    /// Whether both reductions have the same operations.
+    pub(super) fn same_shape(&self, other: &Self) -> bool {
+        self.relative == other.relative
+    }
+
+    /// The numbers of the reduction.
+    pub(super) fn parameters(&self) -> Parameters {
+        Parameters::default()
+            .gain("law_joint_stiffness", &self.joint_stiffness)
+            .gain("motor_damping", &self.motor_damping)
+            .gain("inertia_ratio", &self.ratio)
+    }
+
+    /// The motor torque for the torque `u` that the outer loop commands, and its power.
+    pub(super) fn torque(&self, at: &Loop, u: &V) -> ReducedTorque {
+        let n = u.len();
+        let d_0 = at.gain("motor_damping");
+        at.term_on_request("D0", [n, n], || M::from_row_slice(n, n, &d_0.matrix(n)));
+        let u = at.term("u", u.clone());
+        let tau_j = at.term("tau_J", at.gain("law_joint_stiffness") * &(&at.theta - &at.q));
+        let w = if self.relative { &at.theta_dot - &at.v } else { at.theta_dot.clone() };
+        let damped = d_0 * &w;
+        let power = (&at.theta_dot - &at.v).dot(&u) - at.theta_dot.dot(&damped);
+        let tau = &tau_j + at.gain("inertia_ratio") * &(u - damped - &tau_j);
+        ReducedTorque { tau, power }
     }
 }
 
-/// The motor-inertia reduction in a control loop.
-pub struct Reduction {
-    joint_stiffness: AnyGain<Sym>,
-    motor_damping: AnyGain<Sym>,
-    ratio: AnyGain<Sym>,
-    /// 1 with relative damping, else 0.
-    relative: Sym,
-    /// The output `u` of the outer loop at the last evaluation, `(n,)`, N m.
-    pub u: Vec<Sym>,
-    /// Joint torque `tau_J`, `(n,)`, N m.
-    pub spring: Vec<Sym>,
-    /// Damping torque `D0 w`, `(n,)`, N m.
-    damped: Vec<Sym>,
-    work: Vec<Sym>,
-}
-
-impl Reduction {
-    /// Replace `u` in `tau` by the motor torque, at the plant's state `x`.
-    pub fn apply(&mut self, x: &[Sym], tau: &mut [Sym]) {
-        let n = tau.len();
-        let (q, v, theta, theta_dot) = (&x[..n], &x[n..2 * n], &x[2 * n..3 * n], &x[3 * n..4 * n]);
-        self.u.copy_from_slice(tau);
-        for i in 0..n {
-            self.work[i] = theta[i] - q[i];
-        }
-        self.joint_stiffness.multiply(&self.work, &mut self.spring);
-        Sym::term("D0", &[n, n], || self.motor_damping.matrix(n));
-        Sym::term("u", &[n], || self.u.clone());
-        Sym::term("tau_J", &[n], || self.spring.clone());
-        for i in 0..n {
-            self.work[i] = self.relative.neg_mul_add(v[i], theta_dot[i]);
-        }
-        self.motor_damping.multiply(&self.work, &mut self.damped);
-        for i in 0..n {
-            self.work[i] = tau[i] - self.damped[i] - self.spring[i];
-        }
-        tau.copy_from_slice(&self.spring);
-        self.ratio.add_to(&self.work, tau);
-    }
-
-    /// Compute the contribution of a part of the outer loop's output `u` to the motor torque, `B B0^-1 u`.
-    pub fn spread(&self, u: &[Sym], out: &mut [Sym]) {
-        self.ratio.multiply(u, out);
-    }
-
-    /// The power `(theta_dot - v).u - theta_dot.D0 w` at the last evaluation, W.
-    pub fn power(&self, x: &[Sym]) -> Sym {
-        let n = self.u.len();
-        let mut sum = Sym::zero();
-        for i in 0..n {
-            let (v, theta_dot) = (x[n + i], x[3 * n + i]);
-            sum = (theta_dot - v).mul_add(self.u[i], sum);
-            sum = theta_dot.neg_mul_add(self.damped[i], sum);
-        }
-        sum
-    }
+/// The result of the motor-inertia reduction.
+pub(super) struct ReducedTorque {
+    /// Motor torque, `(n,)`, N m.
+    pub tau: V,
+    /// The power `(theta_dot - v).u - theta_dot.D0 w`, W. It is the rate of the energy in the reduced motors and the springs, minus the power
+    /// of the springs on the links.
+    pub power: E,
 }
 
 /// The elastic plant, if the law's model and inner loop describe it exactly; else `None`.

@@ -1,12 +1,10 @@
 //! A level of priority: a task, its target motion, and the gain of its error.
 
-use crate::arm::Arm;
+use super::sizes::require_size;
 use crate::error::{Error, Result};
-use crate::kinematics::{TaskFunction, TaskStack};
-use crate::linalg::gain::Gain;
+use crate::kinematics::TaskFunction;
+use crate::linalg::Gain;
 use crate::motion::Motion;
-use crate::priority::PriorityOptions;
-use crate::scalar::Real;
 
 /// One level of priority. It commands the task velocity `x_d_dot + K e`, with the error `e`. In a law of accelerations, it commands the
 /// task acceleration `x_d_ddot + D e_dot + K e`.
@@ -64,8 +62,8 @@ impl Level {
             }
             _ => {}
         }
-        super::sizes::require_size("gain", &gain, function.rows())?;
-        damping.iter().try_for_each(|damping| super::sizes::require_size("damping", damping, function.rows()))?;
+        require_size("gain", &gain, function.rows())?;
+        damping.iter().try_for_each(|damping| require_size("damping", damping, function.rows()))?;
         Ok(Level { function, target, gain, damping })
     }
 
@@ -73,54 +71,4 @@ impl Level {
     pub fn rate_gain(&self) -> Gain {
         self.damping.clone().unwrap_or_else(|| self.gain.square_root().scaled(2.0))
     }
-}
-
-/// Implement the common functions of laws with the fields `model`, `levels` and `options`.
-macro_rules! prioritised {
-    ($name:literal, $plant:ident) => {
-        fn name(&self) -> &'static str {
-            $name
-        }
-        fn plant(&self) -> PlantKind {
-            PlantKind::$plant
-        }
-        fn model(&self) -> &Model {
-            &self.model
-        }
-        fn motions(&self) -> Vec<&Motion> {
-            self.levels.iter().map(|level| &level.target).collect()
-        }
-        fn route(&self) -> Route {
-            if self.options.method.has_bounds() { Route::Deciding } else { Route::Guarded }
-        }
-        fn levels(&self) -> &[Level] {
-            &self.levels
-        }
-    };
-}
-pub(super) use prioritised;
-
-/// Create the tasks of `levels` for the arm.
-pub(crate) fn stack<S: Real>(arm: &Arm, levels: &[Level]) -> TaskStack<S> {
-    TaskStack::new(arm, levels.iter().map(|level| level.function.clone()).collect())
-}
-
-pub(crate) fn require_levels(levels: &[Level]) -> Result<()> {
-    if levels.is_empty() { Err(Error::input("tasks", "is empty: expected at least one task, got 0")) } else { Ok(()) }
-}
-
-/// Write two norms per level to `out`: of the error `e`, and of the residual. `rows` has the number of rows of each level.
-pub(super) fn norms<S: Real>(rows: &[usize], e: &[S], residuals: &[S], out: &mut [S]) {
-    let mut at = 0;
-    for (pair, m) in out.chunks_exact_mut(2).zip(rows) {
-        let norm = |x: &[S]| x[at..at + m].iter().fold(S::zero(), |sum, &x| sum + x * x).sqrt();
-        (pair[0], pair[1]) = (norm(e), norm(residuals));
-        at += m;
-    }
-}
-
-/// Whether both laws solve the same tasks with the same algorithm. Targets, gains and thresholds may differ.
-pub(super) fn same_tasks((levels, options): (&[Level], &PriorityOptions), (others, other): (&[Level], &PriorityOptions)) -> bool {
-    let given = |options: &PriorityOptions| (options.method, options.eps.is_some(), options.weight.is_some());
-    levels.iter().map(|level| &level.function).eq(others.iter().map(|level| &level.function)) && given(options) == given(other)
 }

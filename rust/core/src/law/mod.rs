@@ -1,6 +1,6 @@
 //! Control laws: they compute the plant's input from the desired motion and the measured state.
 //!
-//! A law is declared once ([`Definition`], with all laws in [`LawSpec`]), and built for a number type ([`Law`]).
+//! A law is declared once ([`Definition`], with all laws in [`LawSpec`]). Its parameters and its equations ([`Equations`]) are recorded.
 //!
 //! Terms of this folder:
 //! - `n` is the number of joints without mimic joints, and `m` the number of rows of a task.
@@ -10,93 +10,66 @@
 //! - A *program* is a recorded and compiled computation (`trace`), here of a law. Its results have the same bits as a direct evaluation.
 //! - *Joint columns* are the columns of the regressor for armature (rotor inertia) and friction, after the columns of the bodies.
 
-mod adaptation;
 mod adaptive;
-mod adaptive_tracking;
 mod aims;
-mod any_adaptive;
-mod arm_batch;
-mod arm_solver;
 mod c_loop;
-mod cartesian_impedance;
-mod composite;
 mod computed_torque;
-mod concurrent;
 mod definition;
-mod elastic_impedance;
+mod elastic;
+mod equations;
 mod evaluator;
 mod external;
 mod guarded;
 mod guarding;
-mod impedance_options;
+mod impedance;
 mod inertia_reduction;
 mod isolation;
-mod joint_columns;
-mod joint_impedance;
-mod joint_limits;
 mod level;
-mod lyapunov;
-mod motor_regulation;
-mod null_space;
 mod pd_gravity;
 mod pid;
 mod printed;
 mod printed_motion;
-mod priority_acceleration;
-mod priority_velocity;
-mod projection;
-mod projection_loss;
-mod restraint;
-mod sampled_reduction;
+mod priority;
+mod recorded;
 mod sizes;
-mod storage;
-mod target_dynamics;
 mod terms;
-mod truth;
 
 pub use crate::linalg::gain::Gain;
-pub use adaptation::{Adaptation, Base, Composite, Concurrent};
-pub use adaptive::AdaptiveSpec;
+pub(crate) use adaptive::Lyapunov;
+pub use adaptive::{
+    Adaptation, AdaptiveSpec, Base, Composite, Concurrent, JointColumn, JointColumns, LeakageForm, Projection, Record, Restraint,
+    StoredRows, Truth, Windows,
+};
 pub use aims::Aim;
-pub use arm_batch::ArmBatch;
-pub use arm_solver::ArmSolver;
 pub use c_loop::CLoop;
-pub use cartesian_impedance::CartesianImpedanceSpec;
-pub(crate) use cartesian_impedance::turn_rates;
 pub use computed_torque::ComputedTorqueSpec;
-pub use concurrent::{Record, StoredRows, Windows};
 use definition::Shape;
-pub use definition::{Definition, JointReference, Law, Route};
-pub use elastic_impedance::ElasticImpedanceSpec;
+pub use definition::{Definition, JointReference, Route};
+pub(crate) use elastic::Storage;
+pub use elastic::*;
+pub use equations::{Adapting, Answer, Equations, Loop, Sample};
 pub use evaluator::LawEvaluator;
 pub use external::{Call, ExternalSpec};
 pub use guarded::{GuardedSpec, Reaction};
-pub use impedance_options::ImpedanceOptions;
+pub use impedance::{CartesianImpedanceSpec, ImpedanceOptions, NULL_SPACE_EPS, NullProjection, NullSpaceSpec};
+pub(crate) use impedance::{ProjectionLoss, turn_rates};
 pub use inertia_reduction::ReductionSpec;
 pub use isolation::{parents, touched};
-pub use joint_columns::{JointColumn, JointColumns};
-pub use joint_impedance::JointImpedanceSpec;
-pub use joint_limits::{HORIZON, LimitOverrides, MotionLimits};
 pub use level::Level;
-pub(crate) use lyapunov::Lyapunov;
-pub use motor_regulation::{MotorPdSpec, MotorRegulationSpec, StateFeedbackSpec};
-pub use null_space::{NULL_SPACE_EPS, NullProjection, NullSpaceSpec};
 pub use pd_gravity::PdGravitySpec;
 pub use pid::{PidOptions, PidSpec};
-pub(crate) use priority_acceleration::PriorityAcceleration;
-pub use priority_acceleration::PriorityAccelerationSpec;
-pub(crate) use priority_velocity::PriorityVelocity;
-pub use priority_velocity::{PriorityVelocitySpec, with_limits};
-pub use projection::Projection;
-pub(crate) use projection_loss::ProjectionLoss;
-pub use restraint::{LeakageForm, Restraint};
-pub use sampled_reduction::LockedMotors;
-pub(crate) use storage::Storage;
+pub(crate) use priority::norms;
+pub use priority::{
+    ArmBatch, ArmSolver, HORIZON, LimitOverrides, MotionLimits, PriorityAccelerationSpec, PriorityVelocitySpec, with_limits,
+};
+pub use recorded::{RecordedLaw, Terms};
 pub use terms::Term;
-pub use truth::Truth;
 
 use crate::motion::sample_all;
+use crate::plant::Parameters;
 use crate::scalar::Real;
+use crate::trace::expression::vector;
+use crate::trace::{Sym, V};
 use std::ops::{Deref, DerefMut};
 
 /// Declare the kinds of laws: the enum, its conversions, and the construction for a loop. Each law has one entry in this list.
@@ -147,10 +120,10 @@ macro_rules! laws {
         }
 
         impl LawSpec {
-            /// Build the law for a recording.
-            pub fn build(&self) -> Box<dyn Law + Send> {
+            /// The law with its parameters and its equations.
+            fn equations_of(&self) -> &dyn Equations {
                 match self {
-                    $(LawSpec::$law(law) => Box::new(law.build()),)*
+                    $(LawSpec::$law(law) => law,)*
                 }
             }
 
@@ -197,6 +170,20 @@ laws! {
     External(ExternalSpec),
 }
 
+impl Equations for LawSpec {
+    fn parameters(&self, period: Option<f64>) -> Parameters {
+        self.equations_of().parameters(period)
+    }
+
+    fn equations(&self, at: &Loop) -> Answer {
+        self.equations_of().equations(at)
+    }
+
+    fn start_state(&self, at: &Loop) -> V {
+        self.equations_of().start_state(at)
+    }
+}
+
 impl LawSpec {
     /// Times, s, at which a derivative of a desired motion jumps, so that integrators restart. They are in ascending order and may repeat.
     pub fn breaks(&self) -> Vec<f64> {
@@ -205,12 +192,19 @@ impl LawSpec {
         breaks
     }
 
-    /// The samples of the law's motions at time `t`, in the order of [`Law::evaluate`].
+    /// The samples of the law's motions at time `t`, in the order of [`Loop::desired`].
     pub fn desired<S: Real>(&self, t: f64) -> Vec<S> {
         let motions = self.motions();
         let mut desired = vec![0.0; motions.iter().map(|motion| 3 * motion.dof()).sum()];
         sample_all(motions, t, &mut desired);
         desired.into_iter().map(S::splat).collect()
+    }
+
+    /// The samples of the law's motions, from their numbers one after another.
+    pub(crate) fn split_samples(&self, desired: &[Sym]) -> Vec<Sample> {
+        let mut left = desired;
+        let mut part = |n: usize| vector(left.split_off(..n).unwrap_or_default());
+        self.motions().iter().map(|motion| [0; 3].map(|_| part(motion.dof()))).collect()
     }
 
     /// A copy of the law whose spring is `kappa` times as stiff; `None` for a law without a spring. The spring has the stiffness `K_m` of a
@@ -236,6 +230,18 @@ impl LawSpec {
     /// storage function on a plant.
     pub fn storage(&self) -> Option<&ElasticImpedanceSpec> {
         if let LawSpec::ElasticImpedance(law) = self { Some(law) } else { None }
+    }
+
+    /// The impedance law with a null space or a compensated coupling, which has a projection loss: the law itself, or its outer loop. `None`
+    /// for other laws.
+    pub(crate) fn projecting(&self) -> Option<&CartesianImpedanceSpec> {
+        let law = self.impedance().or(self.storage().map(|law| &law.outer))?;
+        (law.options().null_space.is_some() || law.options().compensate_coupling).then_some(law)
+    }
+
+    /// Whether the law has a projection loss: it has a null space, or compensates the coupling.
+    pub fn has_projection_loss(&self) -> bool {
+        self.projecting().is_some()
     }
 
     /// The impedance or PD law that commands the joint torque: the law itself for a rigid arm, or the outer loop for an elastic arm. `None`

@@ -1,13 +1,13 @@
 //! PD control with gravity compensation (Takegaki and Arimoto 1981): `tau = Kp (q_d - q) - Kd v + g(q)`.
 
-use super::definition::{Definition, JointReference, Law, Shape, facts};
+use super::definition::{Definition, JointReference, Shape, facts};
+use super::equations::{Answer, Equations, Loop};
 use super::sizes::{require_rows, require_size};
-use crate::dynamics::{AnyArm, Dynamics, Model, Workspace};
+use crate::dynamics::Model;
 use crate::error::Result;
-use crate::linalg::gain::{AnyGain, Gain};
+use crate::linalg::Gain;
 use crate::motion::Motion;
-use crate::scalar::Real;
-use crate::trace::Sym;
+use crate::plant::Parameters;
 use nalgebra::DVector;
 
 /// PD control with gravity compensation, with validated parameters.
@@ -66,43 +66,15 @@ impl Definition for PdGravitySpec {
 
 impl Shape for PdGravitySpec {}
 
-impl PdGravitySpec {
-    pub(super) fn build(&self) -> PdGravity {
-        let arm = AnyArm::new(&self.model);
-        PdGravity {
-            workspace: arm.workspace(),
-            work: vec![Sym::zero(); self.model.n()],
-            arm,
-            kp: AnyGain::labelled("kp", &self.kp),
-            kd: AnyGain::labelled("kd", &self.kd),
-        }
+impl Equations for PdGravitySpec {
+    fn parameters(&self, _: Option<f64>) -> Parameters {
+        Parameters::of_arm(&self.model).gain("kp", &self.kp).gain("kd", &self.kd)
     }
-}
 
-/// PD control with gravity compensation in a control loop.
-pub struct PdGravity {
-    arm: AnyArm<Sym>,
-    workspace: Workspace<Sym>,
-    kp: AnyGain<Sym>,
-    kd: AnyGain<Sym>,
-    work: Vec<Sym>,
-}
-
-impl Law for PdGravity {
-    fn evaluate(&mut self, desired: &[Sym], trig: &[(Sym, Sym)], x: &[Sym], _: &[Sym], tau: &mut [Sym], _: &mut [Sym]) {
-        let n = tau.len();
-        let (q, v) = (&x[..n], &x[n..2 * n]);
-        self.arm.gravity(&mut self.workspace, trig, q, tau);
-        for i in 0..n {
-            self.work[i] = desired[i] - q[i];
-        }
-        Sym::term("q_d", &[n], || desired[..n].to_vec());
-        Sym::term("e", &[n], || self.work.clone());
-        Sym::term("g", &[n], || tau.to_vec());
-        self.kp.add_to(&self.work, tau);
-        for i in 0..n {
-            self.work[i] = -v[i];
-        }
-        self.kd.add_to(&self.work, tau);
+    fn equations(&self, at: &Loop) -> Answer {
+        let [q_d, ..] = at.desired_terms(0, &["q_d"]);
+        let e = at.term("e", q_d - &at.q);
+        let g = at.term("g", at.arm().gravity());
+        Answer::new(g + at.gain("kp") * &e - at.gain("kd") * &at.v)
     }
 }

@@ -16,15 +16,18 @@
 //!
 //! The law's state is `w` with an integral gain `Ki`, then `y` with a filter, then `s` with an observer, `(n,)` each.
 
-use super::definition::{Definition, JointReference, Law, Shape, facts};
+use super::definition::{Definition, JointReference, Shape, facts};
+use super::equations::{Answer, Equations, Loop};
+use super::impedance::held;
 use super::sizes::{require_rows, require_same_dof, require_size};
-use crate::dynamics::{AnyArm, Dynamics, Model, Workspace};
+use crate::dynamics::Model;
 use crate::error::{Error, Result};
-use crate::linalg::gain::{AnyGain, Gain};
+use crate::linalg::Gain;
 use crate::motion::Motion;
+use crate::plant::Parameters;
 use crate::scalar::hyperbolic::tanh;
-use crate::scalar::{Real, labelled_numbers};
-use crate::trace::Sym;
+use crate::trace::V;
+use crate::trace::expression::{clamp, stacked, zeros};
 
 /// PID control with gravity compensation, with validated parameters.
 ///
@@ -144,10 +147,9 @@ fn positive_rows(name: &'static str, numbers: Option<&[f64]>, n: usize, most: f6
 /// The diagonal of the mass matrix at the start of the desired motion.
 fn first_inertia(model: &Model, motion: &Motion) -> Vec<f64> {
     let n = model.n();
-    let (mut desired, mut m) = (vec![0.0; 3 * n], vec![0.0; n * n]);
+    let mut desired = vec![0.0; 3 * n];
     motion.sample(0.0, &mut desired);
-    model.at(&desired[..n]).mass_matrix(&mut m);
-    (0..n).map(|i| m[i * n + i]).collect()
+    model.at(&desired[..n]).mass_matrix().diagonal().as_slice().to_vec()
 }
 
 impl Definition for PidSpec {
@@ -165,36 +167,6 @@ impl Definition for PidSpec {
     }
 }
 
-impl PidSpec {
-    pub(super) fn build(&self) -> Pid {
-        let (n, options) = (self.model.n(), &self.options);
-        let arm = AnyArm::new(&self.model);
-        let option = |name, numbers: &Option<Vec<f64>>| numbers.as_ref().map(|numbers| labelled_numbers(name, numbers));
-        Pid {
-            workspace: arm.workspace(),
-            arm,
-            kp: AnyGain::labelled("kp", &self.kp),
-            ki: self.ki.as_ref().map(|ki| AnyGain::labelled("ki", ki)),
-            kd: AnyGain::labelled("kd", &self.kd),
-            moves: self.moves(),
-            limits: option("law_tau_max", &options.tau_max),
-            filter: option("derivative_filter", &options.derivative_filter),
-            friction: option("friction_speed", &options.friction_speed).map(|speed| {
-                let [damping, friction] = self.model.friction(true);
-                [labelled_numbers("damping", &damping), labelled_numbers("friction", &friction), speed]
-            }),
-            observer: option("observer_bandwidth", &options.observer_bandwidth).zip(option("nominal_inertia", &options.nominal_inertia)),
-            e: vec![Sym::zero(); n],
-            speed: vec![Sym::zero(); n],
-            drag: vec![Sym::zero(); n],
-            disturbance: vec![Sym::zero(); n],
-            nominal: vec![Sym::zero(); n],
-            work: vec![Sym::zero(); n],
-            free: vec![Sym::zero(); n],
-        }
-    }
-}
-
 impl Shape for PidSpec {
     fn same_shape(&self, other: &Self) -> bool {
         let shape = |law: &Self| {
@@ -206,152 +178,102 @@ impl Shape for PidSpec {
     }
 }
 
-/// PID control with gravity compensation in a control loop.
-pub struct Pid {
-    arm: AnyArm<Sym>,
-    workspace: Workspace<Sym>,
-    kp: AnyGain<Sym>,
-    ki: Option<AnyGain<Sym>>,
-    kd: AnyGain<Sym>,
-    /// Whether the desired motion changes with time.
-    moves: bool,
-    limits: Option<Vec<Sym>>,
-    /// Bandwidth `N` of the velocity filter, `(n,)`, 1/s.
-    filter: Option<Vec<Sym>>,
-    /// Viscous friction, Coulomb friction and the speed `v_s`, `(n,)` each.
-    friction: Option<[Vec<Sym>; 3]>,
-    /// Bandwidth `h`, 1/s, and nominal inertia `m`, kg m^2 or kg, of the disturbance observer, `(n,)` each.
-    observer: Option<(Vec<Sym>, Vec<Sym>)>,
-    /// Position error `q_d - q`, `(n,)`, rad or m.
-    e: Vec<Sym>,
-    /// Filtered velocity `v_f`, `(n,)`, rad/s or m/s.
-    speed: Vec<Sym>,
-    /// Feed-forward torque of friction, `f(v_d)`, `(n,)`, N m or N.
-    drag: Vec<Sym>,
-    /// Disturbance torque `d` that the observer estimates, `(n,)`, N m or N.
-    disturbance: Vec<Sym>,
-    /// The feed-forward torque: `g + f` with an observer, else `g + f + M a_d`, `(n,)`, N m or N.
-    nominal: Vec<Sym>,
-    work: Vec<Sym>,
-    /// Torque `u` before its limits, `(n,)`, N m or N.
-    free: Vec<Sym>,
-}
-
-impl Pid {
-    /// The length of the integral torque `w` in the law's state: zero without an integral gain.
-    fn integrals(&self) -> usize {
-        if self.ki.is_some() { self.e.len() } else { 0 }
+impl Equations for PidSpec {
+    fn parameters(&self, _: Option<f64>) -> Parameters {
+        let PidOptions { tau_max, derivative_filter, friction_speed, observer_bandwidth, nominal_inertia } = &self.options;
+        Parameters::of_arm(&self.model)
+            .gain("kp", &self.kp)
+            .option(self.ki.as_ref(), |numbers, ki| numbers.gain("ki", ki))
+            .gain("kd", &self.kd)
+            .option(tau_max.as_ref(), |numbers, x| numbers.numbers("law_tau_max", x))
+            .option(derivative_filter.as_ref(), |numbers, x| numbers.numbers("derivative_filter", x))
+            .option(friction_speed.as_ref(), |numbers, x| {
+                let [damping, friction] = self.model.friction(true);
+                numbers.numbers("friction_speed", x).numbers("damping", &damping).numbers("friction", &friction)
+            })
+            .option(observer_bandwidth.as_ref(), |numbers, x| numbers.numbers("observer_bandwidth", x))
+            .option(nominal_inertia.as_ref(), |numbers, x| numbers.numbers("nominal_inertia", x))
     }
 
-    /// Name the desired motion, the error, the gravity torque, and the terms of the options.
-    fn name_terms(&mut self, desired: &[Sym], trig: &[(Sym, Sym)], q: &[Sym]) {
-        let n = self.e.len();
-        Sym::term("q_d", &[n], || desired[..n].to_vec());
-        if self.moves {
-            Sym::term("v_d", &[n], || desired[n..2 * n].to_vec());
+    fn equations(&self, at: &Loop) -> Answer {
+        let State { w, q_f, s } = self.state(&at.z);
+        let [q_d, mut v_d, mut a_d] = at.desired_terms(0, if self.moves() { &["q_d", "v_d"] } else { &["q_d"] });
+        if !self.moves() {
+            (v_d, a_d) = (zeros(v_d.len()), zeros(a_d.len()));
         }
-        Sym::term("e", &[n], || self.e.clone());
-        Sym::term("g", &[n], || {
-            let mut g = vec![Sym::zero(); n];
-            self.arm.gravity(&mut self.workspace, trig, q, &mut g);
-            g
-        });
-        for (name, values, present) in [
-            ("v_f", &self.speed, self.filter.is_some()),
-            ("friction", &self.drag, self.friction.is_some()),
-            ("disturbance", &self.disturbance, self.observer.is_some()),
-        ] {
-            if present {
-                Sym::term(name, &[n], || values.clone());
-            }
-        }
-    }
-}
+        let e = at.term("e", q_d - &at.q);
+        let v_f = match q_f {
+            Some(q_f) => at.term("v_f", at.vector("derivative_filter").component_mul(&(&at.q - q_f))),
+            None => at.v.clone(),
+        };
 
-impl Law for Pid {
-    /// Set the states of the velocity filter and the observer such that the filter's output and the disturbance `d` start at zero.
-    fn restart(&mut self, _: &[(Sym, Sym)], x: &[Sym], z: &mut [Sym]) {
-        let n = self.e.len();
-        let first = self.integrals();
-        if self.filter.is_some() {
-            z[first..first + n].copy_from_slice(&x[..n]);
-        }
-        if let Some((_, inertia)) = &self.observer {
-            let before = z.len() - n;
-            for (i, s) in z[before..].iter_mut().enumerate() {
-                *s = if self.filter.is_some() { Sym::zero() } else { inertia[i] * x[n + i] };
-            }
-        }
-    }
-
-    fn evaluate(&mut self, desired: &[Sym], trig: &[(Sym, Sym)], x: &[Sym], z: &[Sym], tau: &mut [Sym], dz: &mut [Sym]) {
-        let n = tau.len();
-        let (q, v) = (&x[..n], &x[n..2 * n]);
-        let (v_d, a_d) = (&desired[n..2 * n], &desired[2 * n..3 * n]);
-        let (w, filters) = z.split_at(self.integrals());
-        let (dw, behind) = dz.split_at_mut(w.len());
-        for i in 0..n {
-            self.e[i] = desired[i] - q[i];
-        }
-        match &self.filter {
-            Some(rate) => (0..n).for_each(|i| self.speed[i] = rate[i] * (q[i] - filters[i])),
-            None => self.speed.copy_from_slice(v),
+        // Feed-forward: gravity, or the inverse dynamics at rest for the desired acceleration, and friction at the desired velocity.
+        let g = at.term("g", at.arm().gravity());
+        let mut ahead = if self.moves() && s.is_none() { at.arm().inverse_dynamics(&zeros(e.len()), &a_d) } else { g };
+        if self.options.friction_speed.is_some() {
+            let (viscous, coulomb) = (at.vector("damping"), at.vector("friction"));
+            let direction = v_d.zip_map(at.vector("friction_speed"), |v, slow| tanh(v / slow));
+            ahead += at.term("friction", viscous.component_mul(&v_d) + coulomb.component_mul(&direction));
         }
 
-        if self.moves && self.observer.is_none() {
-            self.work.fill(Sym::zero());
-            self.arm.inverse_dynamics(&mut self.workspace, trig, q, &self.work, a_d, tau);
-        } else {
-            self.arm.gravity(&mut self.workspace, trig, q, tau);
+        let mut u = &ahead + at.gain("kp") * &e + at.gain("kd") * &(v_d - &v_f);
+        u += w.as_ref().unwrap_or(&zeros(e.len()));
+        let mut d = zeros(e.len());
+        if let Some(s) = &s {
+            let b = at.vector("nominal_inertia");
+            d = at.term("disturbance", at.vector("observer_bandwidth").component_mul(&(b.component_mul(&v_f) - s)));
+            u += b.component_mul(&a_d) - &d;
         }
-        if let Some([damping, friction, slow]) = &self.friction {
-            for i in 0..n {
-                self.drag[i] = damping[i].mul_add(v_d[i], friction[i] * tanh(v_d[i] / slow[i]));
-                tau[i] += self.drag[i];
-            }
-        }
-        self.nominal.copy_from_slice(tau);
 
-        self.kp.add_to(&self.e, tau);
-        for i in 0..n {
-            self.work[i] = if self.moves { v_d[i] - self.speed[i] } else { -self.speed[i] };
+        let (mut tau, mut w_dot) = (u.clone(), zeros(0));
+        if let Some(w) = w {
+            at.term("integral", w);
+            w_dot = at.gain("ki") * &e;
         }
-        self.kd.add_to(&self.work, tau);
-        for (tau, &w) in tau.iter_mut().zip(w) {
-            *tau += w;
-        }
-        if let Some((bandwidth, inertia)) = &self.observer {
-            let s = &filters[filters.len() - n..];
-            for i in 0..n {
-                self.disturbance[i] = bandwidth[i] * inertia[i].mul_add(self.speed[i], -s[i]);
-                let ahead = if self.moves { inertia[i] * a_d[i] } else { Sym::zero() };
-                tau[i] += ahead - self.disturbance[i];
-            }
-        }
-        self.free.copy_from_slice(tau);
-        self.name_terms(desired, trig, q);
-
-        if let Some(ki) = &self.ki {
-            ki.multiply(&self.e, dw);
-            Sym::term("integral", &[n], || w.to_vec());
-        }
-        if let Some(limits) = &self.limits {
-            for ((rate, &free), &limit) in dw.iter_mut().zip(&self.free).zip(limits) {
-                let down = Sym::select(free.lt(-limit), rate.max(Sym::zero()), *rate);
-                *rate = Sym::select(limit.lt(free), rate.min(Sym::zero()), down);
-            }
-            for (tau, &limit) in tau.iter_mut().zip(limits) {
-                *tau = tau.clamped(-limit, limit);
-            }
+        if self.options.tau_max.is_some() {
+            let limit = at.vector("law_tau_max");
+            w_dot = V::from_fn(w_dot.len(), |i, _| held(u[i], limit[i], w_dot[i], w_dot[i]));
+            tau = clamp(&tau, limit);
         }
         if self.ki.is_some() {
-            Sym::term("integral_rate", &[n], || dw.to_vec());
+            at.term("integral_rate", w_dot.clone());
         }
-        Sym::term("u", &[n], || self.free.clone());
-        let (filtered, observed) = behind.split_at_mut(if self.filter.is_some() { n } else { 0 });
-        filtered.copy_from_slice(&self.speed[..filtered.len()]);
-        for (i, rate) in observed.iter_mut().enumerate() {
-            *rate = tau[i] - self.nominal[i] + self.disturbance[i];
+        at.term("u", u);
+        let q_f_dot = if self.options.derivative_filter.is_some() { v_f } else { zeros(0) };
+        let s_dot = if s.is_some() { &tau - ahead + d } else { zeros(0) };
+        Answer::with_rate(tau, stacked([&w_dot, &q_f_dot, &s_dot]))
+    }
+
+    fn start_state(&self, at: &Loop) -> V {
+        let State { w, q_f, s } = self.state(&at.z);
+        let filtered = q_f.is_some();
+        let momentum = || if filtered { zeros(at.v.len()) } else { at.vector("nominal_inertia").component_mul(&at.v) };
+        stacked([&w.unwrap_or(zeros(0)), &q_f.map_or(zeros(0), |_| at.q.clone()), &s.map_or(zeros(0), |_| momentum())])
+    }
+}
+
+/// The parts of the law's state.
+struct State {
+    /// Integral `w`.
+    w: Option<V>,
+    /// Filtered position `q_f`.
+    q_f: Option<V>,
+    /// State `s` of the disturbance observer.
+    s: Option<V>,
+}
+
+impl PidSpec {
+    fn state(&self, z: &V) -> State {
+        let (n, mut first) = (self.model.n(), 0);
+        let mut part = |used: bool| {
+            let part = used.then(|| z.rows(first, n).into_owned());
+            first += if used { n } else { 0 };
+            part
+        };
+        State {
+            w: part(self.ki.is_some()),
+            q_f: part(self.options.derivative_filter.is_some()),
+            s: part(self.options.observer_bandwidth.is_some()),
         }
     }
 }

@@ -67,7 +67,7 @@ impl LawSpec {
         let (mut source, motions) = (CSource::new(options)?, self.motions());
         let widths =
             [motions.iter().map(|motion| 3 * motion.dof()).sum(), self.plant().states(self.model().n()), self.initial_state().len()];
-        let Some(recorded) = recording(self, widths, period, limits) else { return refused("whose code branches on its data") };
+        let recorded = recording(self, widths, period, limits);
         let mut given = given(&recorded);
         let mut at = recorded.values.len();
         for motion in &motions {

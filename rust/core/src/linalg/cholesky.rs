@@ -2,6 +2,7 @@
 
 use crate::error::{Error, Result, finite};
 use crate::scalar::Real;
+use nalgebra::{DMatrix, DVector};
 
 /// An asymmetry up to this fraction of the largest entry counts as a rounding error.
 const SYMMETRY: f64 = 1e-12;
@@ -52,6 +53,54 @@ pub fn solve<S: Real>(n: usize, l: &[S], x: &mut [S]) {
             x[i] -= l[k * n + i] * x[k];
         }
         x[i] = x[i] / l[i * n + i];
+    }
+}
+
+/// The factorisation `A = L L'` of a symmetric matrix.
+pub struct Cholesky<S> {
+    n: usize,
+    l: Vec<S>,
+    /// One in lanes where the matrix is positive definite, otherwise zero.
+    pub definite: S,
+}
+
+impl<S: Real> Cholesky<S> {
+    /// Factor the matrix `a`, shape `(n, n)`.
+    pub fn of(a: &DMatrix<S>) -> Self {
+        let n = a.nrows();
+        let mut l = vec![S::zero(); n * n];
+        let definite = factor_into(n, a.as_slice(), &mut l);
+        Cholesky { n, l, definite }
+    }
+
+    /// Return `L^-1 B`.
+    pub fn solve_lower(&self, b: &DMatrix<S>) -> DMatrix<S> {
+        self.columns(b, solve_lower)
+    }
+
+    /// Return `A^-1 B`.
+    pub fn solve(&self, b: &DMatrix<S>) -> DMatrix<S> {
+        self.columns(b, solve)
+    }
+
+    /// Return `A^-1 b`.
+    pub fn solve_vector(&self, b: &DVector<S>) -> DVector<S> {
+        let mut x = b.clone();
+        solve(self.n, &self.l, x.as_mut_slice());
+        x
+    }
+
+    /// Return `L^-1 b`.
+    pub fn solve_lower_vector(&self, b: &DVector<S>) -> DVector<S> {
+        let mut x = b.clone();
+        solve_lower(self.n, &self.l, x.as_mut_slice());
+        x
+    }
+
+    fn columns(&self, b: &DMatrix<S>, solve: fn(usize, &[S], &mut [S])) -> DMatrix<S> {
+        let mut x = b.clone();
+        x.as_mut_slice().chunks_exact_mut(self.n).for_each(|column| solve(self.n, &self.l, column));
+        x
     }
 }
 

@@ -12,6 +12,7 @@
 
 use super::jacobi_rotation::{JacobiRotation, least_to_turn};
 use crate::scalar::Real;
+use nalgebra::DMatrix;
 
 /// For each number of rows, the number of sweeps after which off-diagonal entries are below 1e-7 of the largest eigenvalue. The error of
 /// the result is proportional to the squares of these entries.
@@ -102,6 +103,14 @@ impl<S: Real> ClampedInverse<S> {
             }
         }
     }
+}
+
+/// Return the clamped inverse of `a`, shape `(m, m)`, and the smallest eigenvalue of `a`: see [`ClampedInverse::compute`].
+pub fn clamped_inverse<S: Real>(a: &DMatrix<S>, floor: S) -> (DMatrix<S>, S) {
+    let m = a.nrows();
+    let mut inverse = DMatrix::from_element(m, m, S::zero());
+    let least = ClampedInverse::new(m).compute(a.as_slice(), floor, inverse.as_mut_slice());
+    (inverse, least)
 }
 
 #[cfg(test)]

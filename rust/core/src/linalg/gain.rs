@@ -3,7 +3,8 @@
 use crate::error::{Error, Result, finite};
 use crate::linalg::cholesky::require_positive_definite;
 use crate::scalar::Real;
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, DVector};
+use std::ops::Mul;
 
 /// A gain of size `n`. It is symmetric positive definite, except for gains of [`Gain::not_negative`] and results of computations with
 /// gains.
@@ -253,6 +254,16 @@ impl<S: Real> AnyGain<S> {
                 }
             }
         }
+    }
+}
+
+impl<S: Real> Mul<&DVector<S>> for &AnyGain<S> {
+    type Output = DVector<S>;
+
+    fn mul(self, x: &DVector<S>) -> DVector<S> {
+        let mut y = vec![S::zero(); x.len()];
+        self.multiply(x.as_slice(), &mut y);
+        DVector::from_vec(y)
     }
 }
 

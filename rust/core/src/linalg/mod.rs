@@ -18,8 +18,9 @@ pub mod resolvent;
 pub mod svd;
 pub mod symmetric_eigen;
 
+pub use cholesky::Cholesky;
 pub use clamp::{clamp_gain, clamp_remainder};
-pub use clamped_inverse::ClampedInverse;
+pub use clamped_inverse::{ClampedInverse, clamped_inverse};
 pub use gain::{AnyGain, Gain};
 pub use null_basis::null_basis;
 pub use pinv::pinv;

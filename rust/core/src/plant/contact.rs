@@ -5,7 +5,7 @@ use super::unilateral::{Mode, pressing, push, require_spring, stored};
 use crate::error::{Error, Result, finite};
 use crate::scalar::Real;
 use crate::spatial::{Lift, Vector, Vector3, unit_vector};
-use crate::trace::Sym;
+use crate::trace::E;
 
 /// A compliant wall that a frame may touch.
 ///
@@ -59,10 +59,10 @@ impl Wall {
 pub struct LoopWall {
     /// Index of the frame.
     pub frame: usize,
-    point: Vector3<Sym>,
-    normal: Vector3<Sym>,
-    stiffness: Sym,
-    damping: Sym,
+    point: Vector3<E>,
+    normal: Vector3<E>,
+    stiffness: E,
+    damping: E,
 }
 
 impl LoopWall {
@@ -70,32 +70,32 @@ impl LoopWall {
     pub fn new(wall: &Wall) -> Self {
         LoopWall {
             frame: wall.frame,
-            point: Vector3::from(wall.point.map(Sym::varying)),
-            normal: Vector3::from(wall.normal.map(Sym::varying)),
-            stiffness: Sym::labelled("wall_stiffness", 0, || Sym::varying(wall.stiffness)),
-            damping: Sym::labelled("wall_damping", 0, || Sym::varying(wall.damping)),
+            point: Vector3::from(wall.point.map(E::varying)),
+            normal: Vector3::from(wall.normal.map(E::varying)),
+            stiffness: E::labelled("wall_stiffness", 0, || E::varying(wall.stiffness)),
+            damping: E::labelled("wall_damping", 0, || E::varying(wall.damping)),
         }
     }
 
     /// Energy stored in the wall, J, with the frame at `p`.
-    pub fn energy(&self, p: Vector3<Sym>) -> Sym {
+    pub fn energy(&self, p: Vector3<E>) -> E {
         stored(self.stiffness, self.normal.dot(self.point - p))
     }
 
     /// The depth `d`, m, and its rate `d_dot`, m/s, for the frame at `p` with the velocity `p_dot`.
-    fn depth(&self, p: Vector3<Sym>, p_dot: Vector3<Sym>) -> (Sym, Sym) {
+    fn depth(&self, p: Vector3<E>, p_dot: Vector3<E>) -> (E, E) {
         (self.normal.dot(self.point - p), -self.normal.dot(p_dot))
     }
 
     /// The depth `d`, m, and the push `k d + c d_dot`, N, for the frame at `p` with the velocity `p_dot`.
-    pub fn contact(&self, p: Vector3<Sym>, p_dot: Vector3<Sym>) -> [Sym; 2] {
+    pub fn contact(&self, p: Vector3<E>, p_dot: Vector3<E>) -> [E; 2] {
         let (depth, rate) = self.depth(p, p_dot);
         [depth, pressing(self.stiffness, self.damping, depth, rate)]
     }
 
     /// The force on the frame at `p` with the velocity `p_dot`, N, and the power lost in the wall, W. `held` is the mode of the contact
     /// (see [`push`]).
-    pub fn force(&self, p: Vector3<Sym>, p_dot: Vector3<Sym>, held: Option<Mode<Sym>>) -> (Vector3<Sym>, Sym) {
+    pub fn force(&self, p: Vector3<E>, p_dot: Vector3<E>, held: Option<Mode<E>>) -> (Vector3<E>, E) {
         let (depth, rate) = self.depth(p, p_dot);
         let (force, lost) = push(self.stiffness, self.damping, depth, rate, held);
         (self.normal.scale(force), lost)

@@ -1,13 +1,9 @@
-//! The interfaces of a plant: its declaration, and its evaluation in a control loop. Most functions have a default.
+//! The declaration of a plant. Most functions have a default.
 
 use super::contact::Wall;
 use super::friction::JointFriction;
-use super::stick_slip::LoopStickSlip;
 use super::stops::Stops;
-use super::unilateral::Mode;
 use crate::dynamics::Model;
-use crate::scalar::Real;
-use crate::trace::Sym;
 
 /// A plant with validated parameters.
 ///
@@ -54,66 +50,6 @@ pub trait Definition {
     fn friction(&self) -> Option<&JointFriction> {
         None
     }
-}
-
-/// Power into a plant, W. The sum of both parts is the rate of the stored energy. Both are zero for a velocity-controlled arm.
-///
-/// ```
-/// use armlet_core::arm::Arm;
-/// use armlet_core::plant::{PlantSpec, RigidSpec};
-///
-/// let arm = Arm::pendulum(1.0, 5.0)?.with_drives(None, Some(&[0.5]), None)?;
-/// let plant = PlantSpec::from(RigidSpec { friction: true, ..RigidSpec::new(arm.into()) });
-/// let (_, power) = plant.rates_at(&[0.3, 2.0], &[4.0], &[0.0; 6], None);
-/// // The torque of 4 N m at 2 rad/s, minus the loss `d v^2` of viscous friction.
-/// assert_eq!(power, 8.0 - 2.0);
-/// # Ok::<(), armlet_core::error::Error>(())
-/// ```
-#[derive(Clone, Copy, Debug)]
-pub struct Power {
-    /// Power of the input, W.
-    pub input: Sym,
-    /// Power of the wrench, minus the power lost in friction, elastic joints, wall and stops, W.
-    pub outside: Sym,
-}
-
-/// A plant in a recorded control loop. [`PlantSpec::rates_at`](super::PlantSpec::rates_at) evaluates a plant at a single state.
-///
-/// ```
-/// use armlet_core::arm::Arm;
-/// use armlet_core::plant::{PlantSpec, RigidSpec};
-///
-/// // A pendulum: `a = tau - 5 sin q`.
-/// let spec = PlantSpec::from(RigidSpec::new(Arm::pendulum(1.0, 5.0)?.into()));
-/// let (dx, _) = spec.rates_at(&[0.3, 2.0], &[4.0], &[0.0; 6], None);
-/// assert!(dx[0] == 2.0 && (dx[1] - (4.0 - 5.0 * 0.3f64.sin())).abs() < 1e-14);
-/// assert!(spec.build(None).stick_slip().is_none());
-/// # Ok::<(), armlet_core::error::Error>(())
-/// ```
-pub trait Plant {
-    /// Compute the rates `dx` of the plant's state `x` under the input `tau`, `(n,)`, and the wrench, `(6,)`. Return the power into the
-    /// plant.
-    ///
-    /// `trig` has (sin, cos) of each joint position. The wrench acts at the frame with which the plant was built.
-    fn rates(&mut self, trig: &[(Sym, Sym)], x: &[Sym], tau: &[Sym], wrench: &[Sym], dx: &mut [Sym]) -> Power;
-
-    /// Hold every contact in its mode of `contacts`, independent of the state. The mode of the wall is the first, and the modes of the
-    /// stops follow. If `contacts` is empty, the state determines the modes.
-    fn hold(&mut self, _contacts: &mut dyn Iterator<Item = Mode<Sym>>) {}
-
-    /// Return the depth `d` and the push `k d + c d_dot` of contact `i`. The other arguments are as in [`Plant::rates`].
-    fn contact(&mut self, _i: usize, _trig: &[(Sym, Sym)], _x: &[Sym]) -> [Sym; 2] {
-        [Sym::zero(); 2]
-    }
-
-    /// The stick-slip friction of joints or motors, and the index of their first speed in the state; `None` without this friction.
-    fn stick_slip(&mut self) -> Option<(&mut LoopStickSlip<Sym>, usize)> {
-        None
-    }
-
-    /// Write the torques and the loads to the stick-slip friction [`Plant::stick_slip`]. The torques are the sums of all other torques on
-    /// the joints or motors. The arguments are as in [`Plant::rates`].
-    fn load_friction(&mut self, _trig: &[(Sym, Sym)], _x: &[Sym], _tau: &[Sym], _wrench: &[Sym]) {}
 }
 
 /// Implement the functions of a plant with the fields `model`, `wall`, `stops` and `dry`.

@@ -11,16 +11,17 @@
 //! dry friction is the joint torque `tau_J`.
 
 use super::definition::fields;
+use super::equations::{PlantAt, PlantEquations, PlantRates, PlantState, Power};
 use super::lugre::LoopLuGre;
-use super::rigid::{Links, bristles, loop_bristles, loop_stick_slip};
-use super::stick_slip::{Load, LoopStickSlip};
+use super::rigid::bristles;
+use super::stick_slip::LoopStickSlip;
 use super::stops::Stops;
-use super::{Definition, JointFriction, Mode, Plant, Power, Wall};
+use super::{Definition, JointFriction, Parameters, Wall};
 use crate::dynamics::Model;
 use crate::error::{Error, Result, finite};
-use crate::linalg::gain::{AnyGain, Gain};
-use crate::scalar::{Real, labelled_numbers};
-use crate::trace::Sym;
+use crate::linalg::Gain;
+use crate::trace::expression::{stacked, zeros};
+use crate::trace::{E, V};
 
 /// An arm with elastic joints, with validated parameters.
 ///
@@ -105,9 +106,7 @@ impl ElasticSpec {
 
     /// The motor positions at which the springs carry the gravity load: `theta = q + K^-1 g(q)`, `(n,)`, rad.
     pub fn resting_motor(&self, q: &[f64]) -> Vec<f64> {
-        let mut g = vec![0.0; q.len()];
-        self.model.at(q).gravity(&mut g);
-        let deflection = self.stiffness.inverse().times(&g);
+        let deflection = self.stiffness.inverse().times(self.model.at(q).gravity().as_slice());
         q.iter().zip(&deflection).map(|(q, d)| q + d).collect()
     }
 }
@@ -124,119 +123,76 @@ impl Definition for ElasticSpec {
     }
 }
 
-/// An arm with elastic joints in a control loop.
-pub struct Elastic {
-    links: Links,
-    stiffness: AnyGain<Sym>,
-    inverse_inertia: AnyGain<Sym>,
-    joint_damping: Vec<Sym>,
-    motor_friction: Vec<Sym>,
-    bristles: Option<LoopLuGre>,
-    sticking: Option<LoopStickSlip<Sym>>,
-    /// The deflection `theta - q`, later the torque that accelerates the motors.
-    work: Vec<Sym>,
+impl PlantEquations for ElasticSpec {
+    fn parameters(&self) -> Parameters {
+        Parameters::of_arm(&self.model)
+            .contacts(self.wall.as_ref(), self.stops.as_ref())
+            .gain("joint_stiffness", &self.stiffness)
+            .gain("inverse_motor_inertia", &self.inverse_inertia)
+            .numbers("joint_damping", &self.joint_damping)
+            .numbers("motor_friction", &self.motor_friction)
+            .dry_friction(self.dry.as_ref(), false)
+            .option(self.dry.as_ref().filter(|dry| dry.stick_slip().is_some()), |numbers, _| {
+                numbers.matrix("motor_inertia", self.model.n(), &self.motor_inertia.matrix())
+            })
+    }
+
+    fn equations(&self, at: &PlantAt) -> PlantRates {
+        let PlantState { v, theta_dot, bristles: z, .. } = &at.x;
+        let Torques { tau_j, mut motor, lost } = self.torques(at);
+        let (torque, mut outside) = at.outside();
+        outside -= lost;
+        let (mut z_dot, mut friction) = (zeros(0), None);
+        if self.dry.as_ref().is_some_and(|dry| dry.bristles().is_some()) {
+            let rubbing = at.numbers().get_made::<LoopLuGre>("bristles").rub(theta_dot, z, &tau_j);
+            motor -= &rubbing.torque;
+            outside -= rubbing.lost;
+            z_dot = rubbing.z_dot;
+            friction = Some(rubbing.torque);
+        }
+        let theta_ddot = match self.stick_slip(at) {
+            None => at.numbers().get_gain("inverse_motor_inertia") * &motor,
+            Some(mut sticking) => {
+                let (theta_ddot, tau_f) = sticking.motion(theta_dot);
+                outside -= tau_f.dot(theta_dot);
+                friction = Some(tau_f);
+                theta_ddot
+            }
+        };
+        let a = at.arm().forward_dynamics(v, &(tau_j + torque));
+        let x_dot = stacked([v, &a, theta_dot, &theta_ddot, &z_dot]);
+        PlantRates { x_dot, power: Power { input: at.tau.dot(theta_dot), outside }, friction }
+    }
+
+    /// The friction with `A = B`, the torques on the motors, and the loads `tau_J`.
+    fn stick_slip(&self, at: &PlantAt) -> Option<LoopStickSlip<E>> {
+        let mut sticking = at.held_friction()?;
+        let Torques { tau_j, motor, .. } = self.torques(at);
+        sticking.load(at.numbers().get_matrix("motor_inertia"), &motor, &tau_j);
+        Some(sticking)
+    }
+}
+
+/// The torques of joints and motors without dry friction.
+struct Torques {
+    /// Joint torque `tau_J`, `(n,)`, N m.
+    tau_j: V,
+    /// The torque `tau - tau_J - F theta_dot` that accelerates the motors, `(n,)`, N m.
+    motor: V,
+    /// The power lost in joints and motors, W.
+    lost: E,
 }
 
 impl ElasticSpec {
-    pub(super) fn build(&self, force_frame: Option<usize>) -> Elastic {
-        let dry = self.dry.as_ref();
-        Elastic {
-            links: Links::new(&self.model, self.wall.as_ref(), self.stops.as_ref(), force_frame),
-            stiffness: AnyGain::labelled("joint_stiffness", &self.stiffness),
-            inverse_inertia: AnyGain::labelled("inverse_motor_inertia", &self.inverse_inertia),
-            joint_damping: labelled_numbers("joint_damping", &self.joint_damping),
-            motor_friction: labelled_numbers("motor_friction", &self.motor_friction),
-            bristles: loop_bristles(dry),
-            sticking: loop_stick_slip(dry, false).map(|sticking| with_inertia(sticking, &self.motor_inertia)),
-            work: vec![Sym::zero(); self.model.n()],
-        }
-    }
-}
-
-/// Copy the motor inertia `B`, which is constant, to the mass matrix of the stick-slip friction.
-fn with_inertia(mut sticking: LoopStickSlip<Sym>, inertia: &Gain) -> LoopStickSlip<Sym> {
-    let n = inertia.n();
-    for (k, entry) in sticking.matrix.iter_mut().enumerate() {
-        *entry = Sym::varying(inertia.at(k / n, k % n));
-    }
-    sticking
-}
-
-/// Write the torques on the motors and their loads `tau_J` to the stick-slip friction.
-fn load(sticking: &mut LoopStickSlip<Sym>, drive: &[Sym], joint: &[Sym]) {
-    sticking.drive.copy_from_slice(drive);
-    for (load, &joint) in sticking.loads.iter_mut().zip(joint) {
-        *load = Load::Known(joint);
-    }
-}
-
-impl Plant for Elastic {
-    fn rates(&mut self, trig: &[(Sym, Sym)], x: &[Sym], tau: &[Sym], wrench: &[Sym], dx: &mut [Sym]) -> Power {
-        let n = self.links.n;
-        let (q, v, theta, theta_dot) = (&x[..n], &x[n..2 * n], &x[2 * n..3 * n], &x[3 * n..4 * n]);
-        let (mut input, mut outside) = (Sym::zero(), Sym::zero());
-        for i in 0..n {
-            self.work[i] = theta[i] - q[i];
-        }
-        self.stiffness.multiply(&self.work, &mut self.links.effort);
-        for i in 0..n {
-            let slip = theta_dot[i] - v[i];
-            let damped = self.joint_damping[i] * slip;
-            let rubbed = self.motor_friction[i] * theta_dot[i];
-            self.links.effort[i] += damped;
-            self.work[i] = tau[i] - self.links.effort[i] - rubbed;
-            input = tau[i].mul_add(theta_dot[i], input);
-            outside = outside - damped * slip - rubbed * theta_dot[i];
-            (dx[i], dx[2 * n + i]) = (v[i], theta_dot[i]);
-        }
-        if let Some(bristles) = &self.bristles {
-            for i in 0..n {
-                let rubbing = bristles.rub(i, theta_dot[i], x[4 * n + i], self.links.effort[i]);
-                self.work[i] -= rubbing.torque;
-                dx[4 * n + i] = rubbing.z_dot;
-                outside -= rubbing.lost;
-            }
-        }
-        match &mut self.sticking {
-            None => self.inverse_inertia.multiply(&self.work, &mut dx[3 * n..4 * n]),
-            Some(sticking) => {
-                load(sticking, &self.work, &self.links.effort);
-                sticking.slide(theta_dot);
-                sticking.hold(&mut dx[3 * n..4 * n]);
-                for i in 0..n {
-                    outside = sticking.torque()[i].neg_mul_add(theta_dot[i], outside);
-                }
-            }
-        }
-        outside += self.links.add_outside(trig, q, v, wrench);
-        self.links.accelerate(trig, q, v, &mut dx[n..2 * n]);
-        Power { input, outside }
+    fn torques(&self, at: &PlantAt) -> Torques {
+        let slip = &at.x.theta_dot - &at.x.v;
+        let damped = at.numbers().get_numbers("joint_damping").component_mul(&slip);
+        let rubbed = at.numbers().get_numbers("motor_friction").component_mul(&at.x.theta_dot);
+        let tau_j = self.spring_torque(at) + &damped;
+        Torques { motor: &at.tau - &tau_j - &rubbed, lost: damped.dot(&slip) + rubbed.dot(&at.x.theta_dot), tau_j }
     }
 
-    fn hold(&mut self, contacts: &mut dyn Iterator<Item = Mode<Sym>>) {
-        self.links.hold(contacts);
-    }
-
-    fn contact(&mut self, i: usize, trig: &[(Sym, Sym)], x: &[Sym]) -> [Sym; 2] {
-        let n = self.links.n;
-        self.links.contact(i, trig, &x[..n], &x[n..2 * n])
-    }
-
-    fn stick_slip(&mut self) -> Option<(&mut LoopStickSlip<Sym>, usize)> {
-        Some((self.sticking.as_mut()?, 3 * self.links.n))
-    }
-
-    fn load_friction(&mut self, _: &[(Sym, Sym)], x: &[Sym], tau: &[Sym], _: &[Sym]) {
-        let (Some(sticking), n) = (&mut self.sticking, self.links.n) else { return };
-        for i in 0..n {
-            self.work[i] = x[2 * n + i] - x[i];
-        }
-        self.stiffness.multiply(&self.work, &mut self.links.effort);
-        for i in 0..n {
-            let (v, theta_dot) = (x[n + i], x[3 * n + i]);
-            self.links.effort[i] += self.joint_damping[i] * (theta_dot - v);
-            self.work[i] = tau[i] - self.links.effort[i] - self.motor_friction[i] * theta_dot;
-        }
-        load(sticking, &self.work, &self.links.effort);
+    fn spring_torque(&self, at: &PlantAt) -> V {
+        at.numbers().get_gain("joint_stiffness") * &(&at.x.theta - &at.x.q)
     }
 }

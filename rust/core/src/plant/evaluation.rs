@@ -2,9 +2,9 @@
 
 use super::friction_torque::FrictionTorque;
 use super::recorded::function_of;
-use super::{Plant, PlantSpec};
-use crate::scalar::Real;
-use crate::trace::Sym;
+use super::{PlantRates, PlantSpec};
+use crate::trace::E;
+use crate::trace::expression::{constant, stacked, vector};
 
 impl PlantSpec {
     /// Compute the rates `dx` of the state `x`, and the power supplied to the stored energy, W.
@@ -27,15 +27,11 @@ impl PlantSpec {
     pub fn rates_at(&self, x: &[f64], tau: &[f64], wrench: &[f64; 6], force_frame: Option<usize>) -> (Vec<f64>, f64) {
         let friction = FrictionTorque::of(self, force_frame, 1);
         let sides = friction.and_then(|mut friction| friction.sides(x, tau, wrench)).unwrap_or_default();
-        let set_up = || self.build(force_frame);
-        let rates = function_of(self, set_up, |mut plant: Box<dyn Plant + Send>, at| {
-            if let Some((friction, _)) = plant.stick_slip() {
-                friction.follow(&sides);
-            }
-            let mut results = vec![Sym::zero(); at.x.len()];
-            let power = plant.rates(&at.trig, at.x, at.tau, at.wrench, &mut results);
-            results.push(power.input + power.outside);
-            results
+        let signs: Vec<E> = sides.iter().map(|&side| constant(f64::from(side))).collect();
+        let rates = function_of(self, force_frame, |mut plant, at| {
+            plant.hold_joints(&signs);
+            let PlantRates { x_dot, power, .. } = plant.rates(at.x, &at.tau, at.wrench);
+            stacked([&x_dot, &vector(&[power.input + power.outside])]).as_slice().to_vec()
         });
         let mut rates = rates.interpreted(false);
         rates.all_inputs().copy_from_slice(&[x, tau, wrench].concat());

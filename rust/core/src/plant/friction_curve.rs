@@ -120,11 +120,11 @@ impl<S: Real> LoopCurve<S> {
     /// The friction `h(v, 0)` of joint `i` without a load, N m or N.
     pub fn unloaded(&self, i: usize, v: S) -> S {
         let r = v * self.per_speed[i];
-        self.excess[i].mul_add(decay(r * r), self.coulomb[i])
+        self.excess[i] * decay(r * r) + self.coulomb[i]
     }
 
     /// The friction `h(v, L)` of joint `i` with the load `L`, N m or N.
     pub fn level(&self, i: usize, v: S, load: S) -> S {
-        self.load_ratio[i].mul_add(load.abs(), self.unloaded(i, v))
+        self.load_ratio[i] * load.abs() + self.unloaded(i, v)
     }
 }

@@ -8,8 +8,9 @@
 
 use super::friction_curve::{FrictionCurve, LoopCurve, require, require_rows};
 use crate::error::Result;
-use crate::scalar::{Real, labelled_numbers};
-use crate::trace::Sym;
+use crate::scalar::labelled_numbers;
+use crate::trace::expression::{constant, magnitudes, vector};
+use crate::trace::{E, V};
 
 /// Friction with bristles; each parameter is `(n,)`.
 ///
@@ -55,51 +56,50 @@ impl LuGre {
     }
 }
 
-/// The results for the bristles of one joint.
+/// The friction of bristles at one instant.
 pub(super) struct Rubbing {
-    /// Friction torque `tau_f`, N m or N.
-    pub torque: Sym,
-    /// Rate `z'` of the deflection, rad/s or m/s.
-    pub z_dot: Sym,
+    /// Friction torques `tau_f`, `(n,)`, N m or N.
+    pub torque: V,
+    /// Rates `z'` of the deflections, `(n,)`, rad/s or m/s.
+    pub z_dot: V,
     /// The power that friction loses, W. It excludes the power that the bristles store.
-    pub lost: Sym,
+    pub lost: E,
 }
 
 /// LuGre friction in a control loop.
 pub(super) struct LoopLuGre {
-    curve: LoopCurve<Sym>,
-    pub stiffness: Vec<Sym>,
-    damping: Vec<Sym>,
+    curve: LoopCurve<E>,
+    stiffness: V,
+    damping: V,
 }
 
 impl LoopLuGre {
     pub fn new(friction: &LuGre) -> Self {
         LoopLuGre {
             curve: LoopCurve::new(&friction.curve),
-            stiffness: labelled_numbers("bristle_stiffness", &friction.stiffness),
-            damping: labelled_numbers("bristle_damping", &friction.damping),
+            stiffness: V::from_vec(labelled_numbers("bristle_stiffness", &friction.stiffness)),
+            damping: V::from_vec(labelled_numbers("bristle_damping", &friction.damping)),
         }
     }
 
-    /// The torque of the bristles of joint `i`, `sigma_0 z`.
-    pub fn spring(&self, i: usize, z: Sym) -> Sym {
-        self.stiffness[i] * z
+    /// The torques of the bristles, `sigma_0 z`, `(n,)`.
+    pub fn spring(&self, z: &V) -> V {
+        self.stiffness.component_mul(z)
     }
 
-    /// Compute the friction of joint `i` at the speed `v`, with the deflection `z` and the load `L`.
-    pub fn rub(&self, i: usize, v: Sym, z: Sym, load: Sym) -> Rubbing {
-        let spring = self.spring(i, z);
-        let z_dot = v - v.abs() * spring / self.curve.level(i, v, load);
-        let torque = self.curve.viscous[i].mul_add(v, self.damping[i].mul_add(z_dot, spring));
-        Rubbing { torque, z_dot, lost: spring.neg_mul_add(z_dot, torque * v) }
+    /// The friction at the speeds `v`, with the deflections `z` and the loads `load`, `(n,)` each.
+    pub fn rub(&self, v: &V, z: &V, load: &V) -> Rubbing {
+        let spring = self.spring(z);
+        let h = V::from_fn(v.len(), |i, _| self.curve.level(i, v[i], load[i]));
+        let z_dot = v - magnitudes(v).component_mul(&spring).component_div(&h);
+        let viscous = vector(&self.curve.viscous).component_mul(v);
+        let torque = &spring + self.damping.component_mul(&z_dot) + viscous;
+        let lost = torque.dot(v) - spring.dot(&z_dot);
+        Rubbing { torque, z_dot, lost }
     }
 
     /// The stored energy `sum sigma_0 z^2 / 2`, J.
-    pub fn energy(&self, z: &[Sym]) -> Sym {
-        let mut twice = Sym::zero();
-        for (&stiffness, &z) in self.stiffness.iter().zip(z) {
-            twice = (stiffness * z).mul_add(z, twice);
-        }
-        Sym::splat(0.5) * twice
+    pub fn energy(&self, z: &V) -> E {
+        constant(0.5) * z.dot(&self.spring(z))
     }
 }

@@ -7,11 +7,13 @@
 mod contact;
 mod definition;
 mod elastic;
+mod equations;
 mod evaluation;
 mod friction;
 mod friction_curve;
 mod friction_torque;
 mod lugre;
+mod parameters;
 mod recorded;
 mod rigid;
 pub mod sensors;
@@ -23,12 +25,15 @@ mod velocity;
 
 pub(crate) use contact::LoopWall;
 pub use contact::Wall;
-pub use definition::{Definition, Plant, Power};
+pub use definition::Definition;
 pub use elastic::ElasticSpec;
+pub use equations::{PlantAt, PlantEquations, PlantRates, PlantState, Power};
 pub use friction::JointFriction;
 pub use friction_curve::FrictionCurve;
 pub(crate) use friction_torque::{FrictionTorque, Rubbed};
 pub use lugre::LuGre;
+pub use parameters::{K, Parameters};
+pub use recorded::RecordedPlant;
 pub use rigid::RigidSpec;
 pub use stick_slip::{LoopStickSlip, StickSlip};
 pub use stops::{Stop, Stops};
@@ -116,10 +121,10 @@ macro_rules! plants {
                 }
             }
 
-            /// Build the plant of a recorded control loop, with the wrench acting at `force_frame`.
-            pub fn build(&self, force_frame: Option<usize>) -> Box<dyn Plant + Send> {
+            /// The plant with its parameters and its equations.
+            fn equations_of(&self) -> &dyn PlantEquations {
                 match self {
-                    $(PlantSpec::$kind(plant) => Box::new(plant.build(force_frame)),)*
+                    $(PlantSpec::$kind(plant) => plant,)*
                 }
             }
         }
@@ -153,6 +158,11 @@ impl PlantKind {
 }
 
 impl PlantSpec {
+    /// The numbers that differ between runs.
+    pub fn parameters(&self) -> Parameters {
+        self.equations_of().parameters()
+    }
+
     /// Number of joints without mimic joints, which is also the number of inputs.
     pub fn n(&self) -> usize {
         self.model().n()
@@ -208,9 +218,13 @@ impl PlantSpec {
 
     /// Return the stick-slip friction, and the index of the first speed on which it acts; `None` for another friction.
     pub(crate) fn sticking_friction(&self) -> Option<(LoopStickSlip<f64>, usize)> {
-        let motors = self.kind().has_motors();
-        let friction = rigid::loop_stick_slip(self.friction(), !motors)?;
-        Some((friction, if motors { 3 * self.n() } else { self.n() }))
+        let friction = rigid::loop_stick_slip(self.friction(), !self.kind().has_motors())?;
+        Some((friction, self.first_sliding_speed()))
+    }
+
+    /// The index in the state of the first speed on which stick-slip friction would act.
+    pub(crate) fn first_sliding_speed(&self) -> usize {
+        if self.kind().has_motors() { 3 * self.n() } else { self.n() }
     }
 
     /// The number of joints or motors with stick-slip friction.

@@ -4,18 +4,17 @@
 //! With LuGre friction, the deflections `z` of the bristles follow. The load `L` of this friction is `tau - sigma_0 z`, with the stiffness
 //! `sigma_0` of the bristles.
 
-use super::contact::LoopWall;
 use super::definition::fields;
+use super::equations::{PlantAt, PlantEquations, PlantRates, Power};
 use super::lugre::LoopLuGre;
-use super::stick_slip::{Load, LoopStickSlip};
-use super::stops::{LoopStops, Stops};
-use super::{Definition, FrictionCurve, JointFriction, Mode, Plant, Power, StickSlip, Wall};
-use crate::dynamics::energy::friction_torque;
-use crate::dynamics::{AnyArm, Dynamics, Model, Workspace};
+use super::stick_slip::LoopStickSlip;
+use super::stops::Stops;
+use super::{Definition, FrictionCurve, JointFriction, Parameters, StickSlip, Wall};
+use crate::dynamics::Model;
 use crate::error::Result;
 use crate::scalar::Real;
-use crate::spatial::Vector3;
-use crate::trace::Sym;
+use crate::trace::expression::{stacked, zeros};
+use crate::trace::{E, V};
 
 /// A rigid arm, with validated parameters.
 ///
@@ -114,260 +113,63 @@ pub(super) fn loop_stick_slip<S: Real>(friction: Option<&JointFriction>, drives:
     friction.and_then(JointFriction::stick_slip).map(|friction| LoopStickSlip::new(friction, drives))
 }
 
-/// The links of a plant, with the external forces on them.
-pub(super) struct Links {
-    pub arm: AnyArm<Sym>,
-    pub ws: Workspace<Sym>,
-    pub n: usize,
-    force_frame: Option<usize>,
-    wall: Option<LoopWall>,
-    stops: Option<LoopStops>,
-    /// The modes in which contacts are held, the wall first; empty if the modes follow the state.
-    held: Vec<Mode<Sym>>,
-    jacobian: Vec<Sym>,
-    /// Sum of the torques on the joints, except `C v + g`, `(n,)`, N m or N.
-    pub effort: Vec<Sym>,
+impl Parameters {
+    /// Add dry friction. `drives`: see [`LoopStickSlip::new`].
+    pub(super) fn dry_friction(self, friction: Option<&JointFriction>, drives: bool) -> Self {
+        let numbers = self.option(loop_bristles(friction), |numbers, friction| numbers.made("bristles", friction));
+        numbers.option(loop_stick_slip::<E>(friction, drives), |numbers, friction| numbers.made("stick_slip", friction))
+    }
 }
 
-impl Links {
-    pub fn new(model: &Model, wall: Option<&Wall>, stops: Option<&Stops>, force_frame: Option<usize>) -> Self {
-        let n = model.n();
-        let arm = AnyArm::new(model);
-        let wall = wall.map(LoopWall::new);
-        let stops = stops.map(LoopStops::new);
-        let contacts = usize::from(wall.is_some()) + stops.as_ref().map_or(0, LoopStops::len);
-        let used = force_frame.is_some() || wall.is_some();
-        Links {
-            ws: arm.workspace(),
-            arm,
-            n,
-            force_frame,
-            wall,
-            stops,
-            held: Vec::with_capacity(contacts),
-            jacobian: vec![Sym::zero(); if used { 6 * n } else { 0 }],
-            effort: vec![Sym::zero(); n],
+impl PlantEquations for RigidSpec {
+    fn parameters(&self) -> Parameters {
+        Parameters::of_arm(&self.model).contacts(self.wall.as_ref(), self.stops.as_ref()).dry_friction(self.dry.as_ref(), true)
+    }
+
+    fn equations(&self, at: &PlantAt) -> PlantRates {
+        let (arm, v) = (at.arm(), &at.x.v);
+        let (mut torque, mut outside) = self.torque(at);
+        let (mut z_dot, mut friction) = (zeros(0), None);
+        if self.dry.as_ref().is_some_and(|dry| dry.bristles().is_some()) {
+            let bristles: &LoopLuGre = at.numbers().get_made("bristles");
+            let load = &at.tau - bristles.spring(&at.x.bristles);
+            let rubbing = bristles.rub(v, &at.x.bristles, &load);
+            torque -= &rubbing.torque;
+            outside -= rubbing.lost;
+            z_dot = rubbing.z_dot;
+            friction = Some(rubbing.torque);
         }
-    }
-
-    /// Hold every contact in its mode of `contacts`. If `contacts` is empty, the modes follow the state.
-    pub fn hold(&mut self, contacts: &mut dyn Iterator<Item = Mode<Sym>>) {
-        self.held.clear();
-        self.held.extend(contacts);
-    }
-
-    /// Return the depth `d` and the push `k d + c d_dot` of contact `i`. The wall has index 0 if it exists, and the stops follow.
-    pub fn contact(&mut self, i: usize, trig: &[(Sym, Sym)], q: &[Sym], v: &[Sym]) -> [Sym; 2] {
-        match (&self.wall, &self.stops) {
-            (Some(wall), _) if i == 0 => {
-                let (p, p_dot) = moving_frame((&self.arm, &mut self.ws), trig, (q, v), wall.frame, &mut self.jacobian);
-                wall.contact(p, p_dot)
+        let a = match self.stick_slip(at) {
+            None => arm.forward_dynamics(v, &torque),
+            Some(mut sticking) => {
+                let (a, tau_f) = sticking.motion(v);
+                outside -= tau_f.dot(v);
+                friction = Some(tau_f);
+                a
             }
-            (wall, Some(stops)) => stops.contact(i - usize::from(wall.is_some()), q, v),
-            _ => [Sym::zero(); 2],
-        }
+        };
+        PlantRates { x_dot: stacked([v, &a, &z_dot]), power: Power { input: at.tau.dot(v), outside }, friction }
     }
 
-    /// Add the torques of wrench, wall and stops to `self.effort`. Return the power of the wrench, minus the power lost in wall and stops,
-    /// W.
-    pub fn add_outside(&mut self, trig: &[(Sym, Sym)], q: &[Sym], v: &[Sym], wrench: &[Sym]) -> Sym {
-        let mut power = Sym::zero();
-        if let Some(frame) = self.force_frame {
-            self.arm.jacobian(&mut self.ws, trig, q, frame, &mut self.jacobian);
-            for i in 0..self.n {
-                let mut torque = self.jacobian[i] * wrench[0];
-                for k in 1..6 {
-                    torque = self.jacobian[k * self.n + i].mul_add(wrench[k], torque);
-                }
-                self.effort[i] += torque;
-                power = torque.mul_add(v[i], power);
-            }
-        }
-        if let Some(wall) = &self.wall {
-            let (p, p_dot) = moving_frame((&self.arm, &mut self.ws), trig, (q, v), wall.frame, &mut self.jacobian);
-            let held = self.held.first().copied();
-            let (f, lost) = wall.force(p, p_dot, held);
-            for i in 0..self.n {
-                for k in 0..3 {
-                    self.effort[i] = self.jacobian[k * self.n + i].mul_add(f[k], self.effort[i]);
-                }
-            }
-            power -= lost;
-        }
-        if let Some(stops) = &self.stops {
-            let held = (!self.held.is_empty()).then(|| &self.held[usize::from(self.wall.is_some())..]);
-            power -= stops.add(q, v, held, &mut self.effort);
-        }
-        power
-    }
-
-    /// Compute `a = M^-1 (effort - C v - g)`, `(n,)`.
-    pub fn accelerate(&mut self, trig: &[(Sym, Sym)], q: &[Sym], v: &[Sym], a: &mut [Sym]) {
-        self.arm.forward_dynamics(&mut self.ws, trig, q, v, &self.effort, a);
-    }
-}
-
-/// Position and velocity of the origin of a frame, world axes. Afterwards `jacobian` has the Jacobian of this frame.
-fn moving_frame(
-    (arm, ws): (&AnyArm<Sym>, &mut Workspace<Sym>),
-    trig: &[(Sym, Sym)],
-    (q, v): (&[Sym], &[Sym]),
-    frame: usize,
-    jacobian: &mut [Sym],
-) -> (Vector3<Sym>, Vector3<Sym>) {
-    let p = arm.jacobian(ws, trig, q, frame, jacobian);
-    let n = jacobian.len() / 6;
-    let p_dot = Vector3::from(std::array::from_fn(|k| {
-        let mut sum = Sym::zero();
-        for i in 0..n {
-            sum = jacobian[k * n + i].mul_add(v[i], sum);
-        }
-        sum
-    }));
-    (p, p_dot)
-}
-
-/// Set the data of the stick-slip friction under the plant's input `tau`: the mass matrix `A = M`, the torques `b = effort - (C v + g)`,
-/// and the loads.
-fn load(links: &mut Links, sticking: &mut LoopStickSlip<Sym>, trig: &[(Sym, Sym)], (q, v): (&[Sym], &[Sym]), tau: &[Sym]) {
-    links.arm.mass_matrix(&mut links.ws, trig, q, &mut sticking.matrix);
-    links.arm.bias(&mut links.ws, trig, q, v, &mut sticking.drive);
-    for i in 0..links.n {
-        sticking.drive[i] = links.effort[i] - sticking.drive[i];
-        sticking.loads[i] = Load::Driven(tau[i]);
-    }
-}
-
-/// A rigid arm in a control loop.
-pub struct Rigid {
-    links: Links,
-    friction: bool,
-    bristles: Option<LoopLuGre>,
-    sticking: Option<LoopStickSlip<Sym>>,
-}
-
-impl Rigid {
-    /// Subtract the friction of the model from the torques on the joints, if it acts. Return its power, <= 0, W.
-    fn rub(&mut self, v: &[Sym]) -> Sym {
-        let mut outside = Sym::zero();
-        if let (true, AnyArm::Tree(tree)) = (self.friction, &self.links.arm) {
-            for i in 0..self.links.n {
-                let loss = friction_torque(tree.leader(i), v[i]);
-                self.links.effort[i] -= loss;
-                outside = loss.neg_mul_add(v[i], outside);
-            }
-        }
-        outside
+    /// The friction with `A = M` and `b = torque - (C v + g)`.
+    fn stick_slip(&self, at: &PlantAt) -> Option<LoopStickSlip<E>> {
+        let mut sticking = at.held_friction()?;
+        let (torque, _) = self.torque(at);
+        sticking.load(&at.arm().mass_matrix(), &(torque - at.arm().bias(&at.x.v)), &at.tau);
+        Some(sticking)
     }
 }
 
 impl RigidSpec {
-    pub(super) fn build(&self, force_frame: Option<usize>) -> Rigid {
-        Rigid {
-            links: Links::new(&self.model, self.wall.as_ref(), self.stops.as_ref(), force_frame),
-            friction: self.friction && !self.sticks,
-            bristles: loop_bristles(self.dry.as_ref()),
-            sticking: loop_stick_slip(self.dry.as_ref(), true),
+    /// The torques on the joints without dry friction and without `C v + g`, `(n,)`, and their power without the input, W.
+    fn torque(&self, at: &PlantAt) -> (V, E) {
+        let (outside, mut power) = at.outside();
+        let mut torque = &at.tau + outside;
+        if self.friction && !self.sticks {
+            let tau_f = at.arm().friction(&at.x.v);
+            power -= tau_f.dot(&at.x.v);
+            torque -= tau_f;
         }
-    }
-}
-
-impl Plant for Rigid {
-    fn rates(&mut self, trig: &[(Sym, Sym)], x: &[Sym], tau: &[Sym], wrench: &[Sym], dx: &mut [Sym]) -> Power {
-        let n = self.links.n;
-        let (q, v) = (&x[..n], &x[n..2 * n]);
-        let mut input = Sym::zero();
-        for i in 0..n {
-            self.links.effort[i] = tau[i];
-            input = tau[i].mul_add(v[i], input);
-            dx[i] = v[i];
-        }
-        let mut outside = self.rub(v);
-        if let Some(bristles) = &self.bristles {
-            for i in 0..n {
-                let z = x[2 * n + i];
-                let rubbing = bristles.rub(i, v[i], z, tau[i] - bristles.spring(i, z));
-                self.links.effort[i] -= rubbing.torque;
-                dx[2 * n + i] = rubbing.z_dot;
-                outside -= rubbing.lost;
-            }
-        }
-        outside += self.links.add_outside(trig, q, v, wrench);
-        let a = &mut dx[n..2 * n];
-        match &mut self.sticking {
-            None => self.links.accelerate(trig, q, v, a),
-            Some(sticking) => {
-                load(&mut self.links, sticking, trig, (q, v), tau);
-                sticking.slide(v);
-                sticking.hold(a);
-                for i in 0..n {
-                    outside = sticking.torque()[i].neg_mul_add(v[i], outside);
-                }
-            }
-        }
-        Power { input, outside }
-    }
-
-    fn stick_slip(&mut self) -> Option<(&mut LoopStickSlip<Sym>, usize)> {
-        Some((self.sticking.as_mut()?, self.links.n))
-    }
-
-    fn load_friction(&mut self, trig: &[(Sym, Sym)], x: &[Sym], tau: &[Sym], wrench: &[Sym]) {
-        if self.sticking.is_none() {
-            return;
-        }
-        let (q, v) = x.split_at(self.links.n);
-        self.links.effort.copy_from_slice(tau);
-        self.rub(v);
-        self.links.add_outside(trig, q, v, wrench);
-        if let Some(sticking) = &mut self.sticking {
-            load(&mut self.links, sticking, trig, (q, v), tau);
-        }
-    }
-
-    fn hold(&mut self, contacts: &mut dyn Iterator<Item = Mode<Sym>>) {
-        self.links.hold(contacts);
-    }
-
-    fn contact(&mut self, i: usize, trig: &[(Sym, Sym)], x: &[Sym]) -> [Sym; 2] {
-        let n = self.links.n;
-        self.links.contact(i, trig, &x[..n], &x[n..2 * n])
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::super::recorded::function_of;
-    use super::*;
-    use crate::arm::Arm;
-
-    /// The friction of the model and stick-slip friction act together. `rates` and `load_friction` must then compute the same torques.
-    #[test]
-    fn both_evaluations_have_the_same_torques() {
-        let mut arm = Arm::planar(&[0.5, 0.4], None, None, None, [0.0, -9.81]).unwrap();
-        for joint in &mut arm.joints {
-            (joint.damping, joint.friction) = (0.3, 0.2);
-        }
-        let curve = FrictionCurve::new(vec![0.1; 2], None, None, None, None).unwrap();
-        let dry = Some(JointFriction::StickSlip(StickSlip { curve }));
-        for friction in [false, true] {
-            let spec = RigidSpec { friction, dry: dry.clone(), ..RigidSpec::new(Model::from(arm.clone())) };
-            let drive = |plant: &Rigid| plant.sticking.as_ref().map_or(Vec::new(), |sticking| sticking.drive.clone());
-            let torques = function_of(
-                &spec.clone().into(),
-                || spec.build(None),
-                |mut plant, at| {
-                    plant.rates(&at.trig, at.x, at.tau, at.wrench, &mut [Sym::zero(); 4]);
-                    let moving = drive(&plant);
-                    plant.load_friction(&at.trig, at.x, at.tau, at.wrench);
-                    [moving, drive(&plant)].concat()
-                },
-            );
-            let mut torques = torques.interpreted(false);
-            torques.inputs(0, 6).copy_from_slice(&[0.3, -0.4, 0.7, -0.2, 1.0, 2.0]);
-            torques.run();
-            assert_eq!(torques.outputs(0, 2), torques.outputs(2, 2), "friction: {friction}");
-            assert!(torques.outputs(0, 2).iter().all(|torque| torque.abs() > 0.1));
-        }
+        (torque, power)
     }
 }

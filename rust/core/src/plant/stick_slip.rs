@@ -13,6 +13,7 @@
 use super::friction_curve::{FrictionCurve, LoopCurve};
 use crate::linalg::cholesky;
 use crate::scalar::{Real, labelled_numbers};
+use nalgebra::{DMatrix, DVector};
 
 /// Stick-slip friction of all joints.
 ///
@@ -41,6 +42,14 @@ pub(super) enum Load<S> {
     Known(S),
     /// The load is `L = tau - tau_f`. The field is `tau`.
     Driven(S),
+}
+
+impl<S> Load<S> {
+    fn set(&mut self, number: S) {
+        match self {
+            Load::Known(load) | Load::Driven(load) => *load = number,
+        }
+    }
 }
 
 /// The largest number of pivots is `PIVOTS` times the number of joints, plus `PIVOTS`.
@@ -74,7 +83,8 @@ pub struct LoopStickSlip<S> {
     before: Vec<i8>,
     /// The mass matrix `A` of the joints, or of the motors, `(n, n)`, which the plant writes.
     pub(super) matrix: Vec<S>,
-    kept: Vec<S>,
+    /// The mass matrix with the rows and columns of stuck joints replaced by those of the identity.
+    sliding_matrix: Vec<S>,
     factor: Vec<S>,
     /// The sum `b` of all torques except friction, `(n,)`, N m or N, which the plant writes.
     pub(super) drive: Vec<S>,
@@ -98,7 +108,7 @@ impl<S: Real> LoopStickSlip<S> {
             signs: zeros(n),
             before: vec![0; n],
             matrix: zeros(n * n),
-            kept: zeros(n * n),
+            sliding_matrix: zeros(n * n),
             factor: zeros(n * n),
             drive: zeros(n),
             loads: vec![if drives { Load::Driven(S::zero()) } else { Load::Known(S::zero()) }; n],
@@ -107,6 +117,21 @@ impl<S: Real> LoopStickSlip<S> {
             rates: zeros(n),
             margins: zeros(n),
         }
+    }
+
+    /// Set the mass matrix `A`, the torques `b` and the loads.
+    pub(super) fn load(&mut self, matrix: &DMatrix<S>, drive: &DVector<S>, loads: &DVector<S>) {
+        self.matrix.copy_from_slice(matrix.as_slice());
+        self.drive.copy_from_slice(drive.as_slice());
+        self.loads.iter_mut().zip(loads).for_each(|(load, &number)| load.set(number));
+    }
+
+    /// The accelerations and the friction torques at the speeds `v`, `(n,)` each.
+    pub(super) fn motion(&mut self, v: &DVector<S>) -> (DVector<S>, DVector<S>) {
+        let mut a = v.clone();
+        self.slide(v.as_slice());
+        self.hold(a.as_mut_slice());
+        (a, DVector::from_column_slice(&self.torque))
     }
 
     /// The numbers from which [`LoopStickSlip::settle`] decides: `A`, `b` and the loads, `(n^2 + 2 n,)`.
@@ -122,11 +147,7 @@ impl<S: Real> LoopStickSlip<S> {
         let (n, loads) = (self.drive.len(), self.matrix.len() + self.drive.len());
         self.matrix.copy_from_slice(&numbers[..n * n]);
         self.drive.copy_from_slice(&numbers[n * n..loads]);
-        for (load, &number) in self.loads.iter_mut().zip(&numbers[loads..]) {
-            match load {
-                Load::Known(load) | Load::Driven(load) => *load = number,
-            }
-        }
+        self.loads.iter_mut().zip(&numbers[loads..]).for_each(|(load, &number)| load.set(number));
     }
 
     /// Friction torques `tau_f` of the last evaluation, `(n,)`.
@@ -169,10 +190,10 @@ impl<S: Real> LoopStickSlip<S> {
     fn sliding(&self, i: usize, side: S, unloaded: S, viscous: S) -> S {
         let ratio = self.curve.load_ratio[i];
         match self.loads[i] {
-            Load::Known(load) => side.mul_add(ratio.mul_add(load.abs(), unloaded), viscous),
+            Load::Known(load) => side * (ratio * load.abs() + unloaded) + viscous,
             // With `r = tau - s h(v, 0) - sigma_2 v`, the load obeys `L = r - s mu |L|`. So `r` has the sign of `L`.
             Load::Driven(tau) => {
-                let rest = tau - side.mul_add(unloaded, viscous);
+                let rest = tau - (side * unloaded + viscous);
                 let against = S::select(rest.lt(S::zero()), -(side * ratio), side * ratio);
                 tau - rest / (S::splat(1.0) + against)
             }
@@ -206,17 +227,17 @@ impl<S: Real> LoopStickSlip<S> {
             for j in 0..n {
                 let alone = if i == j { S::splat(1.0) } else { zero };
                 let coupled = S::select(self.slides(j), self.matrix[i * n + j], alone);
-                self.kept[i * n + j] = S::select(slides, coupled, alone);
+                self.sliding_matrix[i * n + j] = S::select(slides, coupled, alone);
             }
         }
-        cholesky::factor_into(n, &self.kept, &mut self.factor);
+        cholesky::factor_into(n, &self.sliding_matrix, &mut self.factor);
         cholesky::solve(n, &self.factor, a);
         for i in 0..n {
             a[i] = S::select(self.slides(i), a[i], zero);
         }
         for i in 0..n {
             let row = &self.matrix[i * n..(i + 1) * n];
-            let held = row.iter().zip(&*a).fold(self.drive[i], |held, (m, a)| m.neg_mul_add(*a, held));
+            let held = row.iter().zip(&*a).fold(self.drive[i], |held, (&m, &a)| held - m * a);
             self.torque[i] = S::select(self.slides(i), self.torque[i], held);
         }
     }

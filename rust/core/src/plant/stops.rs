@@ -4,7 +4,8 @@ use super::friction_curve::require_rows;
 use super::unilateral::{Mode, pressing, push, require_spring, stored};
 use crate::error::{Error, Result};
 use crate::scalar::Real;
-use crate::trace::Sym;
+use crate::trace::expression::zeros;
+use crate::trace::{E, V};
 
 /// Compliant stops at the joint limits.
 ///
@@ -98,49 +99,45 @@ impl Stops {
 /// The stops of a plant in a control loop.
 pub(super) struct LoopStops {
     /// Each stop, with its limit, stiffness `k` and damping `c`.
-    stops: Vec<(Stop, Sym, Sym, Sym)>,
+    stops: Vec<(Stop, E, E, E)>,
 }
 
 impl LoopStops {
     pub fn new(stops: &Stops) -> Self {
         let numbers = |stop: Stop| {
             let i = stop.joint;
-            let number = |name, x: f64| Sym::labelled(name, i as u32 + 1, || Sym::varying(x));
+            let number = |name, x: f64| E::labelled(name, i as u32 + 1, || E::varying(x));
             let limit = number(if stop.upper { "upper_stop" } else { "lower_stop" }, stops.limit(stop));
             (stop, limit, number("stop_stiffness", stops.stiffness[i]), number("stop_damping", stops.damping[i]))
         };
         LoopStops { stops: stops.all().map(numbers).collect() }
     }
 
-    pub fn len(&self) -> usize {
-        self.stops.len()
-    }
-
     /// Energy stored in the springs, J.
-    pub fn energy(&self, q: &[Sym]) -> Sym {
-        let of = |&(stop, limit, stiffness, _): &(Stop, Sym, Sym, Sym)| stored(stiffness, stop.depth(limit, q[stop.joint], Sym::zero()).0);
-        self.stops.iter().map(of).fold(Sym::zero(), |sum, part| sum + part)
+    pub fn energy(&self, q: &V) -> E {
+        let of = |&(stop, limit, stiffness, _): &(Stop, E, E, E)| stored(stiffness, stop.depth(limit, q[stop.joint], E::zero()).0);
+        self.stops.iter().map(of).fold(E::zero(), |sum, part| sum + part)
     }
 
     /// Return the depth, rad or m, and the push of spring and damper, N m or N, of the stop with index `k`.
-    pub fn contact(&self, k: usize, q: &[Sym], v: &[Sym]) -> [Sym; 2] {
+    pub fn contact(&self, k: usize, q: &V, v: &V) -> [E; 2] {
         let (stop, limit, stiffness, damping) = self.stops[k];
         let (depth, rate) = stop.depth(limit, q[stop.joint], v[stop.joint]);
         [depth, pressing(stiffness, damping, depth, rate)]
     }
 
-    /// Add the torques of the stops to `effort`, and return the lost power, W. `held` has the mode of each stop. With `None`, the modes
-    /// follow from the state.
-    pub fn add(&self, q: &[Sym], v: &[Sym], held: Option<&[Mode<Sym>]>, effort: &mut [Sym]) -> Sym {
-        let mut lost = Sym::zero();
+    /// The torques of the stops on the joints, `(n,)`, and the lost power, W. `held` has the mode of each stop. With `None`, the modes follow
+    /// from the state.
+    pub fn torque(&self, q: &V, v: &V, held: Option<&[Mode<E>]>) -> (V, E) {
+        let (mut torque, mut lost) = (zeros(q.len()), E::zero());
         for (k, &(stop, limit, stiffness, damping)) in self.stops.iter().enumerate() {
             let i = stop.joint;
             let (depth, rate) = stop.depth(limit, q[i], v[i]);
             let (force, loss) = push(stiffness, damping, depth, rate, held.map(|held| held[k]));
-            effort[i] = if stop.upper { effort[i] - force } else { effort[i] + force };
+            torque[i] += if stop.upper { -force } else { force };
             lost += loss;
         }
-        lost
+        (torque, lost)
     }
 }
 

@@ -100,7 +100,7 @@ impl<S: Real> From<Touch> for Mode<S> {
 
 /// The push `k d + c d_dot` of spring and damper, N or N m.
 pub fn pressing<S: Real>(stiffness: S, damping: S, depth: S, rate: S) -> S {
-    damping.mul_add(rate, stiffness * depth)
+    damping * rate + stiffness * depth
 }
 
 /// The force at the depth `depth` with the rate `rate`, and the lost power. `held` is the mode of the contact. With `None`, the mode

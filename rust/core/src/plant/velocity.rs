@@ -1,9 +1,10 @@
 //! An arm whose joint velocities are the input: `q' = u`, with the time derivative `q'`.
 
-use super::{Definition, Plant, Power};
+use super::equations::{PlantAt, PlantEquations, PlantRates, Power};
+use super::{Definition, Parameters};
 use crate::dynamics::Model;
 use crate::scalar::Real;
-use crate::trace::Sym;
+use crate::trace::E;
 
 /// A velocity-controlled arm, with validated parameters.
 ///
@@ -32,21 +33,12 @@ impl Definition for VelocitySpec {
     }
 }
 
-impl VelocitySpec {
-    pub(super) fn build(&self, _: Option<usize>) -> Velocity {
-        Velocity { n: self.model.n() }
+impl PlantEquations for VelocitySpec {
+    fn parameters(&self) -> Parameters {
+        Parameters::default()
     }
-}
 
-/// A velocity-controlled arm in a control loop.
-pub struct Velocity {
-    /// Number of joints.
-    pub n: usize,
-}
-
-impl Plant for Velocity {
-    fn rates(&mut self, _: &[(Sym, Sym)], _: &[Sym], u: &[Sym], _: &[Sym], dx: &mut [Sym]) -> Power {
-        dx[..self.n].copy_from_slice(&u[..self.n]);
-        Power { input: Sym::zero(), outside: Sym::zero() }
+    fn equations(&self, at: &PlantAt) -> PlantRates {
+        PlantRates { x_dot: at.tau.clone(), power: Power { input: E::zero(), outside: E::zero() }, friction: None }
     }
 }

@@ -91,6 +91,11 @@ pub trait Real:
     fn labelled<T>(_name: &'static str, _first: u32, f: impl FnOnce() -> T) -> T {
         f()
     }
+    /// Compute `f` with exactly its operations. A recording (`trace`) then contracts no product with the sum that uses it.
+    #[inline(always)]
+    fn as_written<T>(f: impl FnOnce() -> T) -> T {
+        f()
+    }
     /// Return the number in lane `i`.
     fn lane(self, i: usize) -> f64;
 

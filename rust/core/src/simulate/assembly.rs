@@ -6,7 +6,7 @@ use super::problem::Problem;
 use super::sampled::sampler::Sampler;
 use super::sampled::torque_sensing::TorqueSensing;
 use super::world::World;
-use crate::law::{Route, Truth};
+use crate::law::Route;
 use crate::scalar::Real;
 
 /// Return the desired motions and forces of the runs `run(lane)`.
@@ -15,16 +15,12 @@ pub fn world<'a>(problem: &'a Problem, lanes: usize, run: impl Fn(usize) -> usiz
 }
 
 /// Return the loop of run `run`. `storage`: whether the monitored energy is the law's storage function.
-pub fn assemble(problem: &Problem, run: usize, storage: bool) -> ClosedLoop {
-    let (o, plant, law) = (&problem.options, problem.plant(run), problem.law(run));
-    let loop_plant = plant.build(problem.force_frame());
-    let loop_law = law.build();
+pub fn assemble<'a>(problem: &Problem<'a>, run: usize, storage: bool) -> ClosedLoop<'a> {
+    let o = &problem.options;
     let closing = Closing { held: o.sampling.is_some(), monitored: o.monitors, storage };
-    let desired = law.motions().iter().map(|motion| 3 * motion.dof()).sum();
-    let sizes = (plant.states(), plant.seen(), law.initial_state().len(), desired, plant.model().angles());
-    let truth = law.adaptive().filter(|_| closing.watches_dissipation()).and_then(|law| Truth::new(law, plant));
     let period = o.sampling.as_ref().map(|sampling| sampling.period);
-    ClosedLoop::new(loop_plant, loop_law, o.tau_max.as_deref(), closing, sizes).judged_by(truth).sampled_every(period)
+    let plant = (problem.plant(run), problem.force_frame());
+    ClosedLoop::new(plant, problem.law(run), closing, (o.tau_max.as_deref(), period))
 }
 
 /// Return the clock of the controllers of the runs `run(lane)`. The result is `None` without sampling. A controller that only holds the

@@ -4,11 +4,12 @@
 
 use super::monitors::{self, Flow};
 use super::world::Exogenous;
-use crate::law::{Law, Truth};
+use crate::law::{Answer, Equations, LawSpec, RecordedLaw, Truth};
 use crate::linalg::Pairs;
-use crate::plant::{Mode, Plant};
-use crate::scalar::Real;
-use crate::trace::Sym;
+use crate::plant::{Mode, PlantRates, PlantSpec, RecordedPlant};
+use crate::scalar::{Real, labelled_numbers};
+use crate::trace::expression::{clamp, vector};
+use crate::trace::{Sym, V, sym};
 
 /// Options of a loop.
 pub struct Closing {
@@ -27,73 +28,80 @@ impl Closing {
     }
 }
 
-pub struct ClosedLoop {
-    plant: Box<dyn Plant + Send>,
-    law: Box<dyn Law + Send>,
+/// A loop of one plant and one law in a recording.
+pub struct ClosedLoop<'a> {
+    plant: RecordedPlant<'a>,
+    law: RecordedLaw<'a>,
     closing: Closing,
     /// The saturation limits of the input. Empty if there is no saturation.
-    limits: Vec<Sym>,
-    /// The size of the plant's state.
-    states: usize,
-    /// The size of the part of the plant's state that the law reads.
-    seen: usize,
-    /// The size of the desired motions at one instant.
-    pub desired: usize,
-    /// For each joint, whether its position is an angle.
-    angles: Vec<bool>,
-    trig: Vec<(Sym, Sym)>,
+    limits: V,
+    sizes: Sizes,
     /// The plant's input: the saturated output of the law at its last evaluation, or the held input.
     pub tau: Vec<Sym>,
     /// The other results of the law that belong to `tau`: the rate of its state, then its dissipation if that is monitored.
     dz: Vec<Sym>,
-    /// The size of the law's state.
-    p: usize,
+    /// The law's last answer; `None` while its output is held.
+    answer: Option<Answer>,
     /// The true parameters of the plants, for the dissipation in the Lyapunov balance. `None` if the law alone determines it.
     truth: Option<Truth>,
 }
 
-impl ClosedLoop {
+/// The sizes of a loop.
+struct Sizes {
+    /// Number of joints.
+    n: usize,
+    /// Length of the plant's state.
+    states: usize,
+    /// Length of the part of the plant's state that the law reads.
+    seen: usize,
+    /// Length of the law's state.
+    p: usize,
+    /// Length of the desired motions at one instant.
+    desired: usize,
+}
+
+impl<'a> ClosedLoop<'a> {
+    /// Record the numbers of a loop. The wrench acts at `force_frame`. `tau_max` are the limits of the input, and `period` is the sample
+    /// period, s. `truth` are the true parameters of the plants for the dissipation.
     pub fn new(
-        plant: Box<dyn Plant + Send>,
-        law: Box<dyn Law + Send>,
-        tau_max: Option<&[f64]>,
+        (plant, force_frame): (&'a PlantSpec, Option<usize>),
+        law: &'a LawSpec,
         closing: Closing,
-        (states, seen, p, desired, angles): (usize, usize, usize, usize, Vec<bool>),
+        (tau_max, period): (Option<&[f64]>, Option<f64>),
     ) -> Self {
-        let n = angles.len();
-        let answer = p + usize::from(closing.watches_dissipation());
-        let limits = Sym::labelled("tau_max", 1, || tau_max.into_iter().flatten().map(|&limit| Sym::varying(limit)).collect());
+        let recorded_plant = RecordedPlant::new(plant, force_frame);
+        let numbers = law.parameters(period);
+        let limits = V::from_vec(labelled_numbers("tau_max", tau_max.unwrap_or_default()));
+        let truth = law.adaptive().filter(|_| closing.watches_dissipation()).and_then(|law| Truth::new(law, plant));
+        let sizes = Sizes {
+            n: plant.n(),
+            states: plant.states(),
+            seen: plant.seen(),
+            p: law.initial_state().len(),
+            desired: law.motions().iter().map(|motion| 3 * motion.dof()).sum(),
+        };
+        let answer = sizes.p + usize::from(closing.watches_dissipation());
         ClosedLoop {
-            plant,
-            law,
+            plant: recorded_plant,
+            law: RecordedLaw::with(law, numbers, limits.clone()),
             closing,
             limits,
-            states,
-            seen,
-            desired,
-            angles,
-            trig: vec![(Sym::zero(), Sym::splat(1.0)); n],
-            tau: vec![Sym::zero(); n],
+            tau: vec![Sym::zero(); sizes.n],
             dz: vec![Sym::zero(); answer],
-            p,
-            truth: None,
+            answer: None,
+            truth,
+            sizes,
         }
     }
 
-    /// Return the loop with a dissipation that is computed with the true parameters `truth` of the plants.
-    pub fn judged_by(self, truth: Option<Truth>) -> Self {
-        ClosedLoop { truth, ..self }
-    }
-
-    /// Return the loop after passing the sample period and the limits of the input to the law.
-    pub fn sampled_every(mut self, period: Option<f64>) -> Self {
-        self.law.configure(period, &self.limits);
-        self
+    /// The size of the desired motions at one instant.
+    pub fn desired(&self) -> usize {
+        self.sizes.desired
     }
 
     /// The size of the integrated state: the states of plant and law, and the integrals of the monitors.
     pub fn size(&self) -> usize {
-        self.states + self.p + monitors::integrals(self.closing.monitored).count()
+        self.sizes.states + self.sizes.p + monitors::integrals(self.closing.monitored).count()
     }
 
     /// Whether the input is held.
@@ -105,33 +113,14 @@ impl ClosedLoop {
     pub fn pairs(&self) -> Pairs {
         // The plant's state is [q, v], [q, v, theta, theta_dot], or [q] without rates. The bristle deflections, the states of the law and
         // the integrals of the monitors follow.
-        let n = self.tau.len();
-        Pairs { joints: n, count: self.states / (2 * n), quadratures: self.size() - self.states - self.p }
-    }
-
-    /// Evaluate the law at the plant state `measured` and the law's state `z`, and apply the saturation.
-    fn control(&mut self, desired: &[Sym], measured: &[Sym], z: &[Sym]) {
-        let measured = &measured[..self.seen];
-        let (rate, dissipated) = self.dz.split_at_mut(self.p);
-        self.law.evaluate(desired, &self.trig, measured, z, &mut self.tau, rate);
-        if let [dissipated] = dissipated {
-            *dissipated = match &self.truth {
-                None => self.law.dissipation(),
-                Some(truth) => self.law.dissipation_of(truth, None, measured, z),
-            };
-        }
-        self.saturate();
-    }
-
-    fn saturate(&mut self) {
-        for (tau, &limit) in self.tau.iter_mut().zip(&self.limits) {
-            *tau = tau.clamped(-limit, limit);
-        }
+        let Sizes { n, states, p, .. } = self.sizes;
+        Pairs { joints: n, count: states / (2 * n), quadratures: self.size() - states - p }
     }
 
     /// Hold results of the law from this call on: the input `tau` and the other results `dz` ([`ClosedLoop::law_rate`]).
     pub fn hold_input(&mut self, tau: &[Sym], dz: &[Sym]) {
         self.closing.held = true;
+        self.answer = None;
         self.tau.copy_from_slice(tau);
         self.dz.copy_from_slice(dz);
     }
@@ -141,44 +130,43 @@ impl ClosedLoop {
         &self.dz
     }
 
-    /// Compute the sines and cosines of the joint angles at state `x`.
-    pub fn turn_to(&mut self, x: &[Sym]) {
-        for (i, trig) in self.trig.iter_mut().enumerate() {
-            if self.angles[i] {
-                *trig = x[i].sin_cos();
-            }
-        }
+    /// Evaluate the law at state `x`, and apply the saturation.
+    pub fn answer(&mut self, u: &Exogenous<Sym>, x: &[Sym]) {
+        let Sizes { states, seen, p, .. } = self.sizes;
+        let (measured, z) = (&x[..seen], &x[states..states + p]);
+        let answer = self.law.answer(&u.desired, measured, z);
+        self.tau.copy_from_slice(clamp(&answer.tau, &self.limits).as_slice());
+        self.dz[..p].copy_from_slice(answer.z_dot.as_slice());
+        self.answer = Some(answer);
+        self.set_dissipation(None, x);
     }
 
-    /// Compute the law's results at state `x`: the plant's input and the rate of the law's state. Requires [`ClosedLoop::turn_to`].
-    pub fn answer(&mut self, u: &Exogenous<Sym>, x: &[Sym]) {
-        let (measured, z) = x.split_at(self.states);
-        self.control(&u.desired, measured, &z[..self.p]);
+    /// Set the monitored dissipation of the law. `friction` are the torques of stick-slip friction, if they are known.
+    fn set_dissipation(&mut self, friction: Option<&V>, x: &[Sym]) {
+        let Sizes { n, states, p, .. } = self.sizes;
+        let (Some(dissipated), Some(answer)) = (self.dz.get_mut(p), &self.answer) else { return };
+        *dissipated = match &self.truth {
+            None => answer.dissipation,
+            Some(truth) => sym::contract(|| truth.dissipation(answer, friction, &vector(&x[n..2 * n]), &x[states..states + p])),
+        };
     }
 
     /// Compute the rates `dx` of state `x` under the exogenous input `u`.
     pub fn rhs(&mut self, u: &Exogenous<Sym>, x: &[Sym], dx: &mut [Sym]) {
-        self.turn_to(x);
-        self.rates(u, x, dx);
-    }
-
-    /// Compute the rates `dx` of state `x`. Requires [`ClosedLoop::turn_to`] at this state.
-    pub fn rates(&mut self, u: &Exogenous<Sym>, x: &[Sym], dx: &mut [Sym]) {
         if !self.closing.held {
             self.answer(u, x);
         }
-        let states = self.states;
-        let power = self.plant.rates(&self.trig, &x[..states], &self.tau, &u.wrench, &mut dx[..states]);
-        let p = self.p;
-        // The torque of stick-slip friction is known only now.
-        if let (Some(truth), false, Some((friction, _)), Some(dissipated)) =
-            (&self.truth, self.closing.held, self.plant.stick_slip(), self.dz.get_mut(p))
-        {
-            *dissipated = self.law.dissipation_of(truth, Some(friction.torque()), &x[..self.seen], &x[states..states + p]);
+        let Sizes { states, p, .. } = self.sizes;
+        let PlantRates { x_dot, power, friction } = self.plant.rates(&x[..states], &vector(&self.tau), &u.wrench);
+        dx[..states].copy_from_slice(x_dot.as_slice());
+        if self.plant.sticks() && self.truth.is_some() {
+            // The torque of stick-slip friction is known only now.
+            self.set_dissipation(friction.as_ref(), x);
         }
         dx[states..states + p].copy_from_slice(&self.dz[..p]);
         if self.closing.monitored {
-            let stored = self.closing.storage.then(|| self.law.storage_rate(&x[..self.seen], power.outside));
+            let released = self.answer.as_ref().map_or_else(Sym::zero, |answer| answer.dissipation);
+            let stored = self.closing.storage.then(|| power.outside - released);
             let dissipated = self.dz.get(p).copied().unwrap_or_else(Sym::zero);
             monitors::rates(&Flow { power, dissipated, stored }, &mut dx[states + p..]);
         }
@@ -186,26 +174,26 @@ impl ClosedLoop {
 
     /// Hold all contacts of the plant in the modes that the numbers `modes` describe, two for each contact ([`Touch::numbers`]).
     pub fn hold_modes(&mut self, modes: &[Sym]) {
-        self.plant.hold(&mut modes.as_chunks().0.iter().map(|&numbers| Mode::of(numbers)));
+        self.plant.hold_contacts(modes.as_chunks().0.iter().map(|&numbers| Mode::of(numbers)));
+    }
+
+    /// Set the modes of all joints as numbers: 0 for a stuck joint, else the direction of sliding.
+    pub fn hold_sides(&mut self, signs: &[Sym]) {
+        self.plant.hold_joints(signs);
     }
 
     /// Return the depth `d`, m or rad, and the push `k d + c d_dot`, N or N m, of contact `i` of the plant at state `x`. `k` is the
-    /// stiffness of the contact, and `c` its damping. Requires [`ClosedLoop::turn_to`] at this state.
-    pub fn contact(&mut self, i: usize, x: &[Sym]) -> [Sym; 2] {
-        self.plant.contact(i, &self.trig, &x[..self.states])
+    /// stiffness of the contact, and `c` its damping.
+    pub fn contact(&self, i: usize, x: &[Sym]) -> [Sym; 2] {
+        self.plant.contact(i, &x[..self.sizes.states])
     }
 
-    /// Compute the loads of the plant under the exogenous input `u` at state `x`, and write them to its friction model.
-    pub fn load_friction(&mut self, u: &Exogenous<Sym>, x: &[Sym]) {
-        self.turn_to(x);
+    /// The numbers of [`LoopStickSlip::loads`] and of [`LoopStickSlip::margins`], under the exogenous input `u` at state `x`.
+    pub fn loads_and_margins(&mut self, u: &Exogenous<Sym>, x: &[Sym]) -> (Vec<Sym>, Vec<Sym>) {
         if !self.closing.held {
             self.answer(u, x);
         }
-        self.plant.load_friction(&self.trig, &x[..self.states], &self.tau, &u.wrench);
-    }
-
-    /// The plant of the loop.
-    pub fn plant_mut(&mut self) -> &mut dyn Plant {
-        self.plant.as_mut()
+        let friction = self.plant.stick_slip(&x[..self.sizes.states], &vector(&self.tau), &u.wrench);
+        friction.map_or_else(Default::default, |(mut friction, speeds)| (friction.loads(), friction.margins(speeds.as_slice()).to_vec()))
     }
 }

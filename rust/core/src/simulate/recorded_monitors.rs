@@ -1,5 +1,5 @@
 //! The monitors of runs whose programs (recorded and compiled loops) do not compute them: one recorded function of a record. The interpreter
-//! computes the first records, and machine code the later ones.
+//! computes the first records, and machine code the later ones ([`Evaluator`]).
 
 use super::monitors;
 use super::problem::Problem;
@@ -7,21 +7,16 @@ use super::problem::force::{Force, Wrench};
 use super::record::key::Common;
 use super::record::structure::{self, Seen, inputs, instant};
 use crate::motion::{Motion, sample_all};
-use crate::trace::by_engine::REPAYS;
-use crate::trace::cache::{Cache, MadeOnce};
-use crate::trace::function::{Evaluation, Recorded};
+use crate::trace::by_engine::{Evaluator, SharedFunction};
+use crate::trace::cache::Cache;
+use crate::trace::function::Recorded;
 use crate::trace::{Sym, sym};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// The recorded monitors of all loops with one structure. The function has the desired motion, the wrench, the state, the plant's input and
 /// the reference values as inputs. Its results are the monitors, then the reference values if this record is the first one.
 struct MonitorFunction {
-    recorded: Recorded,
-    interpreted: Evaluation,
-    machine: MadeOnce<Evaluation>,
-    /// The number of records that the interpreter has computed.
-    work: AtomicUsize,
+    function: Arc<SharedFunction>,
     monitors: usize,
     firsts: usize,
 }
@@ -40,7 +35,7 @@ impl MonitorFunction {
     fn record(problem: &Problem, run: usize, common: Common) -> Self {
         sym::begin();
         let (closed, extras) = structure::set_up(problem, run, common);
-        let Some(mut notes) = extras.notes else { unreachable!("the set-up has monitors") };
+        let Some(notes) = extras.notes else { unreachable!("the set-up has monitors") };
         let given = sym::end_set_up();
         let (monitors, firsts) = notes.sizes();
         let before = sym::recorded().1;
@@ -53,17 +48,7 @@ impl MonitorFunction {
         let recording = sym::finish();
         assert!(!recording.failed, "no monitor reads the value of a recorded number");
         let recorded = Recorded { ops: recording.ops, values: vec![0.0; given], inputs, answer };
-        let interpreted = recorded.clone().interpreted(false);
-        MonitorFunction { recorded, interpreted, machine: MadeOnce::default(), work: AtomicUsize::new(0), monitors, firsts }
-    }
-
-    /// Return the function for the loop parameters `given`: machine code if it repays, otherwise for the interpreter.
-    fn values(&self, given: &[f64]) -> Evaluation {
-        let machine = self.work.load(Ordering::Relaxed) >= REPAYS;
-        let mut values =
-            if machine { (*self.machine.get(|| self.recorded.clone().program(false))).clone() } else { self.interpreted.clone() };
-        values.set_up(given);
-        values
+        MonitorFunction { function: Arc::new(SharedFunction::new(recorded, false)), monitors, firsts }
     }
 }
 
@@ -76,11 +61,9 @@ fn desired_of(problem: &Problem, run: usize) -> usize {
 pub struct Monitors<'a> {
     motions: Vec<&'a Motion>,
     force: Option<&'a Force>,
-    function: Arc<MonitorFunction>,
-    given: Vec<f64>,
-    values: Evaluation,
-    /// Whether the interpreter computes until machine code repays.
-    waits: bool,
+    values: Evaluator,
+    /// The number of monitors, and of reference values.
+    sizes: [usize; 2],
     /// The desired motion, the wrench, the state, the plant's input, and the reference values.
     row: Vec<f64>,
     /// The length of the desired motion, and of the wrench.
@@ -93,16 +76,14 @@ impl<'a> Monitors<'a> {
     /// Create the monitors of run `run` of a problem.
     pub fn new(problem: &Problem<'a>, run: usize) -> Self {
         let law = problem.law(run);
-        let (function, given) = MonitorFunction::of_run(problem, run);
+        let (monitors, given) = MonitorFunction::of_run(problem, run);
         Monitors {
             motions: law.motions(),
             force: problem.force(run),
-            values: function.values(&given),
-            waits: true,
-            row: vec![0.0; function.recorded.inputs],
+            values: Evaluator::new(monitors.function.clone(), &given),
+            sizes: [monitors.monitors, monitors.firsts],
+            row: vec![0.0; monitors.function.recorded.inputs],
             widths: [desired_of(problem, run), if problem.forces.is_empty() { 0 } else { 6 }],
-            function,
-            given,
             begun: false,
         }
     }
@@ -116,11 +97,8 @@ impl<'a> Monitors<'a> {
         outside.copy_from_slice(&force[..wrench]);
         rest[..x.len()].copy_from_slice(x);
         rest[x.len()..x.len() + tau.len()].copy_from_slice(tau);
-        if self.waits && self.function.work.fetch_add(1, Ordering::Relaxed) >= REPAYS {
-            (self.values, self.waits) = (self.function.values(&self.given), false);
-        }
         self.run();
-        let MonitorFunction { monitors, firsts, .. } = *self.function;
+        let [monitors, firsts] = self.sizes;
         if !self.begun && firsts > 0 {
             let at = self.row.len() - firsts;
             self.row[at..].copy_from_slice(self.values.outputs(monitors, firsts));
@@ -131,15 +109,7 @@ impl<'a> Monitors<'a> {
     }
 
     fn run(&mut self) {
-        self.values.all_inputs().copy_from_slice(&self.row);
+        self.values.inputs().copy_from_slice(&self.row);
         self.values.run();
-        if !self.values.is_near(0) {
-            // The interpreter is valid for all angles.
-            self.values = self.function.interpreted.clone();
-            self.values.set_up(&self.given);
-            self.waits = false;
-            self.values.all_inputs().copy_from_slice(&self.row);
-            self.values.run();
-        }
     }
 }

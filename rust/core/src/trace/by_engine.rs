@@ -4,6 +4,7 @@
 use super::cache::MadeOnce;
 use super::function::{Evaluation, Recorded};
 use super::program::{Engine, engine};
+use super::rows::Rows;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -131,6 +132,11 @@ impl Evaluator {
     /// The memory of all inputs, with all lanes.
     pub fn inputs(&mut self) -> &mut [f64] {
         self.present.all_inputs()
+    }
+
+    /// Copy rows of the first inputs: see [`Evaluation::read`].
+    pub fn read(&mut self, inputs: &[Rows], at: usize) {
+        self.present.read(inputs, at);
     }
 
     /// Count evaluations by the interpreter. If machine code repays, use it from now on.

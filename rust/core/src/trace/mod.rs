@@ -5,7 +5,7 @@
 //! A *frame* is the memory of a running program. A *slot* of a frame has one number per lane. A program can repeat its code. The inputs
 //! that change from one iteration to the next are in an array outside of the frame, the *stream*.
 //!
-//! Files: `sym`, `tape`, `operation` and `memo` record and fold. `segments` divides a recording, and `pieces` divides its parts at
+//! Files: `sym`, `tape`, `operation` and `memo` record and fold, and `expression` has vectors and matrices of recorded values. `segments` divides a recording, and `pieces` divides its parts at
 //! cuts, where native code may replace results (`decision`). `differentiate`, `tangents` and `adjoint` compute derivatives of a recording, and
 //! `branches` finds its comparisons. `interpreter` computes a recording, with the steps that `steps` makes. `jacobian` computes a recording
 //! and its Jacobian.
@@ -30,6 +30,7 @@ mod differentiate_tests;
 pub mod emit;
 #[cfg(test)]
 mod emulated_tests;
+pub mod expression;
 pub mod frame;
 pub mod function;
 #[cfg(test)]
@@ -68,6 +69,7 @@ mod trials;
 pub mod x86;
 
 pub use by_engine::ByEngine;
+pub use expression::{E, M, V};
 pub use frame::Frame;
 pub use function::Evaluation;
 pub use jacobian::Jacobian;

@@ -10,8 +10,9 @@ use super::differentiate;
 use super::label::Label;
 use super::tape::{Moving, Op, Tape};
 use crate::scalar::{Kernel, Real};
+use num_traits::{One, Zero};
 use std::cell::RefCell;
-use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
+use std::ops::{Add, AddAssign, Div, DivAssign, Mul, MulAssign, Neg, Sub, SubAssign};
 
 thread_local! {
     static TAPE: RefCell<Tape> = RefCell::new(Tape::new());
@@ -94,6 +95,19 @@ pub fn derivative(of: &[Sym], at: &[Sym], along: &[Sym]) -> Vec<Sym> {
     })
 }
 
+/// Record the formulas of `f` with contraction: a product that is added or subtracted becomes a multiply-add. Functions of bodies keep
+/// their operations ([`Real::as_written`]), so that they have the same bits on plain numbers.
+pub fn contract<T>(f: impl FnOnce() -> T) -> T {
+    with_contraction(true, f)
+}
+
+fn with_contraction<T>(contracts: bool, f: impl FnOnce() -> T) -> T {
+    let before = on_tape(|tape| std::mem::replace(&mut tape.contracts, contracts));
+    let made = f();
+    on_tape(|tape| tape.contracts = before);
+    made
+}
+
 /// Return a number that is one if the results of all cuts so far are valid without native code, otherwise zero. It is `None` without a cut.
 pub fn validity() -> Option<Sym> {
     on_tape(|tape| tape.validities()).into_iter().map(Sym).reduce(Sym::min)
@@ -109,6 +123,11 @@ thread_local! {
 /// Collect the named intermediate results from now on ([`Real::term`]).
 pub fn collect_terms() {
     TERMS.set(Some(Vec::new()));
+}
+
+/// Whether named intermediate results are collected.
+pub fn collects_terms() -> bool {
+    TERMS.with_borrow(Option::is_some)
 }
 
 /// Return the collected intermediate results, and collect no more.
@@ -170,12 +189,23 @@ operator!(Add, add, AddAssign, add_assign);
 operator!(Sub, sub, SubAssign, sub_assign);
 operator!(Mul, mul, MulAssign, mul_assign);
 
-impl Div for Sym {
-    type Output = Sym;
-    fn div(self, other: Sym) -> Sym {
-        on_tape(|tape| Sym(tape.div(self.0, other.0)))
+impl Zero for Sym {
+    fn zero() -> Sym {
+        Real::zero()
+    }
+    /// Whether the number is the constant zero.
+    fn is_zero(&self) -> bool {
+        on_tape(|tape| tape.value(self.0) == Some(0.0))
     }
 }
+
+impl One for Sym {
+    fn one() -> Sym {
+        Sym::splat(1.0)
+    }
+}
+
+operator!(Div, div, DivAssign, div_assign);
 
 impl Neg for Sym {
     type Output = Sym;
@@ -208,6 +238,9 @@ impl Real for Sym {
         let made = f();
         end_label(before);
         made
+    }
+    fn as_written<T>(f: impl FnOnce() -> T) -> T {
+        with_contraction(false, f)
     }
     fn lane(self, _: usize) -> f64 {
         on_tape(|tape| {
@@ -248,7 +281,7 @@ impl Real for Sym {
     }
     /// A result replaces an earlier one of the same name.
     fn term(name: &'static str, shape: &[usize], values: impl FnOnce() -> Vec<Sym>) {
-        if TERMS.with_borrow(Option::is_none) {
+        if !collects_terms() {
             return;
         }
         let values = values();

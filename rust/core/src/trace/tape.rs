@@ -35,6 +35,11 @@ pub(super) struct Tape {
     pub set_up: bool,
     pub failed: bool,
     pub moving: Moving,
+    /// Whether a product that is added or subtracted becomes a multiply-add. Instruction sets without fused multiply-add round it twice, like
+    /// the product and the sum.
+    pub contracts: bool,
+    /// For each entry, whether it was recorded while `contracts` was true. Only such products are contracted.
+    fusible: Vec<bool>,
     folds: bool,
 }
 
@@ -58,6 +63,8 @@ impl Tape {
             set_up: true,
             failed: false,
             moving: Moving::Nothing,
+            contracts: false,
+            fusible: Vec::new(),
             folds,
         };
         for x in [0.0, 1.0, -1.0] {
@@ -69,19 +76,21 @@ impl Tape {
     /// Return a tape that continues the operations `ops` of a recording whose set-up phase has ended.
     pub fn resume(ops: Vec<Op>, inputs: u32) -> Self {
         let memo = ops.iter().enumerate().map(|(i, &op)| (op, i as u32)).collect();
-        Tape { ops, memo, inputs, set_up: false, ..Tape::new() }
+        let fusible = vec![false; ops.len()];
+        Tape { ops, memo, inputs, set_up: false, fusible, ..Tape::new() }
     }
 
     pub fn push(&mut self, op: Op) -> u32 {
-        let ops = &mut self.ops;
-        if !self.folds && op.operands().next().is_some() {
+        let Tape { ops, fusible, contracts, .. } = self;
+        let mut append = || {
             ops.push(op);
-            return ops.len() as u32 - 1;
-        }
-        *self.memo.entry(op).or_insert_with(|| {
-            ops.push(op);
+            fusible.push(*contracts);
             ops.len() as u32 - 1
-        })
+        };
+        if !self.folds && op.operands().next().is_some() {
+            return append();
+        }
+        *self.memo.entry(op).or_insert_with(append)
     }
 
     /// Return the entry of a constant. Both zeros have the same entry.
@@ -183,6 +192,11 @@ impl Tape {
         }
     }
 
+    /// The factors of entry `a`, if it is a product that is contracted.
+    fn product(&self, a: u32) -> Option<(u32, u32)> {
+        if let Op::Mul(x, y) = self.ops[a as usize] { Some((x, y)).filter(|_| self.contracts && self.fusible[a as usize]) } else { None }
+    }
+
     pub fn add(&mut self, a: u32, b: u32) -> u32 {
         match (self.known(a), self.known(b)) {
             (Some(x), Some(y)) => return self.constant(x + y),
@@ -193,7 +207,13 @@ impl Tape {
         match (self.negated(a), self.negated(b)) {
             (_, Some(b)) => self.sub(a, b),
             (Some(a), None) => self.sub(b, a),
-            _ => self.push(Op::Add(a.min(b), a.max(b))),
+            _ if a == b => self.push(Op::Add(a, b)),
+            _ => match (self.product(a.max(b)), self.product(a.min(b))) {
+                // Of two products, the one that was recorded last is contracted. So a sum of products is a chain of multiply-adds.
+                (Some((x, y)), _) => self.push(Op::Fma(x, y, a.min(b))),
+                (None, Some((x, y))) => self.push(Op::Fma(x, y, a.max(b))),
+                (None, None) => self.push(Op::Add(a.min(b), a.max(b))),
+            },
         }
     }
 
@@ -207,7 +227,16 @@ impl Tape {
         if let Some(b) = self.negated(b) {
             return self.add(a, b);
         }
-        self.push(Op::Sub(a, b))
+        match (self.product(a), self.product(b)) {
+            _ if a == b => self.push(Op::Sub(a, b)),
+            (None, Some((x, y))) => self.push(Op::Fnma(x, y, a)),
+            (Some(_), Some((x, y))) if b > a => self.push(Op::Fnma(x, y, a)),
+            (Some((x, y)), _) => {
+                let minus_b = self.neg(b);
+                self.push(Op::Fma(x, y, minus_b))
+            }
+            _ => self.push(Op::Sub(a, b)),
+        }
     }
 
     /// Return the product if it requires no new multiplication: a factor is 0, 1 or -1, or both factors are constants.

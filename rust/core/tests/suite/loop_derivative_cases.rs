@@ -12,6 +12,7 @@ use armlet_core::motion::{Motion, Sinusoid};
 use armlet_core::plant::{ElasticSpec, FrictionCurve, JointFriction, LuGre, PlantSpec, RigidSpec, Stops, Wall};
 use armlet_core::simulate::Force;
 use armlet_core::spatial::{Matrix, Vector, rotation_exp, rotation_log};
+use nalgebra::DVector;
 use std::sync::Arc;
 
 pub const N: usize = 6;
@@ -44,8 +45,7 @@ fn moving(offset: Vec<f64>) -> Motion {
 fn pose(model: &Model, q: &[f64], turn: [f64; 3]) -> Vec<f64> {
     let coordinates = Coordinates::new(model.tree("arm").unwrap(), FRAME, "xyz rx ry rz").unwrap();
     // For the target zero, the error of the flange is its negative pose.
-    let (mut e, mut j) = (vec![0.0; N], vec![0.0; N * N]);
-    model.at(q).error_and_jacobian(&coordinates, &[0.0; N], &mut e, &mut j);
+    let (e, _) = model.at(q).error_and_jacobian(&coordinates, &DVector::zeros(N));
     let vector = rotation_log(&rotation_exp(turn).times(rotation_exp([-e[3], -e[4], -e[5]])));
     [[-e[0], -e[1], -e[2]], vector.array()].concat()
 }

@@ -68,10 +68,10 @@ impl MomentumObserver {
             return Err(Error::input("q", "comes too early: expected update() or reset() before"));
         }
         self.check(&[("q", q)], Some(self.state.residual.len()))?;
+        let mut jacobian = vec![0.0; 6 * n];
         for (row, q) in q.chunks_exact(n).enumerate() {
             let r = &self.state.residual[row * n..(row + 1) * n];
-            self.sample.arm.move_to(q);
-            let (_, jacobian) = self.sample.arm.jacobian(frame);
+            self.sample.jacobian(q, frame, &mut jacobian);
             for i in 0..n {
                 for k in 0..6 {
                     self.transposed[6 * i + k] = jacobian[k * n + i];

@@ -5,14 +5,16 @@
 //! r <- (I + K dt)^-1 (r + K (p - p_last - (tau + drift_last) dt))                  the residual, an estimate of the external torque
 //! ```
 
-use crate::dynamics::{ArmAt, Model};
+use crate::dynamics::{AnyArm, Dynamics, Model, Workspace};
 use crate::linalg::cholesky::solve;
 use crate::linalg::{AnyGain, Gain};
 use crate::scalar::{Real, sign};
 
 /// The momentum of the links or of the motors, with its buffers.
 pub struct Momentum<S: Real> {
-    pub arm: ArmAt<S>,
+    arm: AnyArm<S>,
+    ws: Workspace<S>,
+    trig: Vec<(S, S)>,
     /// Motor inertia `B` if the motors are observed; `None` for the links.
     motors: Option<AnyGain<S>>,
     /// Known viscous friction, N m s/rad or N s/m, and Coulomb friction, N m or N, `(n,)` each.
@@ -26,8 +28,11 @@ impl<S: Real> Momentum<S> {
     pub fn new(model: &Model, motors: Option<&Gain>, friction: &[Vec<f64>; 2]) -> Self {
         let n = model.n();
         let rows = |values: &Vec<f64>| values.iter().map(|&x| S::varying(x)).collect();
+        let arm = AnyArm::new(model);
         Momentum {
-            arm: ArmAt::new(model),
+            ws: arm.workspace(),
+            arm,
+            trig: vec![(S::zero(), S::splat(1.0)); n],
             motors: motors.map(AnyGain::new),
             friction: friction.each_ref().map(rows),
             mass: vec![S::zero(); n * n],
@@ -35,22 +40,30 @@ impl<S: Real> Momentum<S> {
         }
     }
 
+    /// Write the geometric Jacobian of a frame at `q`, `(6, n)`, to `j`.
+    pub fn jacobian(&mut self, q: &[S], frame: usize, j: &mut [S]) {
+        let Momentum { arm, ws, trig, .. } = self;
+        trig.iter_mut().zip(q).for_each(|(trig, q)| *trig = q.sin_cos());
+        arm.jacobian(ws, trig, q, frame, j);
+    }
+
     /// Compute the momentum `p` and the drift `C' v - g - tau_f` at `q` and `v`, `(n,)` each. For motors, `drift` does not change.
     pub fn momentum_and_drift(&mut self, q: &[S], v: &[S], momentum: &mut [S], drift: &mut [S]) {
         if let Some(inertia) = &self.motors {
             return inertia.multiply(v, momentum);
         }
-        self.arm.move_to(q);
-        self.arm.mass_matrix(&mut self.mass);
+        let Momentum { arm, ws, trig, .. } = self;
+        trig.iter_mut().zip(q).for_each(|(trig, q)| *trig = q.sin_cos());
+        arm.mass_matrix(ws, trig, q, &mut self.mass);
         for (p, row) in momentum.iter_mut().zip(self.mass.chunks_exact(v.len())) {
             *p = row.iter().zip(v).map(|(&m, &v)| m * v).reduce(|sum, product| sum + product).unwrap_or(S::zero());
         }
-        self.arm.gravity(drift);
+        arm.gravity(ws, trig, q, drift);
         let [viscous, coulomb] = &self.friction;
         for (i, drift) in drift.iter_mut().enumerate() {
             *drift = -*drift - viscous[i] * v[i] - coulomb[i] * sign(v[i]);
         }
-        self.arm.coriolis_matrix(v, &mut self.coriolis);
+        arm.coriolis_matrix(ws, trig, q, v, &mut self.coriolis);
         for (row, &v) in self.coriolis.chunks_exact(v.len()).zip(v) {
             for (drift, &c) in drift.iter_mut().zip(row) {
                 *drift += v * c;

@@ -10,26 +10,6 @@
 
 use super::rates_loop::RatesLoop;
 use super::sticking_joints::StickingJoints;
-use crate::simulate::closed_loop::ClosedLoop;
-use crate::simulate::world::Exogenous;
-use crate::trace::Sym;
-
-impl ClosedLoop {
-    /// The numbers of [`LoopStickSlip::loads`] and of [`LoopStickSlip::margins`], under the exogenous input `u` at state `x`.
-    pub fn loads_and_margins(&mut self, u: &Exogenous<Sym>, x: &[Sym]) -> (Vec<Sym>, Vec<Sym>) {
-        self.load_friction(u, x);
-        let n = self.tau.len();
-        let Some((friction, first)) = self.plant_mut().stick_slip() else { return Default::default() };
-        (friction.loads(), friction.margins(&x[first..first + n]).to_vec())
-    }
-
-    /// Set the modes of all joints as numbers: 0 for a stuck joint, else the direction of sliding.
-    pub fn hold_sides(&mut self, signs: &[Sym]) {
-        if let Some((friction, _)) = self.plant_mut().stick_slip() {
-            friction.follow_signs(signs);
-        }
-    }
-}
 
 impl RatesLoop<'_> {
     /// For each joint, the direction of sliding, or zero for a stuck joint. Empty without stick-slip friction.

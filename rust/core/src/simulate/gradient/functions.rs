@@ -246,17 +246,13 @@ impl LoopRecorder<'_> {
 
     fn law(&self) -> Option<Function> {
         self.record((false, 0), |closed, u, x, _| {
-            closed.turn_to(&x);
             closed.answer(&u, &x);
             closed.tau.iter().chain(closed.law_rate()).copied().collect()
         })
     }
 
     fn guard(&self, Guard { contact, by_push }: Guard) -> Option<Function> {
-        self.record((false, 0), |closed, _, x, _| {
-            closed.turn_to(&x);
-            vec![closed.contact(contact, &x)[usize::from(by_push)]]
-        })
+        self.record((false, 0), |closed, _, x, _| vec![closed.contact(contact, &x)[usize::from(by_push)]])
     }
 }
 

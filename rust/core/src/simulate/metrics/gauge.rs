@@ -12,7 +12,7 @@
 //! the maximum of the whole run. The record with the largest error is outside of the band. From this record on, both maxima are equal.
 
 use super::plan::{ErrorReference, Plan};
-use crate::dynamics::{ArmAt, Model};
+use crate::dynamics::{At, Model};
 use crate::scalar::Real;
 use crate::spatial::Vector;
 
@@ -54,7 +54,7 @@ pub struct Gauge<S: Real> {
     target: Vec<S>,
     band: Vec<S>,
     /// The arm at the present position, and the arm at the reference position.
-    arms: Vec<ArmAt<S>>,
+    arms: Vec<At<S>>,
     distances: Vec<S>,
 }
 
@@ -70,7 +70,7 @@ impl<S: Real> Gauge<S> {
             tolerance: S::varying(plan.tolerance),
             target,
             band,
-            arms: (0..arms).map(|_| ArmAt::new(model)).collect(),
+            arms: (0..arms).map(|_| model.at(&vec![S::zero(); model.n()])).collect(),
             distances: vec![S::zero(); plan.distances()],
             plan: plan.clone(),
         }
@@ -102,7 +102,7 @@ impl<S: Real> Gauge<S> {
             let error = q_d - q;
             let size = error.abs();
             let at = |range: &std::ops::Range<usize>| range.start + i;
-            stored[at(&places.error)] = (error * weight).mul_add(error, stored[at(&places.error)]);
+            stored[at(&places.error)] += error * weight * error;
             stored[at(&places.error_peak)] = stored[at(&places.error_peak)].max(size);
             stored[at(&places.error_final)] = size;
             stored[at(&places.upper)] = stored[at(&places.upper)].max(q);
@@ -138,7 +138,7 @@ impl<S: Real> Gauge<S> {
             let mut sum = S::zero();
             for (&row, &place) in aim.rows.iter().zip(&aim.places) {
                 let apart = seen.desired[place] - p[row];
-                sum = apart.mul_add(apart, sum);
+                sum += apart * apart;
             }
             self.distances[k] = sum;
         }
@@ -151,7 +151,7 @@ impl<S: Real> Gauge<S> {
         }
         for (k, &square) in self.distances.iter().enumerate() {
             let (sum, peak) = (places.distance.start + k, places.distance_peak.start + k);
-            stored[sum] = weight.mul_add(square, stored[sum]);
+            stored[sum] += weight * square;
             stored[peak] = stored[peak].max(square);
             stored[places.distance_final.start + k] = square;
         }
@@ -161,7 +161,7 @@ impl<S: Real> Gauge<S> {
         let (plan, places) = (&self.plan, &self.plan.places);
         for (i, &tau) in seen.tau.iter().enumerate() {
             let (sum, peak) = (places.tau.start + i, places.tau_peak.start + i);
-            stored[sum] = (tau * weight).mul_add(tau, stored[sum]);
+            stored[sum] += tau * weight * tau;
             stored[peak] = stored[peak].max(tau.abs());
         }
         let Some(bounds) = &plan.bounds else { return };

@@ -4,81 +4,73 @@
 //!
 //! `V1` contains the true inertial parameters of the plant. `dM/dt` is derived from the algorithm of `M`, independently of `C`.
 
-use super::{Flow, Moment, Monitor, MonitorKind, Scope};
-use crate::dynamics::ArmAt;
+use super::{Flow, Instant, Moment, Monitor, MonitorKind, Scope};
+use crate::dynamics::{AnyArm, At};
 use crate::law::{LawSpec, Lyapunov, Storage};
-use crate::plant::{PlantSpec, Stored};
+use crate::plant::{PlantSpec, PlantState, Stored};
 use crate::scalar::Real;
 use crate::simulate::metrics::gauge::Identities;
-use crate::trace::{Sym, sym};
+use crate::trace::expression::{constant, vector};
+use crate::trace::{E, M, sym};
+use std::sync::Arc;
 
 /// Computes skewness, energy and Lyapunov function, which satisfy identities of the theory.
-pub struct Theory {
-    states: usize,
-    /// Size of the law's state.
-    p: usize,
-    pub arm: ArmAt<Sym>,
-    /// `dM/dt`, shape `(n, n)`.
-    mass: Vec<Sym>,
-    /// `C`, shape `(n, n)`.
-    coriolis: Vec<Sym>,
+pub struct Theory<'a> {
+    plant: &'a PlantSpec,
+    law: &'a LawSpec,
+    arm: Arc<AnyArm<E>>,
     stored: Stored,
-    storage: Option<Storage>,
-    lyapunov: Option<Lyapunov>,
+    storage: Option<Storage<'a>>,
+    lyapunov: Option<Lyapunov<'a>>,
 }
 
-impl Theory {
-    /// Create the computation for a plant and a law. If `storage` is true, the energy is the law's storage function.
-    pub fn new(plant: &PlantSpec, law: &LawSpec, storage: bool) -> Self {
-        let n = plant.n();
+impl<'a> Theory<'a> {
+    /// The identities of a loop. `storage`: whether the energy is the law's storage function.
+    pub fn new(plant: &'a PlantSpec, law: &'a LawSpec, storage: bool) -> Self {
         Theory {
-            states: plant.states(),
-            p: law.initial_state().len(),
-            arm: ArmAt::new(plant.model()),
-            mass: vec![Sym::zero(); n * n],
-            coriolis: vec![Sym::zero(); n * n],
+            plant,
+            law,
+            arm: Arc::new(AnyArm::new(plant.model())),
             stored: Stored::new(plant),
-            storage: if storage { Storage::new(law) } else { None },
-            lyapunov: Lyapunov::new(law, plant),
+            storage: law.storage().filter(|_| storage).map(Storage::new),
+            lyapunov: law.adaptive().map(|law| Lyapunov::new(law, plant)),
         }
     }
 
-    /// Compute skewness, energy and Lyapunov function at state `x = [plant, z, integrals]`, whose first integrals are the integrals of
-    /// [`Exchange`]. The arm must already be at the position `q` of `x`.
-    pub fn identities(&mut self, desired: &[Sym], x: &[Sym]) -> Identities<Sym> {
-        let n = self.arm.trig().len();
-        let (plant, rest) = x.split_at(self.states);
-        let (z, quadratures) = rest.split_at(self.p);
-        let (q, v) = (&plant[..n], &plant[n..2 * n]);
-        let energy = match &mut self.storage {
-            Some(storage) => storage.energy(desired, &mut self.arm, &self.stored, plant),
-            None => self.stored.energy(&mut self.arm, plant),
-        };
-        let lyapunov = match &mut self.lyapunov {
-            Some(lyapunov) => lyapunov.value(desired, &mut self.arm, q, v, z),
-            None => Sym::zero(),
-        };
-        Identities { skewness: self.skewness(q, v), energy, lyapunov, quadratures: [quadratures[0], quadratures[1]] }
+    /// The loop at the state `x` with the desired motions `desired`, one after another.
+    pub fn instant<'x>(&self, desired: &[E], x: &'x [E]) -> Instant<'x> {
+        let (plant, beyond) = x.split_at(self.plant.states());
+        let (z, integrals) = beyond.split_at(self.law.initial_state().len());
+        let plant = PlantState::of(self.plant, plant);
+        let arm = At::new(&self.arm, plant.q.as_slice());
+        Instant { desired: self.law.split_samples(desired), x, plant, z: vector(z), integrals, arm }
     }
 
-    /// Return the largest absolute entry of `N + N'`.
-    fn skewness(&mut self, q: &[Sym], v: &[Sym]) -> Sym {
-        let n = v.len();
-        self.arm.mass_matrix(&mut self.mass);
-        // The derivative of the recorded mass matrix does not use the Coriolis matrix.
-        let rate = sym::derivative(&self.mass, q, v);
-        self.arm.coriolis_matrix(v, &mut self.coriolis);
-        let entry = |i: usize, j: usize| Sym::splat(2.0).neg_mul_add(self.coriolis[n * i + j], rate[n * i + j]);
-        let mut worst = Sym::zero();
-        for i in 0..n {
-            for j in i..n {
-                let sum = (entry(i, j) + entry(j, i)).abs();
-                // A maximum would ignore a sum that is NaN.
-                worst = Sym::select(sum.lt(worst), worst, sum);
-            }
-        }
-        worst
+    /// The quantities of the identities at one instant.
+    pub fn identities(&self, at: &Instant) -> Identities<E> {
+        sym::contract(|| {
+            let energy = match &self.storage {
+                Some(storage) => storage.energy(&at.desired[0][0], &at.arm, &self.stored, &at.plant),
+                None => self.stored.energy(&at.arm, &at.plant),
+            };
+            let lyapunov = self.lyapunov.as_ref().map_or(E::zero(), |lyapunov| lyapunov.value(&at.desired[0], &at.arm, &at.plant, &at.z));
+            Identities { skewness: skewness(at), energy, lyapunov, quadratures: [at.integrals[0], at.integrals[1]] }
+        })
     }
+}
+
+/// The largest absolute entry of `N + N'` with `N = dM/dt - 2 C`. Its sums are not fused, because they are differences of equal numbers.
+fn skewness(at: &Instant) -> E {
+    let (n, m) = (at.plant.v.len(), at.arm.mass_matrix());
+    // The derivative of the recorded mass matrix does not use the Coriolis matrix.
+    let m_dot = M::from_vec(n, n, sym::derivative(m.as_slice(), at.plant.q.as_slice(), at.plant.v.as_slice()));
+    let skew = E::as_written(|| {
+        let n = m_dot - at.arm.coriolis_matrix(&at.plant.v) * constant(2.0);
+        &n + n.transpose()
+    });
+    // A maximum would ignore a sum that is NaN.
+    let upper = (0..n).flat_map(|i| (i..n).map(move |j| (i, j)));
+    upper.map(|place| skew[place].abs()).fold(E::zero(), |worst, sum| E::select(sum.lt(worst), worst, sum))
 }
 
 /// The integrals that the balances require. The first is the integral of the law's dissipation, the rate at which its Lyapunov function
@@ -90,7 +82,7 @@ impl MonitorKind for Exchange {
     const NAMES: &'static [&'static str] = &[];
     const INTEGRALS: &'static [&'static str] = &["dissipated", "supplied"];
 
-    fn rates(flow: &Flow, out: &mut [Sym]) {
+    fn rates(flow: &Flow, out: &mut [E]) {
         (out[0], out[1]) = match flow.stored {
             Some(stored) => (flow.power.outside - stored, stored),
             None => (flow.dissipated, flow.power.input + flow.power.outside),
@@ -101,7 +93,7 @@ impl MonitorKind for Exchange {
         false
     }
 
-    fn build(_: &Scope) -> Option<Box<dyn Monitor + Send>> {
+    fn build<'a>(_: &Scope<'_, 'a>) -> Option<Box<dyn Monitor + 'a>> {
         None
     }
 }
@@ -116,13 +108,13 @@ impl MonitorKind for Skewness {
         scope.plant().kind().has_speeds()
     }
 
-    fn build(_: &Scope) -> Option<Box<dyn Monitor + Send>> {
+    fn build<'a>(_: &Scope<'_, 'a>) -> Option<Box<dyn Monitor + 'a>> {
         Some(Box::new(Skewness))
     }
 }
 
 impl Monitor for Skewness {
-    fn evaluate(&mut self, at: &mut Moment, out: &mut [Sym]) {
+    fn evaluate(&self, at: &Moment, out: &mut [E]) {
         out[0] = at.identities.skewness;
     }
 }
@@ -137,13 +129,13 @@ impl MonitorKind for Energy {
         scope.plant().kind().has_speeds()
     }
 
-    fn build(_: &Scope) -> Option<Box<dyn Monitor + Send>> {
+    fn build<'a>(_: &Scope<'_, 'a>) -> Option<Box<dyn Monitor + 'a>> {
         Some(Box::new(Energy))
     }
 }
 
 impl Monitor for Energy {
-    fn evaluate(&mut self, at: &mut Moment, out: &mut [Sym]) {
+    fn evaluate(&self, at: &Moment, out: &mut [E]) {
         let Identities { energy, quadratures: [_, put_in], .. } = at.identities;
         out[0] = energy;
         out[1] = energy - put_in - at.first[0];
@@ -161,13 +153,13 @@ impl MonitorKind for Passivity {
         scope.monitored.storage
     }
 
-    fn build(_: &Scope) -> Option<Box<dyn Monitor + Send>> {
+    fn build<'a>(_: &Scope<'_, 'a>) -> Option<Box<dyn Monitor + 'a>> {
         Some(Box::new(Passivity))
     }
 }
 
 impl Monitor for Passivity {
-    fn evaluate(&mut self, at: &mut Moment, out: &mut [Sym]) {
+    fn evaluate(&self, at: &Moment, out: &mut [E]) {
         let Identities { energy, quadratures: [dissipated, put_in], .. } = at.identities;
         out[0] = dissipated + put_in + at.first[0] - energy;
     }
@@ -183,13 +175,13 @@ impl MonitorKind for LyapunovBalance {
         scope.law().adaptive().is_some()
     }
 
-    fn build(_: &Scope) -> Option<Box<dyn Monitor + Send>> {
+    fn build<'a>(_: &Scope<'_, 'a>) -> Option<Box<dyn Monitor + 'a>> {
         Some(Box::new(LyapunovBalance))
     }
 }
 
 impl Monitor for LyapunovBalance {
-    fn evaluate(&mut self, at: &mut Moment, out: &mut [Sym]) {
+    fn evaluate(&self, at: &Moment, out: &mut [E]) {
         let Identities { lyapunov, quadratures: [dissipated, _], .. } = at.identities;
         out[0] = lyapunov;
         out[1] = at.first[1] - lyapunov - dissipated;

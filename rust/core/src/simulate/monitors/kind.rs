@@ -1,11 +1,12 @@
 //! The interface of a monitor, and its arguments.
 
-use crate::dynamics::ArmAt;
-use crate::law::LawSpec;
-use crate::plant::{PlantSpec, Power};
+use crate::dynamics::At;
+use crate::law::{LawSpec, Sample, Terms};
+use crate::plant::{PlantSpec, PlantState, Power};
 use crate::simulate::metrics::gauge::Identities;
 use crate::simulate::problem::Problem;
-use crate::trace::Sym;
+use crate::trace::expression::zeros;
+use crate::trace::{E, V};
 
 /// A run whose monitors are computed.
 pub struct Scope<'p, 'a> {
@@ -42,43 +43,59 @@ impl<'a> Scope<'_, 'a> {
     }
 }
 
-/// The quantities of one record from which monitors are computed.
+/// A record of a run.
 pub struct Moment<'a> {
-    /// The law's desired motions, one after another.
-    pub desired: &'a [Sym],
-    /// The wrench at the frame of the force, N and N m.
-    pub wrench: &'a [Sym; 6],
-    /// The state of the plant.
-    pub x: &'a [Sym],
-    /// The state of the law.
-    pub z: &'a [Sym],
-    /// The input of the plant.
-    pub tau: &'a [Sym],
-    /// The plant's arm at the position of the record.
-    pub arm: &'a mut ArmAt<Sym>,
-    /// Skewness, energy and Lyapunov function, with the integrals of the law's dissipation and of the supplied power.
-    pub identities: Identities<Sym>,
-    /// `E - int P dt` and `V1 + int D dt` at the first record.
-    pub first: [Sym; 2],
-    /// The projection loss of the law. `None` if it is not monitored.
-    pub loss: Option<Sym>,
-    /// The monitor's own integrals, from the start to this record.
-    pub integrals: &'a [Sym],
+    /// The loop at the record.
+    pub at: &'a Instant<'a>,
+    /// External wrench `[f; m]`, `(6,)`, N and N m, world axes.
+    pub wrench: &'a [E; 6],
+    /// The plant's input, `(n,)`.
+    pub tau: &'a V,
+    pub identities: Identities<E>,
+    /// The values of `E(0)` and `V1(0)`, which are those of the first record, with their integrals.
+    pub first: [E; 2],
+    /// The projection loss of the law, if it is monitored.
+    pub loss: Option<E>,
+    /// The named intermediate results of the law; `None` if no monitor needs them.
+    pub terms: Option<&'a Terms>,
+}
+
+impl Moment<'_> {
+    /// The term `name` of the law.
+    pub fn term(&self, name: &str) -> V {
+        self.terms.map_or_else(|| zeros(0), |terms| terms.get(name))
+    }
+}
+
+/// A loop at one record.
+pub struct Instant<'a> {
+    /// The desired motions.
+    pub desired: Vec<Sample>,
+    /// The state of the plant, then of the law, then the integrals.
+    pub x: &'a [E],
+    /// The state of the plant by its parts.
+    pub plant: PlantState,
+    /// The state of the law, `(p,)`.
+    pub z: V,
+    /// The integrals of the monitors.
+    pub integrals: &'a [E],
+    /// The arm at the joint positions.
+    pub arm: At<E>,
 }
 
 /// The quantities of a loop from which the rates of the monitors' integrals are computed.
 pub struct Flow {
     pub power: Power,
     /// The rate at which the law's Lyapunov function decreases.
-    pub dissipated: Sym,
+    pub dissipated: E,
     /// The rate of the law's own storage function, if this is the monitored energy.
-    pub stored: Option<Sym>,
+    pub stored: Option<E>,
 }
 
 /// A monitor of one run, on plain numbers or on recorded values.
 pub trait Monitor {
     /// Write the values of the monitor's series at a record, one for each of [`MonitorKind::NAMES`].
-    fn evaluate(&mut self, at: &mut Moment, out: &mut [Sym]);
+    fn evaluate(&self, at: &Moment, out: &mut [E]);
 }
 
 /// A kind of monitor.
@@ -90,11 +107,11 @@ pub trait MonitorKind {
     const INTEGRALS: &'static [&'static str] = &[];
 
     /// Write the rates of the integrals of this monitor.
-    fn rates(_: &Flow, _: &mut [Sym]) {}
+    fn rates(_: &Flow, _: &mut [E]) {}
 
     /// Whether this monitor applies to a run.
     fn applies(scope: &Scope) -> bool;
 
     /// Create the monitor of a run to which it applies.
-    fn build(scope: &Scope) -> Option<Box<dyn Monitor + Send>>;
+    fn build<'a>(scope: &Scope<'_, 'a>) -> Option<Box<dyn Monitor + 'a>>;
 }

@@ -1,8 +1,7 @@
-//! Norms of error and residual for each level of a law with task priorities. The law is evaluated again at the records.
+//! Norms of error and residual for each level of a law with task priorities, from the terms of the law.
 
-use crate::law::{Law, LawSpec, PriorityAcceleration, PriorityVelocity};
-use crate::scalar::Real;
-use crate::trace::Sym;
+use crate::law::{self, LawSpec, Terms};
+use crate::trace::E;
 
 /// The names of the norms. Levels after the eighth have no norms.
 const NAMES: [&str; 16] = [
@@ -32,34 +31,7 @@ pub fn names(law: &LawSpec) -> &'static [&'static str] {
     }
 }
 
-/// Computes the norms of error and residual of each level.
-pub enum LevelNorms {
-    Velocity(Box<PriorityVelocity>, Vec<Sym>),
-    Acceleration(Box<PriorityAcceleration>, Vec<Sym>),
-}
-
-impl LevelNorms {
-    /// Return the computation of the norms of error and residual of a law's levels. The result is `None` without levels.
-    pub fn of(law: &LawSpec) -> Option<Self> {
-        let u = vec![Sym::zero(); law.model().n()];
-        match law {
-            LawSpec::PriorityVelocity(spec) => Some(LevelNorms::Velocity(Box::new(spec.build()), u)),
-            LawSpec::PriorityAcceleration(spec) => Some(LevelNorms::Acceleration(Box::new(spec.build()), u)),
-            _ => None,
-        }
-    }
-
-    /// Compute as many norms as `out` has elements, at plant state `x` with the sines and cosines `trig`.
-    pub fn evaluate(&mut self, desired: &[Sym], trig: &[(Sym, Sym)], x: &[Sym], out: &mut [Sym]) {
-        match self {
-            LevelNorms::Velocity(law, u) => {
-                law.evaluate(desired, trig, x, &[], u, &mut []);
-                law.norms(out);
-            }
-            LevelNorms::Acceleration(law, u) => {
-                law.evaluate(desired, trig, x, &[], u, &mut []);
-                law.norms(out);
-            }
-        }
-    }
+/// The norms of error and residual of each level of `law`, from its terms.
+pub fn norms(law: &LawSpec, terms: &Terms) -> Vec<E> {
+    law::norms(&law.level_rows(), terms.get("e").as_slice(), terms.get("residuals").as_slice())
 }

@@ -28,17 +28,16 @@ mod static_torque;
 mod target_model;
 mod torque_error;
 
-pub use kind::{Flow, Moment, Monitor, MonitorKind, Monitored, Scope};
+pub use kind::{Flow, Instant, Moment, Monitor, MonitorKind, Monitored, Scope};
 
 use super::problem::Problem;
-use crate::law::ProjectionLoss;
-use crate::trace::Sym;
+use crate::law::{LawSpec, ProjectionLoss, RecordedLaw};
+use crate::trace::expression::vector;
+use crate::trace::{E, sym};
 use identities::Theory;
-use level_norms::LevelNorms;
-use std::ops::Range;
 
-/// The monitors of a run, each with the number of its series and the places of its integrals.
-type Series = Vec<(usize, Range<usize>, Box<dyn Monitor + Send>)>;
+/// The monitors of a run, each with the number of its series.
+type Series<'a> = Vec<(usize, Box<dyn Monitor + 'a>)>;
 
 /// Lists the kinds of monitors, in the order of their series.
 macro_rules! monitors {
@@ -53,12 +52,10 @@ macro_rules! monitors {
         }
 
         /// Create the monitors of a run.
-        fn build(scope: &Scope) -> Series {
-            let (mut all, mut end) = (Vec::new(), 0);
-            $(end += <$kind>::INTEGRALS.len();
-            if <$kind>::applies(scope) {
-                let integrals = end - <$kind>::INTEGRALS.len()..end;
-                all.extend(<$kind>::build(scope).map(|monitor| (<$kind>::NAMES.len(), integrals, monitor)));
+        fn build<'a>(scope: &Scope<'_, 'a>) -> Series<'a> {
+            let mut all = Vec::new();
+            $(if <$kind>::applies(scope) {
+                all.extend(<$kind>::build(scope).map(|monitor| (<$kind>::NAMES.len(), monitor)));
             })*
             all
         }
@@ -67,7 +64,7 @@ macro_rules! monitors {
         const INTEGRALS: &[&[&str]] = &[$(<$kind>::INTEGRALS),*];
 
         /// The rates of the integrals of all monitors.
-        pub fn rates(flow: &Flow, out: &mut [Sym]) {
+        pub fn rates(flow: &Flow, out: &mut [E]) {
             $(let (own, out) = out.split_at_mut(<$kind>::INTEGRALS.len());
             <$kind>::rates(flow, own);)*
             debug_assert!(out.is_empty(), "the loop has a state for each integral");
@@ -104,35 +101,33 @@ pub fn names(problem: &Problem) -> Vec<&'static str> {
 }
 
 /// The monitors of one run.
-pub struct Checks {
-    theory: Theory,
-    monitors: Series,
-    levels: Option<LevelNorms>,
-    loss: Option<ProjectionLoss>,
+pub struct Checks<'a> {
+    theory: Theory<'a>,
+    law: &'a LawSpec,
+    /// The law, if a monitor needs its terms.
+    terms: Option<RecordedLaw<'a>>,
+    monitors: Series<'a>,
+    loss: Option<ProjectionLoss<'a>>,
     /// The number of plant states that a law reads.
-    states: usize,
-    /// The number of bristles, which follow these states.
-    bristles: usize,
-    /// The number of states of the law.
-    p: usize,
+    seen: usize,
     /// The number of norms of priority levels.
     norms: usize,
 }
 
-impl Checks {
+impl<'a> Checks<'a> {
     /// Create the monitors of a run.
-    pub fn new(scope: &Scope) -> Self {
+    pub fn new(scope: &Scope<'_, 'a>) -> Self {
         let (plant, law) = (scope.plant(), scope.law());
-        let levels = LevelNorms::of(law);
+        let norms = level_norms::names(law).len();
+        let needs_terms = norms > 0 || torque_error::InnerLoop::applies(scope);
         Checks {
             theory: Theory::new(plant, law, scope.monitored.storage),
+            law,
+            terms: needs_terms.then(|| RecordedLaw::continuous(law)),
             monitors: build(scope),
-            norms: if levels.is_some() { level_norms::names(law).len() } else { 0 },
-            levels,
-            loss: if scope.monitored.loss { ProjectionLoss::new(law) } else { None },
-            states: plant.seen(),
-            bristles: plant.bristles(),
-            p: law.initial_state().len(),
+            loss: law.projecting().filter(|_| scope.monitored.loss).map(ProjectionLoss::new),
+            seen: plant.seen(),
+            norms,
         }
     }
 
@@ -144,33 +139,30 @@ impl Checks {
     /// Compute the monitors at state `x = [plant, z, integrals]` and input `tau`, and write them to `out`. The function `first` receives
     /// `E - int P dt` and `V1 + int D dt` at this record, and returns their values at the first record.
     pub fn evaluate(
-        &mut self,
-        (desired, wrench): (&[Sym], &[Sym; 6]),
-        (x, tau): (&[Sym], &[Sym]),
-        first: impl FnOnce([Sym; 2]) -> [Sym; 2],
-        out: &mut [Sym],
+        &self,
+        (desired, wrench): (&[E], &[E; 6]),
+        (x, tau): (&[E], &[E]),
+        first: impl FnOnce([E; 2]) -> [E; 2],
+        out: &mut [E],
     ) {
         let (mut out, norms) = out.split_at_mut(out.len() - self.norms);
-        let arm = &mut self.theory.arm;
-        arm.move_to(&x[..arm.trig().len()]);
-        if let Some(levels) = &mut self.levels {
-            levels.evaluate(desired, arm.trig(), &x[..self.states], norms);
+        let at = self.theory.instant(desired, x);
+        let terms = self.terms.as_ref().map(|law| law.terms(desired, &x[..self.seen], at.z.as_slice()));
+        if let Some(terms) = terms.as_ref().filter(|_| self.norms > 0) {
+            norms.iter_mut().zip(level_norms::norms(self.law, terms)).for_each(|(to, norm)| *to = norm);
         }
         if self.monitors.is_empty() {
             return;
         }
-        let identities = self.theory.identities(desired, x);
+        let identities = self.theory.identities(&at);
         let [dissipated, put_in] = identities.quadratures;
         let first = first([identities.energy - put_in, identities.lyapunov + dissipated]);
-        let loss = self.loss.as_mut().map(|loss| loss.evaluate(&x[..tau.len()]));
-        let (x, rest) = x.split_at(self.states);
-        let (z, all) = rest[self.bristles..].split_at(self.p);
-        let mut at = Moment { desired, wrench, x, z, tau, arm: &mut self.theory.arm, identities, first, loss, integrals: &[] };
-        for (series, integrals, monitor) in &mut self.monitors {
-            at.integrals = &all[integrals.clone()];
-            let (own, rest) = out.split_at_mut(*series);
-            monitor.evaluate(&mut at, own);
-            out = rest;
+        let loss = self.loss.as_ref().map(|loss| sym::contract(|| loss.evaluate(&at.plant.q)));
+        let moment = Moment { at: &at, wrench, tau: &vector(tau), identities, first, loss, terms: terms.as_ref() };
+        for (series, monitor) in &self.monitors {
+            let (own, others) = out.split_at_mut(*series);
+            sym::contract(|| monitor.evaluate(&moment, own));
+            out = others;
         }
     }
 }

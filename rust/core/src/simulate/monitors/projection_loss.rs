@@ -3,7 +3,7 @@
 
 use super::{Moment, Monitor, MonitorKind, Scope};
 use crate::scalar::Real;
-use crate::trace::Sym;
+use crate::trace::E;
 
 /// The loss as a monitor. In a batch it is zero for a law without a projector and without compensated coupling.
 pub struct Loss;
@@ -15,13 +15,13 @@ impl MonitorKind for Loss {
         scope.monitored.loss
     }
 
-    fn build(_: &Scope) -> Option<Box<dyn Monitor + Send>> {
+    fn build<'a>(_: &Scope<'_, 'a>) -> Option<Box<dyn Monitor + 'a>> {
         Some(Box::new(Loss))
     }
 }
 
 impl Monitor for Loss {
-    fn evaluate(&mut self, at: &mut Moment, out: &mut [Sym]) {
-        out[0] = at.loss.unwrap_or_else(Sym::zero);
+    fn evaluate(&self, at: &Moment, out: &mut [E]) {
+        out[0] = at.loss.unwrap_or_else(E::zero);
     }
 }

@@ -25,7 +25,7 @@ impl Bound {
     pub fn holds<S: Real>(&self, x: &[S]) -> bool {
         let (mut zero, mut largest) = (S::zero(), S::zero());
         for (i, &value) in x.iter().enumerate() {
-            zero = value.mul_add(S::zero(), zero);
+            zero += value * S::zero();
             if i < self.states {
                 largest = largest.max(value.abs());
             }

@@ -9,10 +9,10 @@ use crate::simulate::problem::times::Times;
 use crate::trace::Sym;
 
 /// The metrics of one run.
-pub struct Sums {
+pub struct Sums<'a> {
     columns: Columns,
     gauge: Gauge<Sym>,
-    theory: Option<Theory>,
+    theory: Option<Theory<'a>>,
 }
 
 impl Problem<'_> {
@@ -22,9 +22,9 @@ impl Problem<'_> {
     }
 }
 
-impl Sums {
+impl<'a> Sums<'a> {
     /// Create the metrics `plan` of run `run` of a problem. `storage`: whether the monitored energy is the law's storage function.
-    pub fn new(problem: &Problem, run: usize, plan: &Plan, storage: bool) -> Self {
+    pub fn new(problem: &Problem<'a>, run: usize, plan: &Plan, storage: bool) -> Self {
         let (plant, law) = (problem.plant(run), problem.law(run));
         Sums {
             columns: Columns::of(problem),
@@ -41,10 +41,7 @@ impl Sums {
     /// Update the metrics with the state `x`, the desired motions and the input `tau`. `h`: the time to the next record, s.
     pub fn add(&mut self, desired: &[Sym], x: &[Sym], tau: &[Sym], h: Sym, start: Start, stored: &mut [Sym]) {
         let parts = self.columns.split(x, tau);
-        let identities = self.theory.as_mut().map_or_else(Identities::default, |theory| {
-            theory.arm.move_to(parts.q);
-            theory.identities(desired, x)
-        });
+        let identities = self.theory.as_ref().map_or_else(Identities::default, |theory| theory.identities(&theory.instant(desired, x)));
         self.gauge.add(&MetricInput { desired, q: parts.q, v: parts.v, tau, identities }, h, start, stored);
     }
 }

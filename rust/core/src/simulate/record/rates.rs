@@ -185,7 +185,6 @@ fn record(problem: &Problem, run: usize, common: Common, held: bool, folds: bool
     let mut law = Vec::new();
     if held {
         if problem.law(run).route().is_recordable() {
-            closed.turn_to(&x);
             closed.answer(&u, &x);
             law = closed.tau.iter().chain(closed.law_rate()).copied().collect();
         }

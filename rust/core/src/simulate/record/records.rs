@@ -19,8 +19,8 @@ pub struct Noted {
 }
 
 /// The recorded operations that compute the part of a record that follows the state: the input and the monitors.
-pub struct Notes {
-    checks: Option<Checks>,
+pub struct Notes<'a> {
+    checks: Option<Checks<'a>>,
     monitors: usize,
 }
 
@@ -31,10 +31,10 @@ impl Problem<'_> {
     }
 }
 
-impl Notes {
+impl<'a> Notes<'a> {
     /// Create the operations for run `run` of a problem with `monitors` monitors. `monitored`: the properties of the monitors of the
     /// problem.
-    pub fn new(problem: &Problem, run: usize, monitors: usize, monitored: Monitored) -> Self {
+    pub fn new(problem: &Problem<'a>, run: usize, monitors: usize, monitored: Monitored) -> Self {
         Notes { checks: (monitors > 0).then(|| Checks::new(&Scope { problem, run, monitored })), monitors }
     }
 
@@ -46,9 +46,9 @@ impl Notes {
 
     /// Record the operations for state `x`, exogenous input `u` and input `tau`. `firsts`: the reference values. If `firsts` is empty, this
     /// record determines them.
-    pub fn take(&mut self, u: &Exogenous<Sym>, x: &[Sym], tau: &[Sym], firsts: &[Sym]) -> Noted {
+    pub fn take(&self, u: &Exogenous<Sym>, x: &[Sym], tau: &[Sym], firsts: &[Sym]) -> Noted {
         let mut noted = Noted { numbers: tau.to_vec(), firsts: Vec::new() };
-        let Some(checks) = &mut self.checks else { return noted };
+        let Some(checks) = &self.checks else { return noted };
         let mut values = vec![Sym::default(); self.monitors];
         let count_from = |own: [Sym; 2]| {
             noted.firsts = own.to_vec();

@@ -65,7 +65,7 @@ impl StepSlots {
         (wrench, instants, shared): (usize, &'static [f64], bool),
         ((metrics, lasting), reference): ((usize, usize), usize),
     ) -> Self {
-        let instant = |signature: &mut Signature| Instant::add(signature, ["desired", "force"], [closed.desired, wrench]);
+        let instant = |signature: &mut Signature| Instant::add(signature, ["desired", "force"], [closed.desired(), wrench]);
         let exogenous = instant(&mut signature);
         instants[1..].iter().for_each(|_| _ = instant(&mut signature));
         let mut input = |name, count| signature.input(name, count);
@@ -151,7 +151,7 @@ impl RatesSlots {
         [plant, law]: [usize; 2],
         [contacts, sides]: [usize; 2],
     ) -> Self {
-        let exogenous = Instant::add(&mut signature, ["desired", "force"], [closed.desired, wrench]);
+        let exogenous = Instant::add(&mut signature, ["desired", "force"], [closed.desired(), wrench]);
         let mut input = |name, count| signature.input(name, count);
         let state = input("state", closed.size());
         let (tau, law_rate) = (input("tau", closed.tau.len()), input("answer", closed.law_rate().len()));

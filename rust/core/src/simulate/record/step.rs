@@ -122,7 +122,6 @@ fn trace(
     let (stage, stage_input, mut rates) = (slots.stage.declare(), one(), slots.rates.declare());
     let mut closed = RecordedLoop { closed, slots, cuts: None };
     if with_law {
-        closed.closed.turn_to(&x);
         closed.closed.answer(&u[0], &x);
     }
     let law: Vec<Sym> = closed.closed.tau.iter().chain(closed.closed.law_rate()).copied().collect();
@@ -141,7 +140,7 @@ fn trace(
         let [along, stage] = [&acting, &tau].map(|tau| sum_up(tau, Start::Known));
         Summing { along, stage, alone: sum_up(&tau, Start::Requested) }
     });
-    let notes = extras.notes.map(|mut notes| [&acting, &tau].map(|tau| notes.take(&u[0], &x, tau, &firsts)));
+    let notes = extras.notes.map(|notes| [&acting, &tau].map(|tau| notes.take(&u[0], &x, tau, &firsts)));
     let before = sym::recorded().0;
     closed.rhs(&stage_input, &stage, &mut rates);
     let stage_tau = if closed.closed.is_held() { Vec::new() } else { entries(closed.closed.tau.clone()) };
@@ -180,7 +179,7 @@ impl<'a> WithExplicitSteps<Sym, RecordedLoop<'a>> for OneStep {
 
 /// A loop that records its evaluations.
 struct RecordedLoop<'a> {
-    closed: ClosedLoop,
+    closed: ClosedLoop<'a>,
     slots: &'a StepSlots,
     /// The cuts before each evaluation of the rates. `None` if the step is not divided.
     cuts: Option<Vec<Cut>>,
@@ -192,8 +191,7 @@ impl System<Sym> for RecordedLoop<'_> {
     fn input(&mut self, _: f64, _: &mut Exogenous<Sym>) {}
     fn rhs(&mut self, u: &Exogenous<Sym>, x: &[Sym], dx: &mut [Sym]) {
         let Some(cuts) = &mut self.cuts else {
-            self.closed.turn_to(x);
-            self.closed.rates(u, x, dx);
+            self.closed.rhs(u, x, dx);
             return;
         };
         let StepSlots { stage, stage_input: Instant { slots, .. }, .. } = self.slots;

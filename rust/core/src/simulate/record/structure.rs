@@ -33,13 +33,13 @@ pub fn loop_parameters(problem: &Problem, run: usize, common: Common) -> LoopPar
 }
 
 /// The metrics and records that the programs of a loop compute in addition to steps.
-pub struct MetricsAndRecords {
-    pub sums: Option<Sums>,
-    pub notes: Option<Notes>,
+pub struct MetricsAndRecords<'a> {
+    pub sums: Option<Sums<'a>>,
+    pub notes: Option<Notes<'a>>,
 }
 
 /// Return the loop of run `run`, and its metrics and records.
-pub fn set_up(problem: &Problem, run: usize, common: Common) -> (ClosedLoop, MetricsAndRecords) {
+pub fn set_up<'a>(problem: &Problem<'a>, run: usize, common: Common) -> (ClosedLoop<'a>, MetricsAndRecords<'a>) {
     let closed = assemble(problem, run, common.monitored.storage);
     let sums = common.plan(problem, run).map(|plan| Sums::new(problem, run, &plan, common.monitored.storage));
     let notes = common.notes.map(|monitors| Notes::new(problem, run, monitors, common.monitored));

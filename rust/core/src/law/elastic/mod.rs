@@ -1,0 +1,13 @@
+//! Laws of arms with elastic joints.
+
+mod impedance;
+mod joint_impedance;
+mod motor_regulation;
+mod sampled_reduction;
+mod storage;
+
+pub use impedance::*;
+pub use joint_impedance::*;
+pub use motor_regulation::*;
+pub use sampled_reduction::*;
+pub(crate) use storage::Storage;

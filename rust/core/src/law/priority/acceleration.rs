@@ -1,0 +1,147 @@
+//! Prioritised accelerations under computed torque, for rigid arms (`siciliano1991priority`, `nakanishi2008operational`):
+//!
+//! `a` solves `J_i a = x_d,i'' + D_i (x_d,i' - J_i v) + K_i e_i - dJ_i/dt v` for the tasks `i` in order of priority. The prime is the time
+//! derivative, `e_i` the error of a task and `J_i` its Jacobian. In the remaining freedom `a = -c v`, which stops motions that change no
+//! task. Then `tau = M a + C v + g`. The method `sns` keeps `a` within bounds. `joint_limits` computes these bounds from the joint limits
+//! at every evaluation.
+
+use super::joint_limits::{LimitOverrides, MotionLimits};
+use super::tasks::{Tasks, gained, prioritised, require_levels, same_tasks, solution, stack};
+use crate::dynamics::Model;
+use crate::error::{Error, Result};
+use crate::law::definition::{Definition, Route, Shape};
+use crate::law::equations::{Answer, Equations, Loop};
+use crate::law::level::Level;
+use crate::linalg::Gain;
+use crate::motion::Motion;
+use crate::plant::{Parameters, PlantKind};
+use crate::priority::{PriorityMethod, PriorityOptions, PrioritySolver, StackFormula};
+use crate::scalar::Real;
+use crate::trace::E;
+use crate::trace::expression::{constant, stacked, vector};
+
+/// Joint accelerations for tasks in order of priority, with validated parameters.
+///
+/// ```
+/// # use armlet_core::{arm::Arm, dynamics::Model, kinematics::TaskFunction, motion::Motion, priority::PriorityOptions};
+/// # use armlet_core::plant::{PlantSpec, RigidSpec};
+/// # use armlet_core::simulate::{Options, Problem};
+/// # use nalgebra::dvector;
+/// use armlet_core::law::{Gain, LawSpec, Level, LimitOverrides, PriorityAccelerationSpec};
+/// # let arm = Arm::planar(&[0.5, 0.4], None, None, None, [0.0, -9.81])?;
+///
+/// let tip = TaskFunction::frame(&arm, "link2", "xy")?;
+/// // K = 25 1/s^2 with critical damping: the error decays as (1 + 5 t) exp(-5 t).
+/// let levels = vec![Level::new(tip, Motion::hold(vec![0.6, 0.3])?, Gain::scalar("gain", 2, 25.0)?, None)?];
+/// let model = Model::from(arm);
+/// let law = PriorityAccelerationSpec::new(model.clone(), levels, PriorityOptions::default(), 1.0, &LimitOverrides::default())?;
+/// let (law, plant) = (LawSpec::from(law), PlantSpec::from(RigidSpec::new(model)));
+/// let run = Problem::from_rest(&plant, &law, &dvector![0.3, 0.9], Options::fixed(0.4, 1e-2))?.run()?;
+/// let error = |k: usize| { let (a, b) = (run.q[2 * k], run.q[2 * k] + run.q[2 * k + 1]); 0.6 - 0.5 * a.cos() - 0.4 * b.cos() };
+/// assert!((error(40) / error(0) - 3.0 * (-2.0f64).exp()).abs() < 1e-4);
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
+#[derive(Clone, Debug, PartialEq)]
+pub struct PriorityAccelerationSpec {
+    model: Model,
+    /// Tasks, the highest priority first.
+    pub levels: Vec<Level>,
+    /// Options of the priority method.
+    pub options: PriorityOptions,
+    /// Joint damping `c`, 1/s.
+    pub joint_damping: f64,
+    /// Joint limits for the method `sns`; `None` for other methods.
+    limits: Option<MotionLimits>,
+}
+
+impl PriorityAccelerationSpec {
+    /// Create the law. `joint_damping`: `c`, 1/s. `limits`: joint limits for the method `Sns`; a limit that is not given is the arm's.
+    /// With `Sns`, bounds in `options` are ignored.
+    ///
+    /// Errors: `Input` for no level, the planar PR arm, a negative damping, or limits with another method than `Sns`. Also as for
+    /// [`MotionLimits::new`] and [`PrioritySolver::new`].
+    pub fn new(model: Model, levels: Vec<Level>, options: PriorityOptions, joint_damping: f64, limits: &LimitOverrides) -> Result<Self> {
+        require_levels(&levels)?;
+        model.tree("arm")?;
+        if !(joint_damping >= 0.0 && joint_damping.is_finite()) {
+            return Err(Error::input("joint_damping", format!("is not a damping: expected a finite number >= 0, got {joint_damping}")));
+        }
+        limits.require_sns(options.method)?;
+        let limits = if options.method == PriorityMethod::Sns {
+            Some(MotionLimits::new(&model, limits).map_err(|error| model.name_limit(error))?)
+        } else {
+            None
+        };
+        let mut options = limits.as_ref().map_or_else(|| options.clone(), |limits| limits.open(options.clone()));
+        // The joint damping is one more level below all tasks. Its Jacobian is the identity. If `eps` has one threshold for each
+        // of several tasks, the default threshold is appended for this level. A single threshold applies to all levels.
+        if let Some(eps) = options.eps.as_mut().filter(|eps| eps.len() == levels.len() && eps.len() > 1) {
+            eps.push(crate::priority::DEFAULT_EPS);
+        }
+        let spec = PriorityAccelerationSpec { model, levels, options, joint_damping, limits };
+        spec.solver()?;
+        Ok(spec)
+    }
+
+    /// Number of rows of each task.
+    pub fn rows(&self) -> Vec<usize> {
+        self.levels.iter().map(|level| level.function.rows()).collect()
+    }
+
+    fn solver(&self) -> Result<PrioritySolver> {
+        let n = self.model.n();
+        PrioritySolver::new(n, &[self.rows(), vec![n]].concat(), &self.options)
+    }
+}
+
+impl Definition for PriorityAccelerationSpec {
+    prioritised!("PriorityAcceleration", Rigid);
+}
+
+impl Shape for PriorityAccelerationSpec {
+    fn same_shape(&self, other: &Self) -> bool {
+        same_tasks((&self.levels, &self.options), (&other.levels, &other.options))
+    }
+}
+
+impl Equations for PriorityAccelerationSpec {
+    fn parameters(&self, _: Option<f64>) -> Parameters {
+        let (Ok(arm), Ok(solver)) = (self.model.tree("arm"), self.solver()) else { unreachable!("refused when the law was made") };
+        let dampings: Vec<Gain> = self.levels.iter().map(Level::rate_gain).collect();
+        let tasks = stack::<E>(arm, &self.levels);
+        let formula = StackFormula::of(&solver);
+        Parameters::of_arm(&self.model)
+            .made("tasks", tasks)
+            .made("solution", formula)
+            .gains("gain", self.levels.iter().map(|level| &level.gain))
+            .gains("rate_gain", &dampings)
+            .number("joint_damping", self.joint_damping)
+            .option(self.limits.as_ref(), |numbers, limits| numbers.made("limits", limits.lift::<E>()))
+    }
+
+    fn equations(&self, at: &Loop) -> Answer {
+        let (n, rows, numbers) = (at.q.len(), self.rows(), at.numbers());
+        let tasks = Tasks::of(numbers.get_made("tasks"), at, true);
+        let e_dot = &tasks.e_dot - &tasks.j * &at.v;
+        let a_d = &tasks.acceleration - &tasks.j_dot * &at.v;
+        let command = a_d + gained(numbers.get_gains("rate_gain"), &rows, &e_dot) + gained(numbers.get_gains("gain"), &rows, &tasks.e);
+
+        // The last level stops motions that change no task.
+        let (total, slow) = (command.len(), &at.v * -at.number("joint_damping"));
+        let mut j = tasks.j.clone().insert_rows(total, n, E::zero());
+        j.rows_mut(total, n).fill_with_identity();
+        let bounds = self.limits.is_some().then(|| numbers.get_made::<MotionLimits<E>>("limits").accelerations(&at.q, &at.v));
+        let solution = solution(numbers.get_made("solution"), tasks.rounding, (&j, &stacked([&command, &slow])), bounds);
+
+        E::term("rows", &[rows.len()], || rows.iter().map(|&rows| constant(rows as f64)).collect());
+        at.term("e", tasks.e);
+        at.term("e_dot", e_dot);
+        at.matrix_term("J", tasks.j);
+        at.matrix_term("J_dot", tasks.j_dot);
+        at.term("command", command);
+        at.term("residuals", vector(&solution.residuals()[..total]));
+        at.term("ranks", vector(&solution.ranks()[..rows.len()]));
+        let a = at.term("a", vector(solution.v()));
+        Answer::new(at.arm().inverse_dynamics(&at.v, &a))
+    }
+}
