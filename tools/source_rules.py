@@ -1,7 +1,8 @@
-"""`python tools/source_rules.py`: find too long files and functions, and repeated lines, in the Rust and Python sources.
+"""`python tools/source_rules.py`: find too long files and functions, too full folders, and repeated lines, in the Rust and Python sources.
 
 A file has at most 400 lines. A function has at most 80 lines without its docstring, unless a comment `Long: ..` directly above it gives
-the reason. No ten consecutive lines occur twice. The last rule ignores blank lines and indentation, stubs, and the parameters of Python
+the reason. A folder has at most 15 files, unless a sentence `The folder is flat, because ..` in `mod.rs` or `__init__.py` gives the
+reason. No ten consecutive lines occur twice. The last rule ignores blank lines and indentation, stubs, and the parameters of Python
 functions, in Python and in Rust. Parameters may repeat, because a caller reads the whole list at its function.
 """
 
@@ -10,13 +11,16 @@ from __future__ import annotations
 import ast
 import re
 import sys
-from collections import defaultdict
+from collections import Counter, defaultdict
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
-FILE, FUNCTION, RUN = 400, 80, 10
+FILE, FUNCTION, RUN, FOLDER = 400, 80, 10, 15
 SUFFIXES = (".rs", ".py", ".pyi")
 REASON = re.compile(r"^\s*(#|//) Long: \S")
+#: Files whose documentation describes their folder, and the pattern of the sentence with a reason.
+HEADS = ("mod.rs", "lib.rs", "main.rs", "__init__.py")
+FLAT = re.compile(r"^(//! |# )?The folder is flat, because \S", re.MULTILINE)
 #: Pattern of a parameter of a Python function that is written in Rust.
 PARAMETER = re.compile(r"^\w+: (Option<)?&Bound<'(py|_), PyAny>>?,$")
 #: Pattern of Rust comments and literals, whose braces do not count.
@@ -33,6 +37,16 @@ def long_files(paths: list[Path], most: int = FILE) -> dict[Path, int]:
     """Files with more than `most` lines, and their numbers of lines."""
     lengths = {path: path.read_text(encoding="utf-8").count("\n") for path in paths}
     return {path: lines for path, lines in lengths.items() if lines > most}
+
+
+def full_folders(paths: list[Path], most: int = FOLDER) -> dict[Path, int]:
+    """Folders with more than `most` files and without a reason, and their numbers of files."""
+    counts = Counter(path.parent for path in paths if path.suffix != ".pyi")
+
+    def says_why(folder: Path) -> bool:
+        return any(FLAT.search(head.read_text(encoding="utf-8")) for head in map(folder.joinpath, HEADS) if head.is_file())
+
+    return {folder: count for folder, count in counts.items() if count > most and not says_why(folder)}
 
 
 def functions_of_python(source: str) -> list[tuple[str, int, int, int]]:
@@ -124,6 +138,7 @@ def repeated(paths: list[Path], run: int = RUN) -> list[list[tuple[Path, int, in
 def main() -> int:
     paths = sources(ROOT / "rust", ROOT / "python")
     faults = [f"{path.relative_to(ROOT)}: {lines} lines" for path, lines in long_files(paths).items()]
+    faults += [f"{folder.relative_to(ROOT)}: {count} files" for folder, count in full_folders(paths).items()]
     faults += [f"{path.relative_to(ROOT)}: {name}: {lines} lines" for path in paths for name, lines in long_functions(path).items()]
     for group in repeated(paths):
         faults.append(f"{group[0][2]} equal lines: " + ", ".join(f"{path.relative_to(ROOT)}:{line}" for path, line, _ in group))

@@ -1,8 +1,12 @@
-"""`python tools/words.py`: find banned words and sentences of more than 25 words in pages, docstrings, Rust documentation and messages.
+"""`python tools/words.py`: find banned words and sentences of more than 25 words in pages, docstrings, Rust documentation and messages,
+and banned names in definitions.
 
 `tools/words_allowed.toml` has a line `"file" = [long sentences, banned words]` for each file with faults. The check fails if a file has
 more or fewer faults than allowed. `python tools/words.py --lower` lowers the numbers. `python tools/words.py FILE..` prints every fault
 of these files.
+
+A function, field, module, constant, class or argument has none of the names `NAMES`, because they do not state what it is or does.
+`NAMES_ALLOWED` lists the exceptions.
 """
 
 from __future__ import annotations
@@ -13,6 +17,7 @@ import sys
 import tomllib
 from collections.abc import Iterator
 from pathlib import Path
+from typing import TypeGuard
 
 ROOT = Path(__file__).resolve().parents[1]
 ALLOWED = Path("tools/words_allowed.toml")
@@ -39,6 +44,16 @@ BANNED = {
     r"what is left": "the remainder, or name the thing",
     r"whatever": "for every",
 }
+#: Banned names of functions, fields, modules, constants, classes and arguments. Longer names may contain these words.
+NAMES = "look stands again rest back beside kept fine spare whole keep touch forget".split()
+#: Public names: folder or file, and name.
+NAMES_ALLOWED = {
+    ("python/armlet/run", "keep"),  # the argument of `simulate_batch`
+    ("rust/core/src/simulate/batch", "keep"),  # the same argument
+}
+#: Patterns of a definition in Rust: an item, or a field or parameter. A lifetime, a parameter of a macro and a variable are no such names.
+ITEM_OF_RUST = re.compile(rf"\b(?:fn|mod|const|static)\s+({'|'.join(NAMES)})\b", re.IGNORECASE)
+FIELD_OF_RUST = re.compile(rf"(?<![$'\w])(?<!let )(?<!let mut )({'|'.join(NAMES)})\s*:(?!:)")
 PATTERN = re.compile(r"\b(?:" + "|".join(f"(?:{word})" for word in BANNED) + r")\b", re.IGNORECASE)
 # Code and formulas count as one word each.
 CODE = re.compile(r"``[^`]+``|`[^`\n]+`|\$[^$\n]+\$|\{[^{}]*\}")
@@ -105,6 +120,43 @@ def faults(path: Path) -> tuple[list[str], list[str]]:
     return long, [f"{match.group()}: {s}" for s in found for match in PATTERN.finditer(s)]
 
 
+def names(path: Path) -> list[str]:
+    """The banned names that a file defines."""
+    source = path.read_text(encoding="utf-8")
+    found = [path.stem]
+    if path.suffix == ".rs":
+        code = LITERAL.sub(" ", source)
+        found += [match[1] for pattern in (ITEM_OF_RUST, FIELD_OF_RUST) for match in pattern.finditer(code)]
+    else:
+        tree = ast.parse(source)
+        for node in ast.walk(tree):
+            if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef):
+                found.append(node.name)
+            elif isinstance(node, ast.arg):
+                found.append(node.arg)
+            elif isinstance(node, ast.Attribute) and isinstance(node.ctx, ast.Store):
+                found.append(node.attr)
+            if isinstance(node, ast.Module | ast.ClassDef):
+                found += [each.id for part in node.body for each in ast.walk(part) if _is_target(part, each)]
+    return [name for name in found if name.lower() in NAMES]
+
+
+def _is_target(statement: ast.stmt, node: ast.AST) -> TypeGuard[ast.Name]:
+    """Whether `node` is a name to which an assignment, `statement`, assigns."""
+    return isinstance(statement, ast.Assign | ast.AnnAssign) and isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store)
+
+
+def banned_names(root: Path) -> list[str]:
+    """The banned names in the sources of both languages, with their files."""
+    paths = [*(root / "rust").rglob("*.rs"), *(root / "python/armlet").rglob("*.py"), *(root / "tools").rglob("*.py")]
+    found = {path.relative_to(root).as_posix(): names(path) for path in sorted(paths) if "target" not in path.parts}
+
+    def allowed(file: str, name: str) -> bool:
+        return any(file.startswith(place) and name == each for place, each in NAMES_ALLOWED)
+
+    return [f"{file}: {name} is a banned name" for file, given in found.items() for name in given if not allowed(file, name)]
+
+
 def read(root: Path) -> dict[str, tuple[int, int]]:
     """The number of long sentences and of banned words in each file that has any."""
     names = ("README", "CONTRIBUTING", "CHANGELOG", "RELEASING", "SECURITY", "benches/README")
@@ -125,6 +177,8 @@ def main(arguments: list[str], root: Path = ROOT) -> int:
         return 0
     allowed = {name: tuple(numbers) for name, numbers in tomllib.loads((root / ALLOWED).read_text(encoding="utf-8")).items()}
     found = read(root)
+    wrong = banned_names(root)
+    print(*wrong, sep="\n", end="\n" if wrong else "")
     over = {name: found[name] for name in found if any(a > b for a, b in zip(found[name], allowed.get(name, (0, 0)), strict=True))}
     under = [name for name in allowed if any(a < b for a, b in zip(found.get(name, (0, 0)), allowed[name], strict=True))]
     for name, numbers in over.items():
@@ -134,7 +188,7 @@ def main(arguments: list[str], root: Path = ROOT) -> int:
         (root / ALLOWED).write_text("".join(f'"{name}" = {kept[name]}\n' for name in sorted(kept) if any(kept[name])), encoding="utf-8")
     elif under:
         print(f"{ALLOWED} allows more than is found: `python tools/words.py --lower` lowers it for {', '.join(under)}")
-    return int(bool(over) or (bool(under) and not arguments))
+    return int(bool(over) or bool(wrong) or (bool(under) and not arguments))
 
 
 if __name__ == "__main__":

@@ -9,6 +9,7 @@ energy balance.
 <Status.SUCCESS: 0>
 """
 
+# The folder is flat, because each public name without a folder has one file.
 from ._core import (
     PID,
     Adaptive,

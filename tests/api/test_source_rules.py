@@ -28,6 +28,10 @@ def test_no_file_is_too_long() -> None:
     assert RULES.long_files(SOURCES) == {}
 
 
+def test_no_folder_is_too_full() -> None:
+    assert RULES.full_folders(SOURCES) == {}
+
+
 def test_no_function_is_too_long() -> None:
     found = {str(path): RULES.long_functions(path) for path in SOURCES}
     assert {path: longer for path, longer in found.items() if longer} == {}
@@ -60,6 +64,23 @@ def test_long_files_are_detected(tmp_path: Path) -> None:
     (tmp_path / "long.rs").write_text("\n" * 401)
     (tmp_path / "short.py").write_text("\n" * 400)
     assert RULES.long_files(RULES.sources(tmp_path)) == {tmp_path / "long.rs": 401}
+
+
+def test_full_folders_are_detected(tmp_path: Path) -> None:
+    for folder, head, text in (
+        ("a", "mod.rs", "//! Files.\n"),
+        ("b", "mod.rs", "//! Files.\n//!\n//! The folder is flat, because it is one table.\n"),
+        ("c", "__init__.py", '"""The folder is flat, because\n"""\n'),
+        ("d", "__init__.py", '"""Files.\n\nThe folder is flat, because it is one table.\n"""\n'),
+    ):
+        (tmp_path / folder).mkdir()
+        (tmp_path / folder / head).write_text(text)
+        for i in range(15):
+            (tmp_path / folder / f"{i}.{head[-2:]}").write_text("")
+    assert RULES.full_folders(RULES.sources(tmp_path)) == {tmp_path / "a": 16, tmp_path / "c": 16}
+    (tmp_path / "a" / "0.rs").unlink()
+    (tmp_path / "c" / "0.py").rename(tmp_path / "c" / "0.pyi")
+    assert RULES.full_folders(RULES.sources(tmp_path)) == {}
 
 
 def test_repeated_lines_are_detected(tmp_path: Path) -> None:

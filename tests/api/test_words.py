@@ -50,6 +50,33 @@ def test_faults_are_detected(name: str, text: str, expected: tuple[int, int], tm
     assert tuple(map(len, WORDS.faults(tmp_path / name))) == expected
 
 
+@pytest.mark.parametrize(
+    ("name", "text", "expected"),
+    [
+        ("a.rs", "pub fn look(&self) {}\n", ["look"]),
+        ("a.rs", "struct A {\n    pub kept: f64, // whole: 1\n}\n", ["kept"]),
+        ("a.rs", "fn f(back: &mut [f64], keep_alive: bool) {}\nconst SPARE: u8 = 1;\nmod rest;\n", ["SPARE", "rest", "back"]),
+        ("a.rs", "fn f() {\n    let rest: u8 = 1;\n    'back: loop {}\n    let a = \"fn look keep: \";\n    rest::f();\n}\n", []),
+        ("rest.rs", "", ["rest"]),
+        ("a.py", "def forget(self, whole=1):\n    self.kept = rest = whole\n", ["forget", "whole", "kept"]),
+        ("a.py", "FINE = 1\n\n\nclass A:\n    again: int\n\n    def f(self):\n        rest = 2\n", ["FINE", "again"]),
+    ],
+)
+def test_banned_names_are_detected(name: str, text: str, expected: list[str], tmp_path: Path) -> None:
+    (tmp_path / name).write_text(text)
+    assert sorted(WORDS.names(tmp_path / name)) == sorted(expected)
+
+
+def test_a_banned_name_fails_the_check(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "tools").mkdir()
+    (tmp_path / WORDS.ALLOWED).write_text("")
+    for folder in ("python/armlet/run", "python/armlet"):
+        (tmp_path / folder).mkdir(parents=True, exist_ok=True)
+        (tmp_path / folder / "a.py").write_text("def f(keep):\n    return keep\n")
+    assert WORDS.main([], tmp_path) == 1
+    assert capsys.readouterr().out == "python/armlet/a.py: keep is a banned name\n"
+
+
 def test_allowances_only_shrink(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "tools").mkdir()
     (tmp_path / "README.md").write_text(f"{LONG} We were told.\n")

@@ -41,7 +41,7 @@ PYTEST = (
     "identities/test_time_path_identities.py", "identities/test_torque_sensor_identities.py", "api/test_arm_batches.py",
     "api/test_batches.py", "api/test_programs.py", "api/test_priority_programs.py", "api/test_run.py", "api/test_bit_hashes.py",
 )  # fmt: skip
-REST = ("lib", "suite", *PYTEST)
+ALL_UNITS = ("lib", "suite", *PYTEST)
 #: Descriptions of bugs that no fast test can notice, with the reason.
 KNOWN: dict[str, str] = {
     "a known program taken for other limits of effort": "no fault: limits are inputs of a program, and a run without them has fewer inputs",
@@ -200,7 +200,7 @@ def main() -> int:
         if given.only and number not in given.only:
             continue
         begun = time.monotonic()
-        for unit in dict.fromkeys((*bug["tests"], *REST)):
+        for unit in dict.fromkeys((*bug["tests"], *ALL_UNITS)):
             whole, name = passes(binaries, unit, number, 60.0 + 10.0 * without(unit))
             if not whole:
                 break

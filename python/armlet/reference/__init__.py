@@ -3,6 +3,8 @@
 The dynamics are derivatives of energies by complex steps, where the core has recursions. The adaptive integration is an extrapolation
 method, where the core has Runge-Kutta and Rosenbrock methods. The reference is slow, and armlet never uses it in place of the core. Besides
 the standard library, it imports only numpy.
+
+The folder is flat, because each file has the equations of one law, plant or method.
 """
 
 from . import integrate

@@ -1,4 +1,7 @@
-"""Runs of closed loops: arguments, results, metrics and storage."""
+"""Runs of closed loops: arguments, results, metrics and storage.
+
+The folder is flat, because each property of a run has one file.
+"""
 
 from .records import BatchRun, Run, load
 

@@ -1,4 +1,6 @@
 //! The extension module `armlet._core`. It converts arguments, calls the core, and maps errors and statuses. It contains no algorithm.
+//!
+//! The folder is flat, because each class or function of the extension has one file; a class with several files has a folder.
 
 mod about;
 mod arguments;

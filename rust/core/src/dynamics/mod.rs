@@ -5,6 +5,8 @@
 //! if the coordinate is not an angle. A plant and a law at the same `q` share `trig`.
 //!
 //! A joint that *follows* another joint, its *leader*, is a mimic joint. An *ancestor* of a joint is any joint between it and the base.
+//!
+//! The folder is flat, because each algorithm of rigid-body dynamics has one file, and all of them read the same tree.
 
 #[doc(hidden)]
 pub mod aba;

@@ -5,6 +5,8 @@
 //!
 //! Terms: the *slope* is `x'`. An *attempt* is a step before the error test. A *segment* is the time between two jumps of the input or the
 //! state. A *lane* is one element of a SIMD register, and computes one of several runs.
+//!
+//! The folder is flat, because each method has one file, and the other files are parts that methods share.
 
 pub mod accuracy;
 pub mod adaptive;

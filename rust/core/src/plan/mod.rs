@@ -20,6 +20,8 @@
 //! - `e` is the distance from the start of a back-swing to its turn.
 //! - A *maximum of gravity* is an angle where the kinetic energy of a phase has a local minimum. Gravity slows the link down before this
 //!   angle, and no longer after it.
+//!
+//! The folder is flat, because each problem has one file, and all problems share the phases, curves and sines of one link.
 
 mod bang_bang;
 mod curve;

@@ -5,15 +5,17 @@
 //! A *frame* is the memory of a running program. A *slot* of a frame has one number per lane. A program can repeat its code. The inputs
 //! that change from one iteration to the next are in an array outside of the frame, the *stream*.
 //!
-//! Files: `sym`, `tape`, `operation` and `memo` record and fold, and `expression` has vectors and matrices of recorded values. `segments` divides a recording, and `pieces` divides its parts at
-//! cuts, where native code may replace results (`decision`). `differentiate`, `tangents` and `adjoint` compute derivatives of a recording, and
-//! `branches` finds its comparisons. `interpreter` computes a recording, with the steps that `steps` makes. `jacobian` computes a recording
-//! and its Jacobian.
-//! `straight` and `lower` have the straight-line instructions. `lifetimes`, `emit`, `instruction`, `opcode`, `x86`, `aarch64` and `memory`
-//! make machine code. `c` prints a recording as C code. `frame` is the memory of a running program, and `pages` requests large pages.
-//! `signature` has the groups of slots in a frame. `rows`
-//! copies between the caller's rows and a frame. `function` makes programs of recorded functions, and `cache` stores them. `by_engine` decides when machine code repays. `program` is the
-//! common interface of machine code and `interpreter`. `label`, `listing` and `listing_code` produce text for readers.
+//! Files: `sym`, `tape`, `operation` and `memo` record and fold, and `expression` has vectors and matrices of recorded values. `segments`
+//! divides a recording, and `pieces` divides its parts at cuts, where native code may replace results (`decision`). `differentiate`,
+//! `tangents` and `adjoint` compute derivatives of a recording, and `branches` finds its comparisons. `interpreter` computes a recording,
+//! with the steps that `steps` makes. `jacobian` computes a recording and its Jacobian. `straight` and `lower` have the straight-line
+//! instructions. `lifetimes`, `emit`, `instruction`, `opcode`, `x86`, `aarch64` and `memory` make machine code. `c` prints a recording as C
+//! code. `frame` is the memory of a running program, and `pages` requests large pages. `signature` has the groups of slots in a frame.
+//! `rows` copies between the caller's rows and a frame. `function` makes programs of recorded functions, and `cache` stores them.
+//! `by_engine` decides when machine code repays. `program` is the common interface of machine code and `interpreter`. `label`, `listing`
+//! and `listing_code` produce text for readers.
+//!
+//! The folder is flat, because most files are steps of one compiler, in the order above.
 
 pub mod aarch64;
 pub mod adjoint;

@@ -1,4 +1,6 @@
 //! All integration tests in one binary, so that they are linked only once.
+//!
+//! The folder is flat, because the name of a test file begins with its part of the core.
 
 mod adaptive_ndof;
 mod adaptive_pr;

@@ -11,6 +11,8 @@
 //! written and read again. If a user changes a rounded number in the file, the reader uses the changed number.
 //!
 //! Numbers beyond the limits of `plausible` are refused, because rounding errors would dominate the dynamics of such an arm.
+//!
+//! The folder is flat, because each element of URDF has one file.
 
 #[cfg(feature = "urdf")]
 mod assemble;

@@ -21,6 +21,8 @@
 //! - A mode of the contacts lists for each contact whether it is apart, pressed or slack ([`Touch`](crate::plant::Touch)).
 //! - The tangent of a quantity is its derivative along a direction in the space of the parameters.
 //! - The weight of a quantity is the derivative of the weighted sum of the records with respect to it (the adjoint).
+//!
+//! The folder is flat, because its files are the parts of two passes over the same timeline.
 
 mod backward;
 mod branches;
