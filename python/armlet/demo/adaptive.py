@@ -29,7 +29,7 @@ A, B, C = 2.0, 0.5, 0.5
 KP, KD, GAMMA = (40.0, 20.0), (20.0, 10.0), 5.0
 Q0 = (0.2, -0.3)
 
-# The state (q1, q2, v1, v2, pi_hat) by time t, from rest in Q0 with pi_hat = 0. The values were integrated with 25 digits and rounded to 13.
+# The state (q1, q2, v1, v2, pi_hat) by time t, from rest in Q0 with pi_hat = 0. They were integrated with 25 digits and rounded to 13.
 ORACLE = {
     0.25: (0.2600272316271, 0.2955772120178, 0.6692427878501, 2.635724070174, 0.563398733585, -0.1024356686385, -0.2466599487647),
     1.0: (0.5205529425694, 1.268307483847, -0.1470997213416, 0.07134418422685, 0.9123593755904, 1.040728065069, 0.4407824091997),

@@ -6,15 +6,16 @@
     columns of Y        inertial, then diag(a_r), diag(v_r), diag(tanh(v_r/v_s)), diag(exp(-(v_r/v_s)^2) tanh(v_r/v_s))
     leakage             w = Y's - sigma (pi_hat - pi_0), pi_0 the centre; e-modification: sigma |s|   (Ioannou 1984, Narendra 1987)
     dead zone           w = 0 while |s| is below the size of the zone
-    composite           w = Y's + W'R e_W,   e_W = tau_W - W pi_hat,   W_dot = Y(q, v, v, v_dot) - lambda W,   tau_W_dot = tau - lambda tau_W
+    composite           w = Y's + W'R e_W,   e_W = tau_W - W pi_hat,  W_dot = Y(q, v, v, v_dot) - lambda W,  tau_W_dot = tau - lambda tau_W
                                                                                                            (Slotine and Li 1989)
     concurrent          w = Y's + sum_j W_j'R (tau_j - W_j pi_hat) of stored samples                 (Chowdhary and Johnson 2010)
     Lyapunov function   -V1_dot = s'(tau - (M a_r + C v_r + g + tau_f(v))) + (pi - pi_hat)'w,  without projection and external force
 
-q_d, v_d, a_d are the desired motion, and Kp and Kd the gains. Y is the regressor of the estimated parameters pi_hat. Gamma is the adaptation
-gain, sigma the leakage, and v_s the friction speed. Composite and concurrent adaptation have separate weights R. lambda is the rate of the
-filters, and v_dot the acceleration of the plant. If armature is not estimated, the filter of tau receives tau - armature v_dot. In the last
-row, M, C, g, the friction torque tau_f and the true parameters pi are those of the plant. ' is the transpose, and _dot the time derivative.
+q_d, v_d, a_d are the desired motion, and Kp and Kd the gains. Y is the regressor of the estimated parameters pi_hat. Gamma is the
+adaptation gain, sigma the leakage, and v_s the friction speed. Composite and concurrent adaptation have separate weights R. lambda is the
+rate of the filters, and v_dot the acceleration of the plant. If armature is not estimated, the filter of tau receives tau - armature v_dot.
+In the last row, M, C, g, the friction torque tau_f and the true parameters pi are those of the plant. ' is the transpose, and _dot the time
+derivative.
 """
 
 from collections.abc import Iterable

@@ -9,6 +9,8 @@
 //!   may differ.
 //! - A *program* is a recorded and compiled computation (`trace`), here of a law. Its results have the same bits as a direct evaluation.
 //! - *Joint columns* are the columns of the regressor for armature (rotor inertia) and friction, after the columns of the bodies.
+//!
+//! The folder is flat, because each law outside of a family has one file, and the other files are the vocabulary of all laws.
 
 mod adaptive;
 mod aims;
@@ -232,8 +234,8 @@ impl LawSpec {
         if let LawSpec::ElasticImpedance(law) = self { Some(law) } else { None }
     }
 
-    /// The impedance law with a null space or a compensated coupling, which has a projection loss: the law itself, or its outer loop. `None`
-    /// for other laws.
+    /// The impedance law with a null space or a compensated coupling, which has a projection loss: the law itself, or its outer loop.
+    /// `None` for other laws.
     pub(crate) fn projecting(&self) -> Option<&CartesianImpedanceSpec> {
         let law = self.impedance().or(self.storage().map(|law| &law.outer))?;
         (law.options().null_space.is_some() || law.options().compensate_coupling).then_some(law)

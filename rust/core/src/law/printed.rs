@@ -220,7 +220,7 @@ two = {}, four = {};\n        state->state[i] = {};\n    }}\n",
         let (prefix, upper) = (source.prefix().to_string(), source.upper().to_string());
         let mut breaks: Vec<f64> = self.breaks().into_iter().filter(|&t| t > 0.0).collect();
         breaks.dedup();
-        let whole = if breaks.is_empty() {
+        let whole_step = if breaks.is_empty() {
             format!("        {prefix}_advance_by(state, {upper}_DT);\n")
         } else {
             // If a derivative of a motion jumps within a step, the step is divided at the jump, as in a loop of fixed steps.
@@ -266,7 +266,7 @@ static void {prefix}_advance({prefix}_state *state, double t)
         return;
     }}
     for (k = first; k < last; k += 1.0) {{
-{whole}    }}
+{whole_step}    }}
 }}
 
 "

@@ -3,6 +3,8 @@
 //! The state `x` of a rigid plant is `[q, v]`, of an elastic plant `[q, v, theta, theta_dot]`, and of a velocity-controlled plant `[q]`.
 //! Deflections `z` of friction bristles come last. An external wrench `W = [f; m]` (world axes) acts at one frame. Its joint torque is
 //! `J' W`, with the transposed Jacobian `J'` of the frame. A wall pushes a frame that enters it.
+//!
+//! The folder is flat, because each plant and each model of friction, contacts or sensors has one file.
 
 mod contact;
 mod definition;

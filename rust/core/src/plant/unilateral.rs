@@ -93,8 +93,8 @@ impl<S: Real> Mode<S> {
 }
 
 impl<S: Real> From<Touch> for Mode<S> {
-    fn from(touch: Touch) -> Self {
-        Mode::of(touch.numbers().map(S::splat))
+    fn from(state: Touch) -> Self {
+        Mode::of(state.numbers().map(S::splat))
     }
 }
 

@@ -2,12 +2,12 @@
 //!
 //! - The law estimates all inertial parameters `pi`, or a base set `b` ([`Base`]). `b` is a linear map of `pi` with `Y pi = Y_b b`, where
 //!   `Y` is the regressor and `Y_b` contains its independent columns.
-//! - The metric is Euclidean, `a_hat_dot = Gamma Y' s`, or natural (Lee, Kwon and Park 2018). Here `a_hat` is the estimate, `s` the sliding
-//!   variable and `'` the transpose. In the natural metric, the estimate of the pseudo-inertia `P` of each body has the rate
+//! - The metric is Euclidean, `pi_hat_dot = Gamma Y' s`, or natural (Lee, Kwon and Park 2018). Here `pi_hat` is the estimate, `s` the
+//!   sliding variable and `'` the transpose. In the natural metric, the estimate of the pseudo-inertia `P` of each body has the rate
 //!   `P_hat_dot = gamma P_hat L P_hat`. `L` is a symmetric matrix, formed from the ten entries of `Y' s` that belong to the body. In
 //!   continuous time, a physically possible `P_hat` remains physically possible. The Lyapunov function is then
 //!   `s' M s / 2 + sum d(P || P_hat) / gamma`, with the mass matrix `M` and the divergence `d`. Each estimated rotor inertia or friction
-//!   parameter `a_k` adds `(a_k - a_hat_k)^2 / (2 gamma_k)`.
+//!   parameter `pi_k` adds `(pi_k - pi_hat_k)^2 / (2 gamma_k)`.
 
 use crate::error::{Error, Result, finite};
 use crate::law::sizes::require_size;
@@ -46,17 +46,17 @@ pub enum Adaptation {
 }
 
 impl Adaptation {
-    /// Refuse an invalid gain, and an estimate for which the natural metric is not defined. The last `beside` parameters belong to joint
-    /// columns.
-    pub(super) fn validate(&self, estimate: &[f64], beside: usize) -> Result<()> {
+    /// Refuse an invalid gain, and an estimate for which the natural metric is not defined. The last `joint_parameters` numbers belong to
+    /// joint columns.
+    pub(super) fn validate(&self, estimate: &[f64], joint_parameters: usize) -> Result<()> {
         match self {
             Adaptation::Euclidean(gamma) => require_size("gamma", gamma, estimate.len()),
             Adaptation::Natural(gamma) => {
                 finite("gamma", gamma)?;
-                let inertial = estimate.len() - beside;
-                let wanted = inertial / PARAMETERS + beside;
+                let inertial = estimate.len() - joint_parameters;
+                let wanted = inertial / PARAMETERS + joint_parameters;
                 if gamma.len() != wanted || !inertial.is_multiple_of(PARAMETERS) {
-                    let what = if beside == 0 { "one per body" } else { "one per body and then one per further parameter" };
+                    let what = if joint_parameters == 0 { "one per body" } else { "one per body and then one per further parameter" };
                     return Err(Error::wrong("gamma", "size", format!("{wanted}, {what}"), gamma.len()));
                 }
                 if let Some(i) = gamma.iter().position(|&g| g <= 0.0) {

@@ -2,12 +2,12 @@
 //! accelerations unnecessary.
 //!
 //! ```text
-//! a_hat_dot = Gamma (Y' s + W' R e_W),   e_W = tau_W - W a_hat,   V1_dot = -s' Kd s - e_W' R e_W  where tau_W = W a
+//! pi_hat_dot = Gamma (Y' s + W' R e_W),   e_W = tau_W - W pi_hat,   V1_dot = -s' Kd s - e_W' R e_W  where tau_W = W pi
 //! ```
 //!
-//! Here `Y` is the regressor, `s` the sliding variable, `a_hat` the estimate of the parameters `a`, `V1` the Lyapunov function, and `'` the
-//! transpose. `W` and `tau_W` are the regressor and the torque of the dynamics after the filter `1/(d/dt + lambda)`. With
-//! `M v = Y_M(q, v) a` and `g - C' v = Y_D(q, v) a`, the dynamics are `d/dt (M v) = tau + C' v - g`. Integration by parts of the filtered
+//! Here `Y` is the regressor, `s` the sliding variable, `pi_hat` the estimate of the parameters `pi`, `V1` the Lyapunov function, and `'`
+//! the transpose. `W` and `tau_W` are the regressor and the torque of the dynamics after the filter `1/(d/dt + lambda)`. With
+//! `M v = Y_M(q, v) pi` and `g - C' v = Y_D(q, v) pi`, the dynamics are `d/dt (M v) = tau + C' v - g`. Integration by parts of the filtered
 //! derivative gives:
 //!
 //! ```text
@@ -77,9 +77,9 @@ impl AdaptiveSpec {
     }
 
     /// The adaptation from the filtered dynamics, `W' R e_W`, and the rates of the filters under the torque `tau`.
-    pub(super) fn composite_adaptation(&self, at: &Loop, tau: &V, a_hat: &V) -> (V, V) {
-        let Some(own) = &self.composite else { return (zeros(a_hat.len()), zeros(0)) };
-        let ((n, p), x) = (self.parameter_sizes(), at.z.rows_range(a_hat.len()..));
+    pub(super) fn composite_adaptation(&self, at: &Loop, tau: &V, pi_hat: &V) -> (V, V) {
+        let Some(own) = &self.composite else { return (zeros(pi_hat.len()), zeros(0)) };
+        let ((n, p), x) = (self.parameter_sizes(), at.z.rows_range(pi_hat.len()..));
         let last = x.len() - n;
         let (lambda, weight) = (at.number("composite_rate"), at.gain("composite"));
         let [y_m, y_d] = self.momentum_and_drift(at.arm(), &at.v, at.vector("friction_speed").as_slice());
@@ -89,7 +89,7 @@ impl AdaptiveSpec {
             let w = M::from_fn(n, p, |i, k| self.filter(own, i, k).map_or(E::zero(), |at| y_m[(i, k)] + x[at]));
             (w, x.rows_range(last..) - at.vector("rotors").component_mul(&at.v))
         });
-        let e_w = &tau_w - &w * a_hat;
+        let e_w = &tau_w - &w * pi_hat;
         let push = w.tr_mul(&(weight * &e_w));
 
         let mut x_dot = zeros(last);

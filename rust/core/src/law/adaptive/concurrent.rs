@@ -1,15 +1,15 @@
 //! Concurrent learning (ChowdharyJohnson2010; ParikhKamalapurkarDixon2019): the estimate also follows the errors of stored samples.
 //!
 //! ```text
-//! a_hat_dot = Gamma (Y' s + sum_j W_j' R e_j),   e_j = tau_j - W_j a_hat,   V1_dot = -s' Kd s - sum_j e_j' R e_j where tau_j = W_j a
+//! pi_hat_dot = Gamma (Y' s + sum_j W_j' R e_j),   e_j = tau_j - W_j pi_hat,   V1_dot = -s' Kd s - sum_j e_j' R e_j where tau_j = W_j pi
 //! W_j = Y(q_j, v_j, v_j, v_dot_j), tau_j the torque there                                      a sample with its acceleration
 //! W_j = [Y_M(q, v)] + int Y_D(q, v) dt, tau_j = int tau dt, [.] the change over the window     a window of a record without accelerations
 //! ```
 //!
-//! Here `Y` is the regressor, `s` the sliding variable, `a_hat` the estimate of the parameters `a`, `V1` the Lyapunov function, and `'` the
-//! transpose. `Y_M` and `Y_D` are the regressors of the momentum `M v` and of the drift `g - C' v`. A control loop only requires the sums
-//! `sum W_j' R W_j` and `sum W_j' R tau_j`. The torque of known rotor inertias `B` is subtracted: `tau_j - B v_dot_j` for a sample with its
-//! acceleration, `tau_j - B [v]` for a window.
+//! Here `Y` is the regressor, `s` the sliding variable, `pi_hat` the estimate of the parameters `pi`, `V1` the Lyapunov function, and `'`
+//! the transpose. `Y_M` and `Y_D` are the regressors of the momentum `M v` and of the drift `g - C' v`. A control loop only requires the
+//! sums `sum W_j' R W_j` and `sum W_j' R tau_j`. The torque of known rotor inertias `B` is subtracted: `tau_j - B v_dot_j` for a sample
+//! with its acceleration, `tau_j - B [v]` for a window.
 
 use super::AdaptiveSpec;
 use super::adaptation::Concurrent;

@@ -1,13 +1,13 @@
 //! Adaptive tracking (Slotine and Li 1987):
 //!
 //! `e = q_d - q`, `Lambda = Kd^-1 Kp`, `v_r = v_d + Lambda e`, `a_r = a_d + Lambda e_dot`, `s = v_r - v`,
-//! `tau = Y(q, v, v_r, a_r) a_hat + Kp e + Kd e_dot = Y a_hat + Kd s`, `a_hat_dot = Gamma Y' s`.
+//! `tau = Y(q, v, v_r, a_r) pi_hat + Kp e + Kd e_dot = Y pi_hat + Kd s`, `pi_hat_dot = Gamma Y' s`.
 //!
-//! The regressor `Y` satisfies `Y a = M(q) a_r + C(q, v) v_r + g(q)` for the inertial parameters `a`. The prime is the transpose.
+//! The regressor `Y` satisfies `Y pi = M(q) a_r + C(q, v) v_r + g(q)` for the inertial parameters `pi`. The prime is the transpose.
 //!
-//! Rotor inertias (armature) and friction may be among the estimated parameters `a` (`joint_columns`). If rotor inertias are not estimated,
-//! they are known, and the torque `armature a_r` is added. The options replace `Y' s` by a vector `w`: see `restraint`, `composite` and
-//! `concurrent`. `projection` and the natural metric (`adaptation`) replace `Gamma`.
+//! Rotor inertias (armature) and friction may be among the estimated parameters `pi` (`joint_columns`). If rotor inertias are not
+//! estimated, they are known, and the torque `armature a_r` is added. The options replace `Y' s` by a vector `w`: see `restraint`,
+//! `composite` and `concurrent`. `projection` and the natural metric (`adaptation`) replace `Gamma`.
 
 use super::projection::Projector;
 use super::{Adaptation, AdaptiveSpec, LeakageForm};
@@ -67,14 +67,14 @@ impl Equations for AdaptiveSpec {
         let a_r = at.term("a_r", a_d + lambda * &e_dot);
         let s = at.term("s", &v_r - &at.v);
 
-        let a_hat = at.z.rows(0, self.parameter_sizes().1).into_owned();
+        let pi_hat = at.z.rows(0, self.parameter_sizes().1).into_owned();
         let y = self.regressor(at.arm(), at.vector("friction_speed"), [&at.v, &v_r, &a_r]);
-        at.term_on_request("Y", [s.len(), a_hat.len()], || y.matrix());
-        let [y_a, y_s] = y.products(&a_hat, &s);
-        let tau = y_a + kd * &s + at.vector("rotors").component_mul(&a_r);
+        at.term_on_request("Y", [s.len(), pi_hat.len()], || y.matrix());
+        let [y_pi, y_s] = y.products(&pi_hat, &s);
+        let tau = y_pi + kd * &s + at.vector("rotors").component_mul(&a_r);
 
-        let (w, filter_rates) = self.adaptation_vector(at, &s, &y_s, &a_hat, &tau);
-        let mut rate = self.estimate_rate(at, &a_hat, &w);
+        let (w, filter_rates) = self.adaptation_vector(at, &s, &y_s, &pi_hat, &tau);
+        let mut rate = self.estimate_rate(at, &pi_hat, &w);
         let mut withheld = &y_s - w;
         if self.restraint.dead_zone > 0.0 {
             let s_0 = at.number("dead_zone");
@@ -97,35 +97,35 @@ impl Equations for AdaptiveSpec {
 }
 
 impl AdaptiveSpec {
-    /// The vector `w` of the adaptation `a_hat_dot = Gamma w`: `Y' s` with leakage and the adaptation from the filtered dynamics and from
+    /// The vector `w` of the adaptation `pi_hat_dot = Gamma w`: `Y' s` with leakage and the adaptation from the filtered dynamics and from
     /// stored samples. The rates of the filters are the second result.
-    fn adaptation_vector(&self, at: &Loop, s: &V, y_s: &V, a_hat: &V, tau: &V) -> (V, V) {
+    fn adaptation_vector(&self, at: &Loop, s: &V, y_s: &V, pi_hat: &V, tau: &V) -> (V, V) {
         let (mut w, mut filter_rates) = (y_s.clone(), zeros(0));
         if self.restraint.leakage > 0.0 {
             let size = if self.restraint.form == LeakageForm::Error { s.dot(s).sqrt() } else { constant(1.0) };
-            w -= (a_hat - at.vector("leakage_centre")) * (at.number("leakage") * size);
+            w -= (pi_hat - at.vector("leakage_centre")) * (at.number("leakage") * size);
         }
         if self.composite.is_some() {
-            let (push, rates) = self.composite_adaptation(at, tau, a_hat);
+            let (push, rates) = self.composite_adaptation(at, tau, pi_hat);
             w += push;
             filter_rates = rates;
         }
         if self.concurrent.is_some() {
-            w += at.vector("stored_moment") - at.numbers().get_matrix("stored_gram") * a_hat;
+            w += at.vector("stored_moment") - at.numbers().get_matrix("stored_gram") * pi_hat;
         }
         (w, filter_rates)
     }
 
     /// The rate of the estimate in the metric of the law, with its projection.
-    fn estimate_rate(&self, at: &Loop, a_hat: &V, w: &V) -> V {
+    fn estimate_rate(&self, at: &Loop, pi_hat: &V, w: &V) -> V {
         if let Adaptation::Natural(_) = self.adaptation {
-            return natural(at.vector("gamma"), a_hat, w);
+            return natural(at.vector("gamma"), pi_hat, w);
         }
         let gamma = at.gain("gamma");
         let mut rate = gamma * w;
         if self.projection.is_some() {
             let projector: &Projector<E> = at.numbers().get_made("projection");
-            projector.correct(gamma, a_hat.as_slice(), w.as_slice(), rate.as_mut_slice());
+            projector.correct(gamma, pi_hat.as_slice(), w.as_slice(), rate.as_mut_slice());
         }
         rate
     }
@@ -133,10 +133,10 @@ impl AdaptiveSpec {
 
 /// The rates of the estimate in the natural metric: `P_hat_dot = gamma P_hat L P_hat` of each body, then `gamma w` of each parameter of a
 /// joint column.
-fn natural(gamma: &V, a_hat: &V, w: &V) -> V {
-    let bodies = (a_hat.len() - gamma.len()) / (PARAMETERS - 1);
+fn natural(gamma: &V, pi_hat: &V, w: &V) -> V {
+    let bodies = (pi_hat.len() - gamma.len()) / (PARAMETERS - 1);
     let block = |x: &V, i: usize| -> [E; PARAMETERS] { std::array::from_fn(|k| x[PARAMETERS * i + k]) };
-    let of_bodies = (0..bodies).flat_map(|i| natural_rate(&block(a_hat, i), &block(w, i), gamma[i]));
+    let of_bodies = (0..bodies).flat_map(|i| natural_rate(&block(pi_hat, i), &block(w, i), gamma[i]));
     let of_joints = (bodies..gamma.len()).map(|k| gamma[k] * w[PARAMETERS * bodies + k - bodies]);
     V::from_vec(of_bodies.chain(of_joints).collect())
 }

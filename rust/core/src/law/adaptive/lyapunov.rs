@@ -1,8 +1,8 @@
-//! The Lyapunov function of the adaptive laws. It uses the true parameters `a` of the plant:
+//! The Lyapunov function of the adaptive laws. It uses the true parameters `pi` of the plant:
 //!
-//! `V1 = s' M s / 2 + (a - a_hat)' Gamma^-1 (a - a_hat) / 2`, or in the natural metric `s' M s / 2 + sum d(P || P_hat) / gamma` plus
-//! `(a_k - a_hat_k)^2 / (2 gamma_k)` of each parameter `a_k` of a joint column. `s` is the sliding variable, `M` the mass matrix, `a_hat`
-//! the estimate, `P` the pseudo-inertia of a body and `d` a divergence.
+//! `V1 = s' M s / 2 + (pi - pi_hat)' Gamma^-1 (pi - pi_hat) / 2`, or in the natural metric `s' M s / 2 + sum d(P || P_hat) / gamma` plus
+//! `(pi_k - pi_hat_k)^2 / (2 gamma_k)` of each parameter `pi_k` of a joint column. `s` is the sliding variable, `M` the mass matrix,
+//! `pi_hat` the estimate, `P` the pseudo-inertia of a body and `d` a divergence.
 
 use super::{Adaptation, AdaptiveSpec};
 use crate::dynamics::At;
@@ -32,12 +32,12 @@ impl<'a> Lyapunov<'a> {
         Lyapunov { adaptation: &law.adaptation, numbers }
     }
 
-    /// The function `V1`, J, at the law's state `a_hat`, which begins with the estimate.
-    pub fn value(&self, [q_d, v_d, _]: &Sample, arm: &At<E>, x: &PlantState, a_hat: &V) -> E {
+    /// The function `V1`, J, at the law's state `pi_hat`, which begins with the estimate.
+    pub fn value(&self, [q_d, v_d, _]: &Sample, arm: &At<E>, x: &PlantState, pi_hat: &V) -> E {
         let s = v_d - &x.v + self.numbers.get_gain("lambda") * &(q_d - &x.q);
-        let a = self.numbers.get_numbers("plant");
-        let a_hat = &a_hat.rows(0, a.len()).into_owned();
-        let error = a - a_hat;
+        let pi = self.numbers.get_numbers("plant");
+        let pi_hat = &pi_hat.rows(0, pi.len()).into_owned();
+        let error = pi - pi_hat;
         let kinetic = s.dot(&(arm.mass_matrix() * &s));
         let half = constant(0.5);
         let distance = match self.adaptation {
@@ -45,17 +45,17 @@ impl<'a> Lyapunov<'a> {
                 half * error.dot(&error.component_div(self.numbers.get_numbers("gamma")))
             }
             Adaptation::Euclidean(_) => half * error.dot(&(self.numbers.get_gain("inverse_gamma") * &error)),
-            Adaptation::Natural(_) => natural(self.numbers.get_numbers("gamma"), a, &error, a_hat),
+            Adaptation::Natural(_) => natural(self.numbers.get_numbers("gamma"), pi, &error, pi_hat),
         };
         half * kinetic + distance
     }
 }
 
 /// The distance between estimate and true parameters in the natural metric.
-fn natural(gamma: &V, a: &V, error: &V, a_hat: &V) -> E {
-    let bodies = (a.len() - gamma.len()) / (PARAMETERS - 1);
+fn natural(gamma: &V, pi: &V, error: &V, pi_hat: &V) -> E {
+    let bodies = (pi.len() - gamma.len()) / (PARAMETERS - 1);
     let block = |x: &V, i: usize| -> [E; PARAMETERS] { std::array::from_fn(|k| x[PARAMETERS * i + k]) };
-    let of_bodies = (0..bodies).fold(E::zero(), |sum, i| sum + divergence(&block(a, i), &block(a_hat, i)) / gamma[i]);
+    let of_bodies = (0..bodies).fold(E::zero(), |sum, i| sum + divergence(&block(pi, i), &block(pi_hat, i)) / gamma[i]);
     let (errors, gamma) = (error.rows_range(PARAMETERS * bodies..), gamma.rows_range(bodies..));
     errors.iter().zip(&gamma).fold(of_bodies, |sum, (&error, &gamma)| sum + constant(0.5) * error * (error / gamma))
 }

@@ -77,8 +77,8 @@ pub struct AdaptiveSpec {
     pub composite: Option<Composite>,
     /// Additional adaptation from stored samples.
     pub concurrent: Option<Concurrent>,
-    /// The law's state at the start of a run: the estimate, then filters of zero. [`Equations::start_state`](super::Equations::start_state) sets the filters from the plant's
-    /// state.
+    /// The law's state at the start of a run: the estimate, then filters of zero. [`Equations::start_state`](super::Equations::start_state)
+    /// sets the filters from the plant's state.
     pub(super) start: Vec<f64>,
 }
 
@@ -218,9 +218,9 @@ impl AdaptiveSpec {
     pub(super) fn lengthen(&mut self) {
         self.start.clone_from(&self.estimate);
         if self.composite.is_some() {
-            let (n, beside) = (self.model.n(), self.columns.count());
-            let bodies = self.estimate.len() - beside;
-            self.start.resize(self.estimate.len() + n * bodies + beside + n, 0.0);
+            let (n, joint_parameters) = (self.model.n(), self.columns.count());
+            let bodies = self.estimate.len() - joint_parameters;
+            self.start.resize(self.estimate.len() + n * bodies + joint_parameters + n, 0.0);
         }
     }
 }

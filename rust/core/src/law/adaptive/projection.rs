@@ -55,12 +55,12 @@ pub struct Projection {
     factors: Vec<Pseudo<f64>>,
 }
 
-/// The pseudo-inertia `P` of one body. For the planar PR arm, `rest` fills the remaining diagonal.
-fn matrix_of<S: Real>(pi: &[S], rest: f64) -> Pseudo<S> {
+/// The pseudo-inertia `P` of one body. For the planar PR arm, `other` fills the remaining diagonal.
+fn matrix_of<S: Real>(pi: &[S], other: f64) -> Pseudo<S> {
     if let Ok(pi) = <&[S; PARAMETERS]>::try_from(pi) {
         return pseudo_inertia(pi);
     }
-    let (o, r) = (S::zero(), S::splat(rest));
+    let (o, r) = (S::zero(), S::splat(other));
     [[pi[0], pi[1], o, o], [pi[1], pi[2], o, o], [o, o, r, o], [o, o, o, r]]
 }
 

@@ -81,17 +81,17 @@ impl Regressor<'_> {
         with_columns(self.arm.regressor(v, v_r, a_r).select_columns(&self.law.body_columns()), &self.columns)
     }
 
-    /// The products `Y a` and `Y' s`, in a number of operations that is proportional to `n`.
-    pub fn products(&self, a: &V, s: &V) -> [V; 2] {
+    /// The products `Y pi` and `Y' s`, in a number of operations that is proportional to `n`.
+    pub fn products(&self, pi: &V, s: &V) -> [V; 2] {
         let (n, own) = (s.len(), self.law.body_columns());
-        let mut pi = zeros(self.law.model.parameter_count());
-        own.iter().zip(a).for_each(|(&k, &a)| pi[k] = a);
-        let [mut y_a, y_s] = self.arm.regressor_products(self.rates.each_ref(), pi.as_slice(), s);
+        let mut all = zeros(self.law.model.parameter_count());
+        own.iter().zip(pi).for_each(|(&k, &pi)| all[k] = pi);
+        let [mut y_pi, y_s] = self.arm.regressor_products(self.rates.each_ref(), all.as_slice(), s);
         let mut y_s: Vec<E> = own.iter().map(|&k| y_s[k]).collect();
         for column in &self.columns {
-            y_a += column.component_mul(&a.rows(y_s.len(), n));
+            y_pi += column.component_mul(&pi.rows(y_s.len(), n));
             y_s.extend(&column.component_mul(s));
         }
-        [y_a, V::from_vec(y_s)]
+        [y_pi, V::from_vec(y_s)]
     }
 }

@@ -1,13 +1,13 @@
 //! Restraints of the estimate of an adaptive law: leakage and a dead zone.
 //!
 //! ```text
-//! a_hat_dot = Gamma w,   w = y - l  where |s| >= s_0,   w = 0 where |s| < s_0 (dead zone),   y = Y' s
-//! l = sigma (a_hat - a_0)        leakage (sigma modification, IoannouKokotovic1984)
-//! l = sigma |s| (a_hat - a_0)    e-modification (NarendraAnnaswamy1987)
-//! V1_dot = -s' Kd s + (a - a_hat)' (y - w):  with leakage -s' Kd s + (a - a_hat)' l,  in the dead zone -s' Kd s + (a - a_hat)' y
+//! pi_hat_dot = Gamma w,   w = y - l  where |s| >= s_0,   w = 0 where |s| < s_0 (dead zone),   y = Y' s
+//! l = sigma (pi_hat - pi_0)        leakage (sigma modification, IoannouKokotovic1984)
+//! l = sigma |s| (pi_hat - pi_0)    e-modification (NarendraAnnaswamy1987)
+//! V1_dot = -s' Kd s + (pi - pi_hat)' (y - w):  with leakage -s' Kd s + (pi - pi_hat)' l,  in the dead zone -s' Kd s + (pi - pi_hat)' y
 //! ```
 //!
-//! `Y` is the regressor, `s` the sliding variable, `a_hat` the estimate of the parameters `a`, `V1` the Lyapunov function, and `'` the
+//! `Y` is the regressor, `s` the sliding variable, `pi_hat` the estimate of the parameters `pi`, `V1` the Lyapunov function, and `'` the
 //! transpose. Leakage keeps the estimate bounded under bounded disturbances. A dead zone does so if `s_0` exceeds the `|s|` that the
 //! disturbances cause. Both leave an error of the estimate, of the order of `sigma` or `s_0`.
 
@@ -66,7 +66,7 @@ pub struct Restraint {
     pub leakage: f64,
     /// The factor of `sigma`: one, or the norm of `s`.
     pub form: LeakageForm,
-    /// The centre `a_0` of the leakage, `(p,)`, in the units of the parameters.
+    /// The centre `pi_0` of the leakage, `(p,)`, in the units of the parameters.
     pub centre: Vec<f64>,
     /// Dead zone `s_0 >= 0`, rad/s or m/s; zero without a dead zone.
     pub dead_zone: f64,

@@ -1,13 +1,13 @@
 //! True parameters and friction of the plant in the Lyapunov function of an adaptive law. The law does not know them.
 //!
-//! `tau_f(v)` is the friction torque of the plant. The law models friction as `Y_f a_hat_f` in its joint columns, and `a_f` are the plant's
-//! values of these parameters. Rotors that are not estimated have the inertia `B` in the plant and `B_0` in the law's model. Let `a` be the
-//! true parameters, `a_hat` their estimate, `Y` the regressor, `s` the sliding variable, and `'` the transpose. Then the Lyapunov function
-//! `V1` has the rate
+//! `tau_f(v)` is the friction torque of the plant. The law models friction as `Y_f pi_hat_f` in its joint columns, and `pi_f` are the
+//! plant's values of these parameters. Rotors that are not estimated have the inertia `B` in the plant and `B_0` in the law's model. Let
+//! `pi` be the true parameters, `pi_hat` their estimate, `Y` the regressor, `s` the sliding variable, and `'` the transpose. Then the
+//! Lyapunov function `V1` has the rate
 //!
-//! `V1_dot = -s' Kd s + s' (tau_f(v) - Y_f a_f + (B - B_0) a_r) + (a - a_hat)' (y - w)`,
+//! `V1_dot = -s' Kd s + s' (tau_f(v) - Y_f pi_f + (B - B_0) a_r) + (pi - pi_hat)' (y - w)`,
 //!
-//! with `y = Y' s` and `a_hat_dot = Gamma w`. If viscous friction `D` is estimated, its part of the second term is `-s' D s`. If Coulomb
+//! with `y = Y' s` and `pi_hat_dot = Gamma w`. If viscous friction `D` is estimated, its part of the second term is `-s' D s`. If Coulomb
 //! friction `F` is estimated, its part is `s' F (sign v - tanh(v_r / v_s))`.
 
 use super::{AdaptiveSpec, JointColumn};
@@ -59,9 +59,9 @@ impl AdaptiveSpec {
 /// # Ok::<(), armlet_core::error::Error>(())
 /// ```
 pub struct Truth {
-    /// True values `a` of the estimated parameters, `(p,)`.
+    /// True values `pi` of the estimated parameters, `(p,)`.
     parameters: V,
-    /// True values `a_f` of the estimated friction, one number per joint column, and zero for armature.
+    /// True values `pi_f` of the estimated friction, one number per joint column, and zero for armature.
     joint_columns: V,
     /// Viscous friction of the plant, `(n,)`.
     viscous: V,
@@ -91,15 +91,15 @@ impl Truth {
         Some(Truth { parameters, joint_columns: fixed(joint_columns), viscous, coulomb, rotors: fixed(rotors) })
     }
 
-    /// The rate at which the Lyapunov function decreases on the plant, without the effect of a projection, W. `answer` is that of the law at
-    /// the velocity `v` and the law's state `z`. `friction` are the torques of the plant's stick-slip friction, if there is one.
+    /// The rate at which the Lyapunov function decreases on the plant, without the effect of a projection, W. `answer` is that of the law
+    /// at the velocity `v` and the law's state `z`. `friction` are the torques of the plant's stick-slip friction, if there is one.
     pub fn dissipation(&self, answer: &Answer, friction: Option<&V>, v: &V, z: &[E]) -> E {
         let Some(Adapting { s, a_r, columns, withheld }) = &answer.adaptation else { return answer.dissipation };
         let tau_f = || self.viscous.component_mul(v) + self.coulomb.component_mul(&v.map(sign));
         let torque = friction.cloned().unwrap_or_else(tau_f) + self.rotors.component_mul(a_r);
         let modelled = stacked(columns).component_mul(&self.joint_columns);
         let unknown = (0..columns.len()).fold(torque, |torque, k| torque - modelled.rows(k * s.len(), s.len()));
-        let a_hat = vector(&z[..self.parameters.len()]);
-        answer.dissipation - s.dot(&unknown) - (&self.parameters - a_hat).dot(withheld)
+        let pi_hat = vector(&z[..self.parameters.len()]);
+        answer.dissipation - s.dot(&unknown) - (&self.parameters - pi_hat).dot(withheld)
     }
 }

@@ -1,7 +1,7 @@
 //! Monitors: identities of the theory, evaluated at the records of a run.
 //!
 //! ```text
-//! V1 = s' M s / 2 + (a - a_hat)' Gamma^-1 (a - a_hat) / 2
+//! V1 = s' M s / 2 + (pi - pi_hat)' Gamma^-1 (pi - pi_hat) / 2
 //! V1(0) - V1(t) - int D dt = 0,  D = s' Kd s without further options
 //! dM/dt - 2 C is skew
 //! E(t) - E(0) - int P dt = 0
@@ -9,8 +9,8 @@
 //!
 //! `'` is the transpose, `M` the mass matrix, `C` the Coriolis matrix, and `s` the sliding variable with the gain `Kd`. `E` is the energy
 //! stored in the plant, or the law's storage function. `P` is the power supplied to it. `V1` is the Lyapunov function of an adaptive law
-//! with the adaptation gain `Gamma`. `D` is the law's dissipation, the rate at which `V1` decreases. `a` are the inertial parameters and
-//! `a_hat` their estimates.
+//! with the adaptation gain `Gamma`. `D` is the law's dissipation, the rate at which `V1` decreases. `pi` are the inertial parameters and
+//! `pi_hat` their estimates.
 //!
 //! For a rigid arm with Cartesian impedance, a monitor checks its target model. For a law of elastic joints with an outer loop, a monitor
 //! is `max |tau_J - u|`. Here `tau_J` are the torques of the springs, and `u` is the command of the outer loop. A law with a storage
