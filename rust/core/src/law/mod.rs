@@ -14,7 +14,6 @@
 
 mod adaptive;
 mod aims;
-mod c_loop;
 mod computed_torque;
 mod definition;
 mod elastic;
@@ -22,15 +21,12 @@ mod equations;
 mod evaluator;
 mod external;
 mod guarded;
-mod guarding;
 mod impedance;
 mod inertia_reduction;
-mod isolation;
 mod level;
 mod pd_gravity;
 mod pid;
 mod printed;
-mod printed_motion;
 mod priority;
 mod recorded;
 mod sizes;
@@ -43,7 +39,6 @@ pub use adaptive::{
     StoredRows, Truth, Windows,
 };
 pub use aims::Aim;
-pub use c_loop::CLoop;
 pub use computed_torque::ComputedTorqueSpec;
 use definition::Shape;
 pub use definition::{Definition, JointReference, Route};
@@ -52,14 +47,14 @@ pub use elastic::*;
 pub use equations::{Adapting, Answer, Equations, Loop, Sample};
 pub use evaluator::LawEvaluator;
 pub use external::{Call, ExternalSpec};
-pub use guarded::{GuardedSpec, Reaction};
+pub use guarded::{GuardedSpec, Reaction, parents, touched};
 pub use impedance::{CartesianImpedanceSpec, ImpedanceOptions, NULL_SPACE_EPS, NullProjection, NullSpaceSpec};
 pub(crate) use impedance::{ProjectionLoss, turn_rates};
 pub use inertia_reduction::ReductionSpec;
-pub use isolation::{parents, touched};
 pub use level::Level;
 pub use pd_gravity::PdGravitySpec;
 pub use pid::{PidOptions, PidSpec};
+pub use printed::CLoop;
 pub(crate) use priority::norms;
 pub use priority::{
     ArmBatch, ArmSolver, HORIZON, LimitOverrides, MotionLimits, PriorityAccelerationSpec, PriorityVelocitySpec, with_limits,

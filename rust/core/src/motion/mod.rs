@@ -2,7 +2,7 @@
 //! and its last position after the end.
 //!
 //! The formula of a motion is written once, for every number type [`Real`](crate::scalar::Real). `f64` computes samples and derivatives, and
-//! lanes compute several samples. A recording is printed as C (`law::printed_motion`). Native code selects the piece that contains a time.
+//! lanes compute several samples. A recording is printed as C (`law::printed`). Native code selects the piece that contains a time.
 
 mod derivatives;
 pub(crate) mod path;

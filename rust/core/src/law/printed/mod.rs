@@ -1,15 +1,20 @@
 //! A law as C code: the functions `init` and `step` of a sampled controller (see [`crate::trace::c`]).
 //!
-//! A step computes the plant's input at time `t` from the measured state of the plant. It has the same bits as [`super::LawEvaluator`] and
+//! A step computes the plant's input at time `t` from the measured state of the plant. It has the same bits as [`LawEvaluator`](super::LawEvaluator) and
 //! as sampled loops. Between two samples, the rate `z'` of the law's state `z` is constant. `z` advances over a step `h` by a fixed-step
 //! method:
 //!
 //! `z += h z'` (euler, semi_implicit),   `z += h/6 (k + 2 k + 2 k + k)` (rk4, whose four stages have the same rate `k = z'`)
 
-use super::evaluator::{recording, start_recording};
-use super::{CLoop, LawSpec, Route};
+mod c_loop;
+mod motion;
+
+pub use c_loop::CLoop;
+
 use crate::dynamics::{Quantity, Query, given};
 use crate::error::{Error, Result};
+use crate::law::evaluator::{recording, start_recording};
+use crate::law::{LawSpec, Route};
 use crate::motion::Motion;
 use crate::plant::PlantKind;
 use crate::scalar::hex::hex;

@@ -1,7 +1,7 @@
 //! The control loop around a law that is printed as C.
 
-use super::LawSpec;
 use crate::error::{Error, Result, positive};
+use crate::law::LawSpec;
 
 /// The settings of the sampled loop that the C code reproduces bit by bit.
 ///

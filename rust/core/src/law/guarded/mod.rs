@@ -21,6 +21,11 @@
 //! and `r_c c` have the rates 1, `y` and `r`. At all other samples, these rates are zero. A rate acts until the next sample. So `y_c c`
 //! and `r_c c`, divided by `c`, are the values `y_c` and `r_c` at contact.
 
+mod equations;
+mod isolation;
+
+pub use isolation::{parents, touched};
+
 use super::LawSpec;
 use super::definition::{Definition, JointReference, Route};
 use super::inertia_reduction::ReductionSpec;
@@ -66,7 +71,7 @@ pub enum Reaction {
 
 impl Reaction {
     /// The stiffness and the damping of the reaction; `None` for a reaction without this gain.
-    pub(super) fn gains(&self) -> (Option<&Gain>, Option<&Gain>) {
+    fn gains(&self) -> (Option<&Gain>, Option<&Gain>) {
         match self {
             Reaction::Stop(stiffness, damping) | Reaction::Retract(stiffness, damping, ..) => (Some(stiffness), Some(damping)),
             Reaction::Float(damping) => (None, damping.as_ref()),
@@ -104,13 +109,13 @@ pub struct GuardedSpec {
     /// The law before contact.
     pub inner: Box<LawSpec>,
     /// The model of the observer. The reaction compensates the gravity of this model.
-    pub(super) model: Model,
-    pub(super) gain: Gain,
-    pub(super) friction: [Vec<f64>; 2],
-    pub(super) thresholds: Vec<f64>,
-    pub(super) reaction: Option<Reaction>,
-    pub(super) joint_stiffness: Option<Gain>,
-    pub(super) start: Vec<f64>,
+    model: Model,
+    gain: Gain,
+    friction: [Vec<f64>; 2],
+    thresholds: Vec<f64>,
+    reaction: Option<Reaction>,
+    joint_stiffness: Option<Gain>,
+    start: Vec<f64>,
 }
 
 impl GuardedSpec {

@@ -1,8 +1,8 @@
-//! The equations of a guarded law: see [`super::guarded`].
+//! The equations of a guarded law: see the parent module.
 
-use super::definition::Shape;
-use super::equations::{Answer, Equations, Loop};
-use super::guarded::{GuardedSpec, Reaction};
+use super::{GuardedSpec, Reaction};
+use crate::law::definition::Shape;
+use crate::law::equations::{Answer, Equations, Loop};
 use crate::linalg::Gain;
 use crate::plant::Parameters;
 use crate::scalar::{Real, sign};
