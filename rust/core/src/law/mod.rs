@@ -9,8 +9,6 @@
 //!   may differ.
 //! - A *program* is a recorded and compiled computation (`trace`), here of a law. Its results have the same bits as a direct evaluation.
 //! - *Joint columns* are the columns of the regressor for armature (rotor inertia) and friction, after the columns of the bodies.
-//!
-//! The folder is flat, because each law outside of a family has one file, and the other files are the vocabulary of all laws.
 
 mod adaptive;
 mod aims;

@@ -2,8 +2,8 @@
 //! cache still contains it.
 //!
 //! A *set-up parameter* is a number that remains the same from one evaluation to the next, such as a mass. A *frame* is the memory of a
-//! program. The [signature](super::signature) of a function has two groups, its inputs and its results. The program rounds like direct
-//! evaluation (without a program). So both give the same bits, except for the signs of zeros.
+//! program. The signature of a function has two groups, its inputs and its results. The program rounds like direct evaluation (without a
+//! program). So both give the same bits, except for the signs of zeros.
 
 use super::cache::Cache;
 use super::frame::Frame;
