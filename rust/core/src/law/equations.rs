@@ -42,6 +42,18 @@ pub trait Equations {
 }
 
 /// A loop at one instant, as a law reads it.
+///
+/// ```
+/// use armlet_core::law::Loop;
+/// use armlet_core::trace::V;
+///
+/// /// The sliding variable of an adaptive law: `s = v_d - v + Lambda (q_d - q)`.
+/// fn sliding_variable(at: &Loop) -> V {
+///     let [q_d, v_d, _] = at.desired(0);
+///     at.term("s", v_d - &at.v + at.gain("lambda") * &(q_d - &at.q))
+/// }
+/// # let _ = sliding_variable;
+/// ```
 #[derive(Clone)]
 pub struct Loop<'a> {
     numbers: &'a Parameters,
@@ -146,6 +158,16 @@ impl Loop<'_> {
 }
 
 /// What a law answers at one instant.
+///
+/// ```
+/// use armlet_core::law::Answer;
+/// use armlet_core::trace::expression::zeros;
+///
+/// // A law of two joints without a state.
+/// let answer = Answer::new(zeros(2));
+/// assert_eq!((answer.tau.len(), answer.z_dot.len()), (2, 0));
+/// assert!(answer.adaptation.is_none());
+/// ```
 #[derive(Clone)]
 pub struct Answer {
     /// The plant's input, `(n,)`.
@@ -160,6 +182,30 @@ pub struct Answer {
 }
 
 /// The quantities of an adaptive law from which its dissipation on a given plant follows ([`Truth`](super::Truth)).
+///
+/// ```
+/// # use armlet_core::arm::Arm;
+/// # use armlet_core::dynamics::Model;
+/// # use armlet_core::motion::Motion;
+/// use armlet_core::law::{Adaptation, AdaptiveSpec, Gain, LawSpec, RecordedLaw};
+/// use armlet_core::trace::function::recorded;
+/// # let model = Model::from(Arm::pendulum(2.0, 5.0)?);
+/// # let gain = |n: usize, k: f64| Gain::scalar("gain", n, k);
+/// # let (motion, adaptation) = (Motion::hold(vec![0.0])?, Adaptation::Euclidean(gain(10, 2.0)?));
+/// # let law = AdaptiveSpec::new(model, motion, gain(1, 50.0)?, gain(1, 10.0)?, adaptation, None, None)?;
+/// # let law = LawSpec::from(law);
+///
+/// // The sliding variable at the target is minus the velocity.
+/// let recording = recorded(12, || RecordedLaw::continuous(&law), |control, inputs| {
+///     let answer = control.answer(&law.desired(0.0), &inputs[..2], &inputs[2..]);
+///     answer.adaptation.map_or(vec![], |adapting| vec![adapting.s[0]])
+/// });
+/// let mut s = recording.expect("a law does not branch on its numbers").interpreted(false);
+/// s.all_inputs()[1] = 0.3;
+/// s.run();
+/// assert_eq!(s.output(0), [-0.3]);
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Clone)]
 pub struct Adapting {
     /// Sliding variable `s`, `(n,)`.

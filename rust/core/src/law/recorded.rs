@@ -8,6 +8,23 @@ use crate::trace::sym::NamedTerm;
 use crate::trace::{E, V, sym};
 
 /// The named intermediate results of one evaluation of a law.
+///
+/// ```
+/// # use armlet_core::arm::Arm;
+/// # use armlet_core::dynamics::Model;
+/// use armlet_core::law::{Gain, LawSpec, PdGravitySpec, RecordedLaw};
+/// use armlet_core::trace::function::recorded;
+/// # let model = Model::from(Arm::pendulum(2.0, 5.0)?);
+/// # let law = PdGravitySpec::new(model, vec![0.5], Gain::scalar("kp", 1, 20.0)?, Gain::scalar("kd", 1, 4.0)?)?;
+/// # let law = LawSpec::from(law);
+///
+/// let error = |control: RecordedLaw, x: &[_]| control.terms(&law.desired(0.0), x, &[]).get("e").as_slice().to_vec();
+/// let mut e = recorded(2, || RecordedLaw::continuous(&law), error).expect("a law does not branch").interpreted(false);
+/// e.all_inputs().copy_from_slice(&[0.3, 0.1]);
+/// e.run();
+/// assert_eq!(e.output(0), [0.5 - 0.3]);
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 pub struct Terms(Vec<NamedTerm>);
 
 impl Terms {
@@ -18,6 +35,24 @@ impl Terms {
 }
 
 /// A law in a recording. Its numbers are inputs, and each evaluation records its equations.
+///
+/// ```
+/// # use armlet_core::arm::Arm;
+/// # use armlet_core::dynamics::Model;
+/// use armlet_core::law::{Gain, LawSpec, PdGravitySpec, RecordedLaw};
+/// use armlet_core::trace::function::recorded;
+/// # let model = Model::from(Arm::pendulum(2.0, 5.0)?);
+/// # let law = PdGravitySpec::new(model, vec![0.5], Gain::scalar("kp", 1, 20.0)?, Gain::scalar("kd", 1, 4.0)?)?;
+/// # let law = LawSpec::from(law);
+///
+/// // The law as a function of position and velocity.
+/// let input = |control: RecordedLaw, x: &[_]| control.answer(&law.desired(0.0), x, &[]).tau.as_slice().to_vec();
+/// let mut tau = recorded(2, || RecordedLaw::continuous(&law), input).expect("a law does not branch").interpreted(false);
+/// tau.all_inputs().copy_from_slice(&[0.3, 0.1]);
+/// tau.run();
+/// assert!((tau.output(0)[0] - (20.0 * 0.2 - 4.0 * 0.1 + 5.0 * 0.3f64.sin())).abs() < 1e-12);
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 pub struct RecordedLaw<'a> {
     law: &'a LawSpec,
     numbers: Parameters,

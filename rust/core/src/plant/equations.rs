@@ -13,6 +13,17 @@ use crate::trace::{E, M, V};
 use std::rc::Rc;
 
 /// The state of a plant by its parts, `(n,)` each. A part that the plant does not have is empty.
+///
+/// ```
+/// # use armlet_core::arm::Arm;
+/// use armlet_core::plant::{PlantSpec, PlantState, RigidSpec};
+/// use armlet_core::trace::expression::constant;
+///
+/// let spec = PlantSpec::from(RigidSpec::new(Arm::pendulum(1.0, 5.0)?.into()));
+/// let x = PlantState::of(&spec, &[0.3, 2.0].map(constant));
+/// assert_eq!((x.q[0], x.v[0], x.theta.len()), (constant(0.3), constant(2.0), 0));
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Clone)]
 pub struct PlantState {
     /// Positions of the links, rad or m.
@@ -49,6 +60,22 @@ pub struct Power {
 }
 
 /// The rates of a plant at one instant.
+///
+/// ```
+/// # use armlet_core::arm::Arm;
+/// use armlet_core::plant::{PlantSpec, RecordedPlant, RigidSpec};
+/// use armlet_core::trace::expression::vector;
+/// use armlet_core::trace::function::recorded;
+///
+/// // A pendulum, `a = tau - 5 sin q`, as a function of position, velocity and torque.
+/// let spec = PlantSpec::from(RigidSpec::new(Arm::pendulum(1.0, 5.0)?.into()));
+/// let power = |plant: RecordedPlant, x: &[_]| vec![plant.rates(&x[..2], &vector(&x[2..]), &[]).power.input];
+/// let mut power = recorded(3, || RecordedPlant::new(&spec, None), power).expect("a plant does not branch").interpreted(false);
+/// power.all_inputs().copy_from_slice(&[0.3, 2.0, 4.0]);
+/// power.run();
+/// assert_eq!(power.output(0), [8.0]);
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 pub struct PlantRates {
     /// The rate of the plant's state.
     pub x_dot: V,
@@ -59,6 +86,19 @@ pub struct PlantRates {
 }
 
 /// A plant as its paper: its parameters and its equations.
+///
+/// ```
+/// use armlet_core::plant::{PlantAt, PlantRates, Power};
+/// use armlet_core::trace::expression::{constant, stacked};
+///
+/// /// A rigid arm without friction and contacts: `a = M^-1 (tau - C v - g)`.
+/// fn equations(at: &PlantAt) -> PlantRates {
+///     let (v, a) = (&at.x.v, at.arm().forward_dynamics(&at.x.v, &at.tau));
+///     let power = Power { input: at.tau.dot(v), outside: constant(0.0) };
+///     PlantRates { x_dot: stacked([v, &a]), power, friction: None }
+/// }
+/// # let _ = equations;
+/// ```
 pub trait PlantEquations {
     /// The numbers that differ between runs.
     fn parameters(&self) -> Parameters;
@@ -73,6 +113,17 @@ pub trait PlantEquations {
 }
 
 /// A plant at one instant.
+///
+/// ```
+/// use armlet_core::plant::PlantAt;
+/// use armlet_core::trace::V;
+///
+/// /// The torque of the springs of elastic joints, `K (theta - q)`.
+/// fn spring_torque(at: &PlantAt) -> V {
+///     at.numbers().get_gain("joint_stiffness") * &(&at.x.theta - &at.x.q)
+/// }
+/// # let _ = spring_torque;
+/// ```
 pub struct PlantAt<'a> {
     pub(super) numbers: &'a Parameters,
     pub(super) arm: Option<Rc<At<E>>>,

@@ -6,6 +6,7 @@ use crate::linalg::gain::{AnyGain, Gain};
 use crate::scalar::{Real, labelled_numbers};
 use crate::trace::{E, M, V};
 use std::any::Any;
+use std::cell::RefCell;
 use std::rc::Rc;
 use std::sync::Arc;
 
@@ -38,7 +39,8 @@ pub type K = AnyGain<E>;
 /// ```
 #[derive(Clone, Default)]
 pub struct Parameters {
-    arm: Option<Arc<AnyArm<E>>>,
+    /// The arm at its last configuration.
+    arm: Option<RefCell<Rc<At<E>>>>,
     values: Vec<(&'static str, Value)>,
     inner: Option<Box<Parameters>>,
 }
@@ -55,7 +57,8 @@ enum Value {
 impl Parameters {
     /// The inertial parameters of an arm.
     pub fn of_arm(model: &Model) -> Self {
-        Parameters { arm: Some(Arc::new(AnyArm::new(model))), ..Parameters::default() }
+        let arm = At::new(&Arc::new(AnyArm::new(model)), &vec![E::zero(); model.n()]);
+        Parameters { arm: Some(RefCell::new(Rc::new(arm))), ..Parameters::default() }
     }
 
     fn with(mut self, name: &'static str, value: Value) -> Self {
@@ -136,7 +139,15 @@ impl Parameters {
 
     /// The arm at the configuration `q`; `None` without an arm.
     pub fn arm_at(&self, q: &V) -> Option<Rc<At<E>>> {
-        self.arm.as_ref().map(|arm| Rc::new(At::new(arm, q.as_slice())))
+        self.arm.as_ref().map(|arm| {
+            let mut arm = arm.borrow_mut();
+            match Rc::get_mut(&mut arm) {
+                // The memory of the last configuration is free.
+                Some(free) => free.move_to(q.as_slice()),
+                None => *arm = Rc::new(arm.at(q)),
+            }
+            arm.clone()
+        })
     }
 
     /// The parameters of an inner law.

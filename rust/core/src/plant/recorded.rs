@@ -20,6 +20,22 @@ impl PlantState {
 }
 
 /// A plant in a recording. Its numbers are inputs, and each evaluation records its equations.
+///
+/// ```
+/// # use armlet_core::arm::Arm;
+/// use armlet_core::plant::{PlantSpec, RecordedPlant, RigidSpec};
+/// use armlet_core::trace::expression::vector;
+/// use armlet_core::trace::function::recorded;
+///
+/// // A pendulum, `a = tau - 5 sin q`, as a function of position, velocity and torque.
+/// let spec = PlantSpec::from(RigidSpec::new(Arm::pendulum(1.0, 5.0)?.into()));
+/// let rates = |plant: RecordedPlant, x: &[_]| plant.rates(&x[..2], &vector(&x[2..]), &[]).x_dot.as_slice().to_vec();
+/// let mut dx = recorded(3, || RecordedPlant::new(&spec, None), rates).expect("a plant does not branch").interpreted(false);
+/// dx.all_inputs().copy_from_slice(&[0.3, 2.0, 4.0]);
+/// dx.run();
+/// assert!(dx.output(0) == [2.0] && (dx.output(1)[0] - (4.0 - 5.0 * 0.3f64.sin())).abs() < 1e-14);
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 pub struct RecordedPlant<'a> {
     plant: &'a PlantSpec,
     numbers: Parameters,

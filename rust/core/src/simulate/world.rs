@@ -95,7 +95,7 @@ impl<'a> World<'a> {
         let mut at = 0;
         for motions in &self.motions {
             let width = 3 * motions[0].dof();
-            for (motion, row) in motions.iter().zip(self.rows.chunks_exact_mut(width)) {
+            for (motion, row) in motions.iter().zip(self.rows.chunks_exact_mut(width.max(1))) {
                 motion.sample(t, row);
             }
             let first = |lane: usize| if motions.len() == 1 { 0 } else { lane * width };

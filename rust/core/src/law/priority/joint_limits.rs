@@ -29,9 +29,8 @@ pub const HORIZON: f64 = 0.1;
 /// # let model = Model::from(Arm::pendulum(2.0, 5.0)?);
 ///
 /// let given = LimitOverrides { v_max: Some(vec![2.0]), ..LimitOverrides::default() };
-/// let (mut lower, mut upper) = ([0.0], [0.0]);
-/// MotionLimits::new(&model, &given)?.velocities(|_| 0.5f64, &mut lower, &mut upper);
-/// assert_eq!((lower, upper), ([-2.0], [2.0]));
+/// // Positions have no limit, and the lower limit of the velocity is -2 rad/s.
+/// assert!(!MotionLimits::new(&model, &given)?.have_positions());
 /// // Only the method `Sns` accepts limits.
 /// assert!(given.require_sns(PriorityMethod::Sns).is_ok() && given.require_sns(PriorityMethod::Clamp).is_err());
 /// # Ok::<(), armlet_core::error::Error>(())
@@ -80,11 +79,10 @@ impl LimitOverrides {
 /// # let model = Model::from(Arm::pendulum(2.0, 5.0)?);
 ///
 /// let given = LimitOverrides { q_max: Some(vec![1.0]), v_max: Some(vec![2.0]), a_max: Some(vec![4.0]), ..LimitOverrides::default() };
-/// let limits = MotionLimits::new(&model, &given)?;
-/// let (mut lower, mut upper) = ([0.0], [0.0]);
-/// // At 0.1 rad before the limit, the joint must be able to stop: v = sqrt(2 a_max d).
-/// limits.velocities(|_| 0.9f64, &mut lower, &mut upper);
-/// assert!((upper[0] - (2.0 * 4.0 * 0.1f64).sqrt()).abs() < 1e-12 && lower == [-2.0]);
+/// assert!(MotionLimits::new(&model, &given)?.have_positions());
+/// // The lower limit is above the upper one.
+/// let wrong = LimitOverrides { q_min: Some(vec![2.0]), ..given };
+/// assert!(MotionLimits::new(&model, &wrong).is_err());
 /// # Ok::<(), armlet_core::error::Error>(())
 /// ```
 #[derive(Clone, Debug, PartialEq)]
