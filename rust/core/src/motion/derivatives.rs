@@ -37,15 +37,16 @@ impl Motion {
         Ok(DMatrix::from_row_slice(order + 1, self.dof(), &all[..(order + 1) * self.dof()]))
     }
 
-    /// Write the position and its four derivatives at time `t`, s, to `out`, `(5 n,)`, without a check of time and order.
+    /// Write the position and its four derivatives at time `t`, s, to `out`, `(5 n,)`, without a check of time and order. The third and the
+    /// fourth derivative of an acceleration are not written.
     pub fn write_derivatives(&self, t: f64, out: &mut [f64]) {
-        self.evaluate::<DERIVATIVES>(t, out);
+        self.evaluate::<DERIVATIVES, 0>(t, out);
     }
 
     /// The highest order of a derivative that has a value at every time: 4, or 2 if the acceleration jumps between start and end.
     pub fn highest_order(&self) -> usize {
         match self {
-            Motion::BangBang(_) => 2,
+            Motion::BangBang(_) | Motion::Acceleration(_) => 2,
             Motion::TimedPath(path) if path.inner_jumps().next().is_some() => 2,
             _ => DERIVATIVES - 1,
         }
@@ -56,7 +57,11 @@ impl Motion {
     pub fn require_derivatives(&self, order: usize) -> Result<()> {
         let highest = self.highest_order();
         if order > highest {
-            let why = if highest == 2 { " for a motion whose acceleration jumps" } else { "" };
+            let why = match self {
+                Motion::Acceleration(_) => " for an acceleration",
+                _ if highest == 2 => " for a motion whose acceleration jumps",
+                _ => "",
+            };
             return Err(Error::input("order", format!("is too high: expected at most {highest}{why}, got {order}")));
         }
         match self {

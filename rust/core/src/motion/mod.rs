@@ -4,6 +4,7 @@
 //! The formula of a motion is written once, for every number type [`Real`](crate::scalar::Real). `f64` computes samples and derivatives, and
 //! lanes compute several samples. A recording is printed as C (`law::printed`). Native code selects the piece that contains a time.
 
+mod acceleration;
 mod derivatives;
 pub(crate) mod path;
 pub(crate) mod polynomial;
@@ -26,6 +27,7 @@ pub use timed_path::TimedPath;
 
 use crate::error::{Error, Result, finite};
 use nalgebra::DVector;
+use std::sync::Arc;
 
 /// A desired motion of `n` joints. It is an enum, so that loops require neither virtual calls nor a copy of their code per motion.
 #[derive(Clone, Debug, PartialEq)]
@@ -42,6 +44,8 @@ pub enum Motion {
     Table(Table),
     /// A path with a timing.
     TimedPath(TimedPath),
+    /// The acceleration of another motion ([`Motion::acceleration_of`]).
+    Acceleration(Arc<Motion>),
 }
 
 impl Motion {
@@ -60,6 +64,7 @@ impl Motion {
         match (self, other) {
             (Motion::Table(a), Motion::Table(b)) => a.is_same(b),
             (Motion::TimedPath(a), Motion::TimedPath(b)) => a.is_same(b),
+            (Motion::Acceleration(a), Motion::Acceleration(b)) => a.is_same(b),
             _ => std::ptr::eq(self, other) || self == other,
         }
     }
@@ -69,6 +74,7 @@ impl Motion {
         match self {
             Motion::Table(table) => table.numbers(),
             Motion::TimedPath(path) => path.numbers(),
+            Motion::Acceleration(of) => of.numbers(),
             Motion::Sinusoid(m) => 10 * (m.dof() + m.terms()),
             Motion::Hold(_) | Motion::Quintic(_) | Motion::BangBang(_) => 10 * self.dof(),
         }
@@ -83,25 +89,28 @@ impl Motion {
             Motion::BangBang(m) => m.dof(),
             Motion::Table(m) => m.dof(),
             Motion::TimedPath(m) => m.dof(),
+            Motion::Acceleration(of) => of.dof(),
         }
     }
 
-    /// Write the position and its first `K - 1` derivatives with respect to time at time `t`, s, to `out`, `(K, n)`.
+    /// Compute the position and its first `K - 1` derivatives with respect to time at time `t`, s. Write those of order `FROM` and higher to
+    /// `out`, `(K - FROM, n)`.
     #[inline(always)]
-    fn evaluate<const K: usize>(&self, t: f64, out: &mut [f64]) {
+    fn evaluate<const K: usize, const FROM: usize>(&self, t: f64, out: &mut [f64]) {
         match self {
-            Motion::Hold(q) => rows::hold::<_, K>(q, out),
-            Motion::Sinusoid(m) => m.evaluate::<_, K>(t, out),
-            Motion::Quintic(m) => m.evaluate::<K>(t, out),
-            Motion::BangBang(m) => m.evaluate::<K>(t, out),
-            Motion::Table(m) => m.evaluate::<K>(t, out),
-            Motion::TimedPath(m) => m.evaluate::<K>(t, out),
+            Motion::Hold(q) => rows::hold::<_, K, FROM>(q, out),
+            Motion::Sinusoid(m) => m.evaluate::<_, K, FROM>(t, out),
+            Motion::Quintic(m) => m.evaluate::<K, FROM>(t, out),
+            Motion::BangBang(m) => m.evaluate::<K, FROM>(t, out),
+            Motion::Table(m) => m.evaluate::<K, FROM>(t, out),
+            Motion::TimedPath(m) => m.evaluate::<K, FROM>(t, out),
+            Motion::Acceleration(of) => of.write_acceleration(t, out),
         }
     }
 
     /// Write `[q_d, v_d, a_d]` at time `t`, s, to `out`, `(3 n,)`.
     pub fn sample(&self, t: f64, out: &mut [f64]) {
-        self.evaluate::<3>(t, out);
+        self.evaluate::<3, 0>(t, out);
     }
 
     /// Write `[q_d, v_d, a_d]` at each of `times`, s, to one row of `out`, with the same bits as [`Motion::sample`]. Rows of `out` are
@@ -110,10 +119,10 @@ impl Motion {
         let rows = times.iter().zip(out.chunks_mut(stride));
         match self {
             Motion::Sinusoid(m) => m.sample_each(times, stride, out),
-            Motion::Quintic(m) => rows.for_each(|(&t, row)| m.evaluate::<3>(t, row)),
-            Motion::BangBang(m) => rows.for_each(|(&t, row)| m.evaluate::<3>(t, row)),
-            Motion::Table(m) => rows.for_each(|(&t, row)| m.evaluate::<3>(t, row)),
-            Motion::Hold(_) | Motion::TimedPath(_) => rows.for_each(|(&t, row)| self.sample(t, row)),
+            Motion::Quintic(m) => rows.for_each(|(&t, row)| m.evaluate::<3, 0>(t, row)),
+            Motion::BangBang(m) => rows.for_each(|(&t, row)| m.evaluate::<3, 0>(t, row)),
+            Motion::Table(m) => rows.for_each(|(&t, row)| m.evaluate::<3, 0>(t, row)),
+            Motion::Hold(_) | Motion::TimedPath(_) | Motion::Acceleration(_) => rows.for_each(|(&t, row)| self.sample(t, row)),
         }
     }
 
@@ -121,14 +130,19 @@ impl Motion {
     /// the polynomial that the table `base` uses at this time. If this time is a knot, `side` selects the polynomial.
     pub(crate) fn sample_with(&self, base: &Motion, t: f64, side: Side, out: &mut [f64]) {
         match (self, base) {
-            (Motion::Table(table), Motion::Table(base)) => table.evaluate_with(base, t, side, out),
+            (Motion::Table(table), Motion::Table(base)) => table.evaluate_with::<3, 0>(base, t, side, out),
+            (Motion::Acceleration(of), Motion::Acceleration(base)) => of.write_acceleration_with(base, t, out),
             _ => self.sample(t, out),
         }
     }
 
-    /// Times, s, at which the velocity or the acceleration jumps. They increase. At a jump at the end of a table, integrators do not restart.
+    /// Times, s, at which the velocity or the acceleration jumps. They increase. At a jump of a table, integrators do not restart.
     pub(crate) fn jumps(&self) -> Vec<f64> {
-        if let Motion::Table(table) = self { table.jumps() } else { self.breaks() }
+        match self {
+            Motion::Table(table) => table.jumps(),
+            Motion::Acceleration(of) => of.jerk_jumps(),
+            _ => self.breaks(),
+        }
     }
 
     /// Times, s, at which a derivative of the motion jumps, so that integrators restart. They increase. Constant positions, sinusoids and
@@ -139,6 +153,7 @@ impl Motion {
             Motion::Quintic(m) => m.breaks(),
             Motion::BangBang(m) => m.breaks(),
             Motion::TimedPath(m) => m.breaks(),
+            Motion::Acceleration(of) => of.breaks(),
         }
     }
 }

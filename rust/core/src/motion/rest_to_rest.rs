@@ -4,6 +4,7 @@
 //! - symmetric bang-bang: `s_ddot = 4 / T^2` for `T/2`, then its negative. The acceleration is right-continuous, and zero from `T` on.
 
 use super::polynomial::{constant, scaled};
+use super::rows::put;
 use crate::error::{Error, Result, finite, positive};
 use crate::scalar::Real;
 use nalgebra::DVector;
@@ -107,20 +108,20 @@ impl<P: Timing> RestToRest<P> {
         P::BREAKS.iter().map(|part| part * self.duration).collect()
     }
 
-    /// Write the position and its derivatives at time `t`, s, to `out`, `(K, n)`.
+    /// Write the position and its derivatives at time `t`, s, to `out`, as [`put`] does.
     #[inline(never)]
-    pub(crate) fn evaluate<const K: usize>(&self, t: f64, out: &mut [f64]) {
+    pub(crate) fn evaluate<const K: usize, const FROM: usize>(&self, t: f64, out: &mut [f64]) {
         // The comparisons are false for NaN, which gives a moving piece and so NaN.
         let mut piece = if t < 0.0 { 0 } else { 1 };
         for part in &P::BREAKS[1..] {
             piece += usize::from(t >= part * self.duration);
         }
-        self.on_piece::<_, K>(piece, t, out);
+        self.on_piece::<_, K, FROM>(piece, t, out);
     }
 
-    /// Write the position and its derivatives at time `t`, s, to `out`, `(K, n)`, with the formula after `piece` of the breaks.
+    /// Write the position and its derivatives at time `t`, s, to `out`, as [`put`] does, with the formula after `piece` of the breaks.
     #[inline(always)]
-    pub(crate) fn on_piece<S: Real, const K: usize>(&self, piece: usize, t: S, out: &mut [S]) {
+    pub(crate) fn on_piece<S: Real, const K: usize, const FROM: usize>(&self, piece: usize, t: S, out: &mut [S]) {
         let (n, one) = (self.dof(), S::splat(1.0));
         let timing = match piece {
             0 => [S::zero(); 5],
@@ -132,10 +133,12 @@ impl<P: Timing> RestToRest<P> {
         let ended = (timing[0] - one).abs().lt(S::splat(f64::MIN_POSITIVE));
         for i in 0..n {
             let d = S::splat(self.q1[i] - self.q0[i]);
-            out[i] = S::select(ended, S::splat(self.q1[i]), S::splat(self.q0[i]) + d * timing[0]);
+            let mut values = [S::zero(); K];
+            values[0] = S::select(ended, S::splat(self.q1[i]), S::splat(self.q0[i]) + d * timing[0]);
             for k in 1..K {
-                out[k * n + i] = d * timing[k];
+                values[k] = d * timing[k];
             }
+            put::<_, K, FROM>(n, out, i, values);
         }
     }
 }

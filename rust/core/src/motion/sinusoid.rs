@@ -57,11 +57,11 @@ impl Sinusoid {
         self.amplitude.len()
     }
 
-    /// Write the position and its derivatives at time `t`, s, to `out`, `(K, n)`.
+    /// Write the position and its derivatives at time `t`, s, to `out`, as [`put`] does.
     #[inline(never)]
-    pub(crate) fn evaluate<S: Real, const K: usize>(&self, t: S, out: &mut [S]) {
+    pub(crate) fn evaluate<S: Real, const K: usize, const FROM: usize>(&self, t: S, out: &mut [S]) {
         let n = self.dof();
-        (0..n).for_each(|i| put::<_, K>(n, out, i, self.joint(i, t)));
+        (0..n).for_each(|i| put::<_, K, FROM>(n, out, i, self.joint(i, t)));
     }
 
     /// Position of joint `i` and its derivatives at time `t`: the derivatives of `sin` are `cos`, `-sin`, `-cos` and `sin`.

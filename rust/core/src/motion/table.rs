@@ -144,26 +144,26 @@ impl Table {
         (on && inside).then(|| 3 * self.dof * first as usize)
     }
 
-    /// Write the position and its derivatives at time `t`, s, to `out`, `(K, n)`. At a knot, derivatives of the third and
+    /// Write the position and its derivatives at time `t`, s, to `out`, as [`put`] does. At a knot, derivatives of the third and
     /// higher orders are those after the knot. At the last knot they are those before it.
     #[inline]
-    pub(crate) fn evaluate<const K: usize>(&self, t: f64, out: &mut [f64]) {
+    pub(crate) fn evaluate<const K: usize, const FROM: usize>(&self, t: f64, out: &mut [f64]) {
         let u = (t - self.start) * self.rate;
         let knot = self.knot(u);
         if K > 3 || knot.is_none() {
-            self.on_piece::<K>(self.piece(u, knot, Side::Moving), u, out);
+            self.on_piece::<K, FROM>(self.piece(u, knot, Side::Moving), u, out);
         }
         if let Some(k) = knot {
-            let exact = K.min(3) * self.dof;
-            out[..exact].copy_from_slice(&self.row(k)[..exact]);
+            let exact = &self.row(k)[FROM * self.dof..K.min(3) * self.dof];
+            out[..exact.len()].copy_from_slice(exact);
         }
     }
 
-    /// Write `q`, `v` and `a` at time `t`, s, to `out`, `(K, n)`, on the piece on which the table `base` is at this time. If `base` is at a
-    /// knot, `side` selects the piece. So the result is a smooth function of the numbers of this table.
-    pub(super) fn evaluate_with(&self, base: &Table, t: f64, side: Side, out: &mut [f64]) {
+    /// Write the position and its derivatives at time `t`, s, to `out`, as [`put`] does. The piece is that of the table `base` at this
+    /// time. If `base` is at a knot, `side` selects the piece. So the result is a smooth function of the numbers of this table.
+    pub(super) fn evaluate_with<const K: usize, const FROM: usize>(&self, base: &Table, t: f64, side: Side, out: &mut [f64]) {
         let u = (t - base.start) * base.rate;
-        self.on_piece::<3>(base.piece(u, base.knot(u), side), (t - self.start) * self.rate, out);
+        self.on_piece::<K, FROM>(base.piece(u, base.knot(u), side), (t - self.start) * self.rate, out);
     }
 
     /// The times of the first and the last knot, s, if velocity or acceleration jump there.
@@ -171,6 +171,11 @@ impl Table {
         let moves = |k: usize| self.row(k)[self.dof..].iter().any(|&rate| rate != 0.0);
         let last = self.knots - 1;
         [0, last].into_iter().filter(|&k| moves(k)).map(|k| self.start + k as f64 * self.dt).collect()
+    }
+
+    /// The times of the knots, s.
+    pub(super) fn knot_times(&self) -> Vec<f64> {
+        (0..self.knots).map(|k| self.start + k as f64 * self.dt).collect()
     }
 
     /// The knot at `u` intervals after the first knot, if there is one.
@@ -197,23 +202,23 @@ impl Table {
         }
     }
 
-    /// Write the position and its derivatives at `u` intervals after the first knot to `out`, `(K, n)`, with the formula of `piece`.
+    /// Write the position and its derivatives at `u` intervals after the first knot to `out`, as [`put`] does, with the formula of `piece`.
     #[inline(never)]
-    fn on_piece<const K: usize>(&self, piece: Piece, u: f64, out: &mut [f64]) {
+    fn on_piece<const K: usize, const FROM: usize>(&self, piece: Piece, u: f64, out: &mut [f64]) {
         match piece {
-            Piece::Between(k) => between::<_, K>(self.dof, u - k as f64, [self.row(k), self.row(k + 1)], [self.dt, self.rate], out),
-            Piece::First => hold::<_, K>(&self.row(0)[..self.dof], out),
-            Piece::Last => hold::<_, K>(&self.row(self.knots - 1)[..self.dof], out),
+            Piece::Between(k) => between::<_, K, FROM>(self.dof, u - k as f64, [self.row(k), self.row(k + 1)], [self.dt, self.rate], out),
+            Piece::First => hold::<_, K, FROM>(&self.row(0)[..self.dof], out),
+            Piece::Last => hold::<_, K, FROM>(&self.row(self.knots - 1)[..self.dof], out),
         }
     }
 }
 
-/// Write the position of `n` joints and its derivatives to `out`, `(K, n)`, for the polynomial in `x` with the rows `[q, v, a]` at its
+/// Write the position of `n` joints and its derivatives to `out`, as [`put`] does. The polynomial in `x` has the rows `[q, v, a]` at its
 /// ends. The interval of the polynomial takes `h` seconds, and `rate` is `1 / h`.
 #[inline(always)]
-pub(crate) fn between<S: Real, const K: usize>(n: usize, x: S, [p, r]: [&[S]; 2], [h, rate]: [f64; 2], out: &mut [S]) {
+pub(crate) fn between<S: Real, const K: usize, const FROM: usize>(n: usize, x: S, [p, r]: [&[S]; 2], [h, rate]: [f64; 2], out: &mut [S]) {
     for i in 0..n {
         let (start, end) = ([p[i], p[n + i], p[2 * n + i]], [r[i], r[n + i], r[2 * n + i]]);
-        put::<_, K>(n, out, i, scaled(polynomial(hermite(start, end, S::splat(h)), x), S::splat(rate)));
+        put::<_, K, FROM>(n, out, i, scaled(polynomial(hermite(start, end, S::splat(h)), x), S::splat(rate)));
     }
 }

@@ -224,3 +224,34 @@ fn jumps_have_the_value_after_them() {
     assert!(timed(vec![0.0, 1.0, 0.0]).derivatives(0.3, 3).is_err());
     assert!(timed(vec![f64::NAN; 3]).derivatives(0.3, 0).is_err_and(|error| matches!(error, Error::Solve { .. })));
 }
+
+#[test]
+fn an_acceleration_has_jerk_and_snap() {
+    let inner = motions().into_iter().chain(paths());
+    let moving = inner.filter(|m| m.highest_order() == 4);
+    for m in moving {
+        let acceleration = Motion::acceleration_of(&m).unwrap();
+        for t in [-0.5, 0.0, 0.1, 0.3, 0.351, 1.5, 2.231, 3.0, 4.0, 9.0] {
+            assert_eq!(at(&acceleration, t), derivatives(&m, t)[4..], "{m:?} {t}");
+            assert_eq!(acceleration.derivatives(t, 2).unwrap().as_slice().len(), 6);
+        }
+        let times: Vec<f64> = (0..41).map(|k| 0.1 * k as f64).collect();
+        let mut rows = vec![0.0; 6 * times.len()];
+        acceleration.sample_each(&times, 6, &mut rows);
+        assert!(times.iter().zip(rows.chunks(6)).all(|(&t, row)| at(&acceleration, t) == row));
+        // Near itself, the motion is the same function of its numbers, up to the rounding of the polynomial.
+        let mut smooth = vec![0.0; 6];
+        for t in [0.05, 0.2, 4.0] {
+            acceleration.sample_with(&acceleration, t, Side::Before, &mut smooth);
+            assert!(smooth.iter().zip(at(&acceleration, t)).all(|(a, b)| (a - b).abs() < 1e-8 * (1.0 + b.abs())), "{m:?} {t}");
+        }
+        assert_eq!((acceleration.dof(), acceleration.breaks()), (2, m.breaks()));
+        assert!(
+            acceleration.derivatives(0.0, 3).is_err() && Motion::acceleration_of(&acceleration).is_err() || matches!(m, Motion::Hold(_))
+        );
+    }
+    let [_, _, _, bang, table] = motions().try_into().unwrap();
+    let refused = Motion::acceleration_of(&bang);
+    assert!(matches!(&refused, Err(Error::Input { argument, .. }) if argument == "motion"), "{refused:?}");
+    assert_eq!(Motion::acceleration_of(&table).unwrap().jumps().len(), 41);
+}

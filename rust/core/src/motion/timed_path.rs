@@ -244,21 +244,21 @@ impl TimedPath {
 
     /// Write `[q_d, v_d, a_d]` at time `t`, s, to `out`, `(3 n,)`.
     pub fn sample(&self, t: f64, out: &mut [f64]) {
-        self.evaluate::<3>(t, out);
+        self.evaluate::<3, 0>(t, out);
     }
 
-    /// Write the position and its derivatives at time `t`, s, to `out`, `(K, n)`.
+    /// Write the position and its derivatives at time `t`, s, to `out`, as [`put`] does.
     #[inline(never)]
-    pub(crate) fn evaluate<const K: usize>(&self, t: f64, out: &mut [f64]) {
+    pub(crate) fn evaluate<const K: usize, const FROM: usize>(&self, t: f64, out: &mut [f64]) {
         let (start, end) = self.path.ends();
         let phase = if t.is_nan() || self.duration().is_nan() { Some((0, [f64::NAN; 5])) } else { self.phase(t) };
         let Some((i, s)) = phase else {
-            return hold::<_, K>(if t > 0.0 { end } else { start }, out);
+            return hold::<_, K, FROM>(if t > 0.0 { end } else { start }, out);
         };
         let piece = if self.piece.is_empty() { self.path.piece(s[0]) } else { self.piece[i] };
         let n = end.len();
-        self.path.evaluate(piece, s[0], |j, q| put::<_, K>(n, out, j, chain(q, s)));
-        if s[0] == self.s[self.s.len() - 1] {
+        self.path.evaluate(piece, s[0], |j, q| put::<_, K, FROM>(n, out, j, chain(q, s)));
+        if FROM == 0 && s[0] == self.s[self.s.len() - 1] {
             out[..n].copy_from_slice(end);
         }
     }

@@ -33,6 +33,17 @@ fn print_hold(hold: &str, n: usize) -> String {
     format!("memset(y, 0, {} * sizeof(double));\nmemcpy(y, {hold}, {n} * sizeof(double));\n", 3 * n)
 }
 
+/// C code that declares the rows of a table, and the nearest knot `k`, up to `last`. `u` is the time after the first knot, in intervals.
+fn print_nearest(table: &Table, last: usize) -> String {
+    format!(
+        "{}    const double start = {}, rate = {}, u = (t - start) * rate, near = u + 0.5;
+    const long k = !(near > 0.0) ? 0L : near >= {last}.0 ? {last}L : (long)near;\n",
+        array("rows", table.rows()),
+        hex(table.start()),
+        hex(1.0 / table.dt())
+    )
+}
+
 impl Motion {
     /// Print the C function `static void prefix_name(double t, double *y)`, which writes `[q_d, v_d, a_d]`. Return false for a motion that
     /// holds its position, which requires no function.
@@ -44,11 +55,12 @@ impl Motion {
         let mut print = PrintedMotion { source, name };
         let body = match self {
             Motion::Hold(_) => return Ok(false),
-            Motion::Quintic(m) => print.rest_to_rest(m),
-            Motion::BangBang(m) => print.rest_to_rest(m),
-            Motion::Sinusoid(m) => print.sinusoid(m),
+            Motion::Quintic(m) => print.rest_to_rest::<_, 3, 0>(m),
+            Motion::BangBang(m) => print.rest_to_rest::<_, 3, 0>(m),
+            Motion::Sinusoid(m) => print.sinusoid::<3, 0>(m),
             Motion::Table(m) => print.table(m),
             Motion::TimedPath(m) => print.timed_path(m)?,
+            Motion::Acceleration(of) => print.acceleration(of)?,
         };
         let text = format!("static void {}_{name}(double t, double *y)\n{{\n{body}}}\n\n", source.prefix());
         source.write(&text);
@@ -64,6 +76,7 @@ impl Motion {
             Motion::Sinusoid(_) => "a sum of sinusoids".into(),
             Motion::Table(m) => format!("a table from {} s on, every {} s", m.start(), m.dt()),
             Motion::TimedPath(m) => format!("a path with a timing of {} s", m.duration()),
+            Motion::Acceleration(of) => format!("the acceleration of {}", of.described()),
         }
     }
 }
@@ -126,12 +139,12 @@ impl PrintedMotion<'_> {
         text
     }
 
-    fn rest_to_rest<P: Timing>(&mut self, motion: &RestToRest<P>) -> String {
+    fn rest_to_rest<P: Timing, const K: usize, const FROM: usize>(&mut self, motion: &RestToRest<P>) -> String {
         let n = motion.dof();
-        self.by_time(&motion.breaks(), 3 * n, |piece, t, y| motion.on_piece::<_, 3>(piece, t, y))
+        self.by_time(&motion.breaks(), 3 * n, |piece, t, y| motion.on_piece::<_, K, FROM>(piece, t, y))
     }
 
-    fn sinusoid(&mut self, motion: &Sinusoid) -> String {
+    fn sinusoid<const K: usize, const FROM: usize>(&mut self, motion: &Sinusoid) -> String {
         let (n, prefix) = (motion.dof(), self.source.prefix().to_string());
         if motion.terms() > 0 {
             self.source.write(&format!(
@@ -141,7 +154,7 @@ impl PrintedMotion<'_> {
                 hex(REDUCTION_LIMIT)
             ));
         }
-        self.by_time(&[], 3 * n, |_, t, y| motion.evaluate::<_, 3>(t, y))
+        self.by_time(&[], 3 * n, |_, t, y| motion.evaluate::<_, K, FROM>(t, y))
     }
 
     fn table(&mut self, table: &Table) -> String {
@@ -149,7 +162,7 @@ impl PrintedMotion<'_> {
         let (h, rate, width) = (table.dt(), 1.0 / table.dt(), 3 * n);
         // A table with one knot has no interval between knots.
         let (outside, between) = if last > 0 {
-            let formula = |x: &[Sym], y: &mut [Sym]| table::between::<_, 3>(n, x[0], [&x[1..], &x[1 + width..]], [h, rate], y);
+            let formula = |x: &[Sym], y: &mut [Sym]| table::between::<_, 3, 0>(n, x[0], [&x[1..], &x[1 + width..]], [h, rate], y);
             let calls = indented(&self.formula("between", 1 + 2 * width, width, formula));
             let x = format!("        double x[{}];\n        x[0] = u - (double)at;\n", 1 + 2 * width);
             let copy = format!("        memcpy(x + 1, rows + {width} * at, {} * sizeof(double));\n", 2 * width);
@@ -159,15 +172,47 @@ impl PrintedMotion<'_> {
         };
         let hold = indented(&indented(&print_hold(&format!("rows + (u > 0.0 ? {}L : 0L)", width * last), n)));
         format!(
-            "{}    const double start = {}, rate = {}, u = (t - start) * rate, near = u + 0.5;
-    const long k = !(near > 0.0) ? 0L : near >= {last}.0 ? {last}L : (long)near;
-    if (fabs(u - (double)k) < 1e-9) {{
+            "{}    if (fabs(u - (double)k) < 1e-9) {{
         memcpy(y, rows + {width} * k, {width} * sizeof(double));
     }} else {outside}{{\n{hold}    }}{between}\n",
-            array("rows", table.rows()),
-            hex(table.start()),
-            hex(rate)
+            print_nearest(table, last)
         )
+    }
+
+    /// The body for the acceleration of `motion`, which writes acceleration, jerk and snap.
+    fn acceleration(&mut self, motion: &Motion) -> Result<String> {
+        match motion {
+            Motion::Quintic(m) => Ok(self.rest_to_rest::<_, 5, 2>(m)),
+            Motion::Sinusoid(m) => Ok(self.sinusoid::<5, 2>(m)),
+            Motion::Table(m) => Ok(self.table_acceleration(m)),
+            _ => {
+                let problem = "has no C of jerk and snap: expected a quintic, a sinusoid or a table, got";
+                Err(Error::input("motion", format!("{problem} {}", motion.described())))
+            }
+        }
+    }
+
+    fn table_acceleration(&mut self, table: &Table) -> String {
+        let (n, last) = (table.dof(), table.rows().len() / (3 * table.dof()) - 1);
+        let (h, rate, width) = (table.dt(), 1.0 / table.dt(), 3 * n);
+        let between = if last > 0 {
+            let formula = |x: &[Sym], y: &mut [Sym]| table::between::<_, 5, 2>(n, x[0], [&x[1..], &x[1 + width..]], [h, rate], y);
+            let calls = indented(&self.formula("between", 1 + 2 * width, width, formula));
+            format!(
+                "    if (on || (u > 0.0 && u < {last}.0)) {{
+        const long at = !on ? (long)u : k < {last}L ? k : {last}L - 1L;
+        double x[{}];
+        x[0] = u - (double)at;
+        memcpy(x + 1, rows + {width} * at, {} * sizeof(double));\n{calls}    }}\n",
+                1 + 2 * width,
+                2 * width
+            )
+        } else {
+            String::new()
+        };
+        let near = print_nearest(table, last);
+        format!("{near}    const int on = fabs(u - (double)k) < 1e-9;\n    memset(y, 0, {width} * sizeof(double));\n{between}")
+            + &format!("    if (on)\n        memcpy(y, rows + {width} * k + {}, {n} * sizeof(double));\n", 2 * n)
     }
 
     fn timed_path(&mut self, motion: &TimedPath) -> Result<String> {
@@ -192,7 +237,7 @@ impl PrintedMotion<'_> {
         };
         let calls = self.formula("along", 5 + 6 * n, 3 * n, |x, y| {
             let timing = [x[0], x[1], x[2], Sym::zero(), Sym::zero()];
-            path::on_piece(n, [x[3], x[4]], &x[5..], x[0], |j, q| put::<_, 3>(n, y, j, chain(q, timing)));
+            path::on_piece(n, [x[3], x[4]], &x[5..], x[0], |j, q| put::<_, 3, 0>(n, y, j, chain(q, timing)));
         });
         Ok([ends, array("s_at", motion.grid()), array("rate_at", &rates), array("t_at", motion.times())].concat()
             + &array("knot", path.knots())
