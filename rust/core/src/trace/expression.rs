@@ -1,6 +1,6 @@
 //! Vectors and matrices of recorded values, with the operators of nalgebra: the notation of laws, plants and monitors.
 
-use super::sym::Sym;
+use super::sym::{self, Sym};
 use crate::scalar::Real;
 use nalgebra::{DMatrix, DVector};
 
@@ -29,6 +29,12 @@ pub fn vector(x: &[E]) -> V {
 /// The vectors `parts` one after another.
 pub fn stacked<'a>(parts: impl IntoIterator<Item = &'a V>) -> V {
     V::from_vec(parts.into_iter().flat_map(|part| part.iter().copied()).collect())
+}
+
+/// The total derivative of `of` with respect to time, if the vectors `at` have the rates `along`, and all other values are constant. Entries of
+/// `at` are inputs of the recording, or constants whose rate is zero.
+pub fn time_derivative<const N: usize>(of: &V, at: [&V; N], along: [&V; N]) -> V {
+    V::from_vec(sym::derivative(of.as_slice(), stacked(at).as_slice(), stacked(along).as_slice()))
 }
 
 /// The vector `yes` where `mask` is true, and `no` elsewhere.
@@ -63,7 +69,7 @@ pub fn by_rows(x: &M) -> Vec<E> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::sym;
+    use super::super::function::recorded;
     use super::super::tape::Op;
     use super::*;
 
@@ -91,6 +97,24 @@ mod tests {
         let recorded = operations(|x, y| vector(&[x, y, x]).dot(&vector(&[y, y, x])));
         assert_eq!(recorded.iter().filter(|op| matches!(op, Op::Fma(..))).count(), 2);
         assert_eq!(recorded.iter().filter(|op| matches!(op, Op::Add(..))).count(), 0);
+    }
+
+    #[test]
+    fn derivatives_with_respect_to_time_follow_the_motion() {
+        // For x = q v: x_dot = v v + q a, and x_ddot = 3 v a + q j.
+        let rates = recorded(
+            4,
+            || (),
+            |(), x| {
+                let [q, v, a, j] = [0, 1, 2, 3].map(|k| vector(&x[k..=k]));
+                let rate = time_derivative(&q.component_mul(&v), [&q, &v], [&v, &a]);
+                vec![rate[0], time_derivative(&rate, [&q, &v, &a], [&v, &a, &j])[0]]
+            },
+        );
+        let mut rates = rates.expect("the formula does not branch").interpreted(false);
+        rates.all_inputs().copy_from_slice(&[2.0, 3.0, 5.0, 7.0]);
+        rates.run();
+        assert_eq!([rates.output(0)[0], rates.output(1)[0]], [19.0, 59.0]);
     }
 
     #[test]
