@@ -40,6 +40,7 @@ LAWS: dict[str, al.Law] = {
     "ratio": impedance(damping_ratio=0.7),
     "tracking": al.ElasticTracking(ARM, al.Quintic([0.5, 0.3], [0.4, 0.4], 1.0), 300.0, 40.0, 800.0, 0.4, 0.02, frame="link2", axes="xy"),
     "joint": al.JointImpedance(ARM, [0.3, 1.0], 100.0, 10.0, 800.0, 0.4, 0.02),
+    "moving": al.JointTracking(ARM, al.Quintic([0.5, 0.3], [0.4, 0.4], 1.0), 100.0, 10.0, 800.0, 0.4),
     "motor": al.MotorPD(ARM, [0.3, 1.0], 100.0, 10.0, 800.0, online=True),
     "state": al.StateFeedback(ARM, [0.3, 1.0], 100.0, 10.0, 1.0, 0.02, 800.0),
 }
@@ -69,6 +70,24 @@ def test_other_arguments() -> None:
     refused(lambda: al.MotorPD(ARM, [0.3], 100.0, 10.0, 800.0), "MotorPD: target")
     refused(lambda: al.StateFeedback(ARM, [0.3, 1.0], 100.0, 10.0, -1.0, 0.02, 800.0), "StateFeedback: kt")
     refused(lambda: al.ElasticTracking(ARM, al.Hold([0.5]), 300.0, 40.0, 800.0, 0.4, 0.02, frame="link2", axes="xy"), "shape")
+
+
+def tracking(**changes: Any) -> al.JointTracking:
+    given: dict[str, Any] = {"motion": al.Quintic([0.5, 0.3], [0.4, 0.4], 1.0), "kp": 100.0, "kd": 10.0} | changes
+    return al.JointTracking(ARM, **{"joint_stiffness": 800.0, "motor_inertia": 0.4} | given)
+
+
+def test_joint_tracking() -> None:
+    for name in ("kp", "kd", "joint_stiffness", "motor_inertia"):
+        refused(functools.partial(tracking, **{name: INDEFINITE}), f"JointTracking: {name} is not positive definite")
+        refused(functools.partial(tracking, **{name: [1.0, NAN]}), f"JointTracking: {name} is not finite")
+        refused(functools.partial(tracking, **{name: [1.0, 1.0, 1.0]}), f"JointTracking: {name} has the wrong shape")
+    refused(lambda: tracking(motion=al.BangBang([0.5, 0.3], [0.4, 0.4], 1.0)), "JointTracking: motion has no jerk and snap", "jumps")
+    refused(lambda: tracking(motion=al.Hold([0.5])), "JointTracking: motion", "number of joints")
+    refused(lambda: tracking(motion=[0.5, 0.3]), "JointTracking: motion")
+    refused(lambda: tracking()(0.0, [0.3, 1.2], [0.0, 0.0]), "theta", "missing")
+    refused(lambda: al.simulate(al.RigidArm(ARM), tracking(), [0.3, 1.2], t_end=0.1, dt=1e-3), "law", "ElasticArm")
+    refused(lambda: al.equilibrium(PLANT, tracking(motion=al.Hold([0.3, 1.0])), q0=[0.3, 1.0]), "equilibrium: law", "JointTracking")
 
 
 def test_plants_and_calls() -> None:

@@ -85,6 +85,7 @@ ELASTIC: dict[str, Callable[[al.Arm], al.Law]] = {
         arm, al.Quintic([0.5, 0.2], [0.4, 0.3], 0.3), 100.0, 20.0, K, B, B0, frame=str(arm.tip_frame), axes="xy"
     ),
     "JointImpedance": lambda arm: al.JointImpedance(arm, target(arm), 100.0, 20.0, K, B, B0),
+    "JointTracking": lambda arm: al.JointTracking(arm, quintic(arm), 100.0, 20.0, K, B),
     "MotorPD": lambda arm: al.MotorPD(arm, target(arm), 100.0, 20.0, K),
     "MotorPD, online": lambda arm: al.MotorPD(arm, target(arm), 100.0, 20.0, K, online=True),
     "StateFeedback": lambda arm: al.StateFeedback(arm, target(arm), 100.0, 20.0, 0.5, 0.01, K),
@@ -144,15 +145,32 @@ def waypoints(arm: al.Arm) -> np.ndarray:
 @pytest.mark.parametrize("name", MOTIONS)
 def test_a_motion_in_c_has_the_bits_of_armlet(name: str, compiler: str, tmp_path: Path) -> None:
     motion = MOTIONS[name](PLANAR)
-    law = al.ComputedTorque(PLANAR, motion, kp=100.0, kd=20.0)
-    c = Controller(al.export_c(law, tmp_path), compiler)
+    compare(al.ComputedTorque(PLANAR, motion, kp=100.0, kd=20.0), motion, 2, compiler, tmp_path)
+
+
+@pytest.mark.parametrize("compiler", COMPILERS)
+@pytest.mark.parametrize("name", [name for name in MOTIONS if name != "BangBang"])
+def test_jerk_and_snap_in_c_have_the_bits_of_armlet(name: str, compiler: str, tmp_path: Path) -> None:
+    motion = MOTIONS[name](PLANAR)
+    if name.startswith("path"):
+        with pytest.raises(al.InputError, match="jumps" if name == "path" else "has no C of jerk and snap"):
+            al.export_c(al.JointTracking(PLANAR, motion, 100.0, 20.0, K, B), tmp_path)
+    else:
+        compare(al.JointTracking(PLANAR, motion, 100.0, 20.0, K, B), motion, 4, compiler, tmp_path)
+
+
+def compare(law: al.Law, motion: al.Motion, parts: int, compiler: str, folder: Path) -> None:
+    """Compare the law with its C code at 1000 times and states, which have this number of parts."""
+    c = Controller(al.export_c(law, folder), compiler)
     end = getattr(motion, "duration", 0.4)
     ends = [0.0, end, 0.5 * end, np.nextafter(end, 0.0), np.nextafter(end, 9.0), 0.3, 0.15, -0.1, 1e3]
     ends += [0.05 + 0.013 * k for k in range(12)] + [float(t) for t in getattr(motion, "times", [])]
-    x = np.random.default_rng(12).uniform(-2.0, 2.0, (1000, 2, 3))
+    x = np.random.default_rng(12).uniform(-2.0, 2.0, (1000, parts, 3))
     times = np.append(ends, np.random.default_rng(13).uniform(-0.05, 1.2 * end + 0.1, 1000 - len(ends)))
-    for t, (q, v) in zip(times, x, strict=True):
-        np.testing.assert_array_equal(c(t, q, v), law(t, q, v), err_msg=f"t = {t!r}")
+    motors = ("theta", "theta_dot")
+    for t, state in zip(times, x, strict=True):
+        expected = law(t, *state[:2], **dict(zip(motors, state[2:], strict=False)))
+        np.testing.assert_array_equal(c(t, *state), expected, err_msg=f"t = {t!r}")
 
 
 LOOPS: dict[str, Callable[[al.Arm], al.Law]] = {

@@ -91,6 +91,7 @@ OPTIONS: dict[str, list[Case]] = {
         ("ratio", {"target": [0.3, -0.4], "stiffness": 100.0, "damping": 20.0, **JOINTS, "damping_ratio": 0.7}),
         ("motors", {"target": [0.3, -0.4], "stiffness": FULL, "damping": FULL, **JOINTS, "motor_damping": 0.5, "relative_damping": True}),
     ],
+    "JointTracking": [("full gains", {"motion": MOTION, "kp": FULL, "kd": FULL / 3.0, "joint_stiffness": 2000.0, "motor_inertia": 0.3})],
     "MotorPD": [("online", {"target": [0.3, -0.4], "kp": 100.0, "kd": 20.0, "joint_stiffness": 2000.0, "online": True})],
     "StateFeedback": [("all", {"target": [0.3, -0.4], "kp": 100.0, "kd": 20.0, "kt": 0.5, "ks": 0.01, "joint_stiffness": 2000.0})],
     "PriorityVelocity": [

@@ -84,6 +84,7 @@ CASES: dict[str, Callable[[], tuple[Any, Any, dict[str, Any]]]] = {
         {},
     ),
     "joint impedance": lambda: (ELASTIC, al.JointImpedance(TWO, [0.3, 0.6], 200.0, 20.0, 700.0, 0.4, 0.1), {}),
+    "joint tracking": lambda: (ELASTIC, al.JointTracking(TWO, SWING, 300.0, 40.0, 700.0, 0.4), {}),
     "motor PD": lambda: (ELASTIC, al.MotorPD(TWO, [0.3, 0.6], 300.0, 40.0, 700.0), {}),
     "state feedback": lambda: (ELASTIC, al.StateFeedback(TWO, [0.3, 0.6], 300.0, 40.0, 1.0, 0.1, 700.0), {}),
     "priority of velocities": lambda: (VELOCITY, al.PriorityVelocity(THREE, tasks()), {}),

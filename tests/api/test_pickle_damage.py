@@ -78,6 +78,7 @@ THINGS: dict[str, Any] = {
     "ElasticImpedance": al.ElasticImpedance(TREE, [0.5, 0.4], 100.0, 20.0, 800.0, 0.4, 0.02, frame="link2", axes="xy"),
     "ElasticTracking": al.ElasticTracking(TREE, al.Hold([0.5, 0.4]), 100.0, 20.0, 800.0, 0.4, 0.02, frame="link2", axes="xy"),
     "JointImpedance": al.JointImpedance(TREE, [0.3, 0.3], 100.0, 20.0, 800.0, 0.4, 0.02),
+    "JointTracking": al.JointTracking(TREE, al.Quintic([0.3, 0.3], [0.5, 0.1], 1.0), 100.0, 20.0, 800.0, 0.4),
     "MotorPD": al.MotorPD(TREE, [0.3, 0.3], 100.0, 20.0, 800.0),
     "StateFeedback": al.StateFeedback(TREE, [0.3, 0.3], 100.0, 20.0, 1.0, 0.1, 800.0),
     "PriorityVelocity": al.PriorityVelocity(TREE, TASKS),

@@ -42,6 +42,11 @@ OF_JOINTS: dict[str, tuple[al.Plant, Make, tuple[str, ...]]] = {
     "Adaptive": (RIGID, lambda target: al.Adaptive(ARM, target, 100.0, 20.0, 0.1), ("Hold", "Quintic", "Sinusoid")),
     "PDGravity": (RIGID, lambda target: al.PDGravity(ARM, target, 80.0, 25.0), ("constant",)),
     "JointImpedance": (ELASTIC, lambda target: al.JointImpedance(ARM, target, 80.0, 25.0, STIFFNESS, MOTORS, MOTORS), ("constant",)),
+    "JointTracking": (
+        ELASTIC,
+        lambda target: al.JointTracking(ARM, target, 80.0, 25.0, STIFFNESS, MOTORS),
+        ("Hold", "Quintic", "Sinusoid"),
+    ),
     "MotorPD": (ELASTIC, lambda target: al.MotorPD(ARM, target, 80.0, 25.0, STIFFNESS), ("constant",)),
     "StateFeedback": (ELASTIC, lambda target: al.StateFeedback(ARM, target, 80.0, 25.0, 0.1, 0.01, STIFFNESS), ("constant",)),
 }

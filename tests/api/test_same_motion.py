@@ -52,6 +52,7 @@ LOOPS: dict[str, Callable[[], Loop]] = {
         {},
     ),
     "JointImpedance": lambda: (ELASTIC, al.JointImpedance(ARM, [0.4, 0.3], 60.0, 8.0, K, B, REDUCED), {}),
+    "JointTracking": lambda: (ELASTIC, al.JointTracking(ARM, SWING, joint_stiffness=K, motor_inertia=B, **GAINS), {}),
     "ElasticImpedance": lambda: (ELASTIC, al.ElasticImpedance(ARM, [0.7, 0.1], STIFFNESS, DAMPING, K, B, REDUCED, **TIP), {}),
     "PriorityVelocity": lambda: (al.VelocityArm(ARM), al.PriorityVelocity(ARM, [al.Task("link2", "xy", [0.6, 0.2], 3.0)]), {}),
 }

@@ -74,3 +74,24 @@ def test_a_jump_that_moves_is_refused() -> None:
     law = al.ComputedTorque(arm, moving, 20.0, 6.0)
     with pytest.raises(al.InputError, match=r"law\.motion\.start has no derivative: it moves an instant at which the motion jumps"):
         al.simulate(al.RigidArm(arm), law, [0.5], t_end=0.6, dt=1e-3, sensitivity="law.motion.start")
+
+
+def test_jerk_and_snap_of_a_table_have_derivatives() -> None:
+    """`JointTracking` feeds jerk and snap forward, which jump at the knots. A step begins at each knot, and the values after it count."""
+    K, B, dt = [800.0, 500.0], [0.4, 0.25], 0.1
+    rows = np.random.default_rng(1).uniform(-0.3, 0.3, (3, 5, 2))
+
+    def law(q: Any, dt: float = dt) -> Any:
+        return al.JointTracking(ARM, al.Table(dt, q, *rows[1:]), [50.0, 40.0], [5.0, 4.0], K, B)
+
+    options: dict[str, Any] = {"t_end": 0.4, "dt": 2e-3, "monitors": False}
+    plant, name, h = al.ElasticArm(ARM, K, B), "law.motion.q", 1e-4
+    run = al.simulate(plant, law(rows[0]), rows[0, 0], sensitivity=name, **options)
+    for k in range(10):
+        step = h * np.eye(10)[k].reshape(5, 2)
+        first, second = (al.simulate(plant, law(rows[0] + sign * step), rows[0, 0], **options).q for sign in (1.0, -1.0))
+        difference = (first - second) / (2.0 * h)
+        got = np.reshape(rates_of(run, name).q, (*difference.shape, 10))[..., k]
+        np.testing.assert_allclose(got, difference, rtol=0.0, atol=1e-6 * np.abs(difference).max(), err_msg=str(k))
+    with pytest.raises(al.InputError, match=r"law\.motion\.dt has no derivative: it moves an instant at which the motion jumps"):
+        al.simulate(plant, law(rows[0]), rows[0, 0], sensitivity="law.motion.dt", **options)

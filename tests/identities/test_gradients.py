@@ -57,6 +57,7 @@ LAWS: dict[str, Callable[[], Any]] = {
         ARM, al.Sinusoid([0.7, 0.1], [0.1, 0.1], [2.0, 1.0], [0.0, 0.5]), [40.0, 30.0], [6.0, 5.0], **TIP
     ),
     "MotorPD": lambda: elastic(al.MotorPD),
+    "JointTracking": lambda: al.JointTracking(ARM, SWING, **GAINS, joint_stiffness=K, motor_inertia=B),
     "JointImpedance": lambda: al.JointImpedance(
         ARM, [0.4, 0.3], [8.0, 6.0], [3.0, 2.0], joint_stiffness=K, motor_inertia=B, reduced_inertia=[0.1, 0.06]
     ),
@@ -66,7 +67,7 @@ LAWS: dict[str, Callable[[], Any]] = {
     ),
     "PriorityAcceleration": lambda: al.PriorityAcceleration(ARM, [al.Task("link2", "xy", target=[0.6, 0.2], gain=8.0)]),
 }
-ELASTIC = ("MotorPD", "JointImpedance", "ElasticImpedance")
+ELASTIC = ("MotorPD", "JointTracking", "JointImpedance", "ElasticImpedance")
 
 
 def plant_of(name: str) -> Any:

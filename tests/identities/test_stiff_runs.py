@@ -77,6 +77,7 @@ LOOPS: dict[str, Callable[[], tuple[al.Plant, al.Law, dict[str, Any]]]] = {
         )
     ),
     "JointImpedance": lambda: elastic(lambda arm: al.JointImpedance(arm, [0.5, 0.2, 0.3], 100.0, 10.0, SPRINGS, MOTORS, REDUCED)),
+    "JointTracking": lambda: elastic(lambda arm: al.JointTracking(arm, motion(), 300.0, 20.0, SPRINGS, MOTORS)),
     "MotorPD": lambda: elastic(lambda arm: al.MotorPD(arm, [0.5, 0.2, 0.3], 300.0, 20.0, SPRINGS)),
     "StateFeedback": lambda: elastic(lambda arm: al.StateFeedback(arm, [0.5, 0.2, 0.3], 300.0, 20.0, 2.0, 0.01, SPRINGS)),
 }

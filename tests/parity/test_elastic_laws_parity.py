@@ -41,6 +41,9 @@ def laws(lib: Any, name: str, arm: Any, given: dict[str, Any], frame: str, optio
         return lib.MotorPD(arm, target, given["kp"], given["kd"], given["joint_stiffness"], **options)
     if name == "StateFeedback":
         return lib.StateFeedback(arm, target, *(given[key] for key in ("kp", "kd", "kt", "ks", "joint_stiffness")))
+    if name == "JointTracking":
+        moving = lib.Sinusoid(*rng.uniform(0.05, 0.3, (2, n)), rng.uniform(0.5, 3.0, n), rng.uniform(0.1, 0.9, n))
+        return lib.JointTracking(arm, moving, *(given[key] for key in ("kp", "kd", "joint_stiffness", "motor_inertia")))
     if name == "JointImpedance":
         return lib.JointImpedance(arm, target, given["kp"], given["kd"], **inner, **options)
     axes = "xyz" if options else "z rx y"
@@ -55,6 +58,7 @@ def laws(lib: Any, name: str, arm: Any, given: dict[str, Any], frame: str, optio
 NAMES = [
     *(("MotorPD", options) for options in ({}, {"online": True})),
     ("StateFeedback", {}),
+    ("JointTracking", {}),
     *((name, options) for name in ("JointImpedance", "ElasticImpedance", "ElasticTracking") for options in OPTIONS),
 ]
 
@@ -71,11 +75,11 @@ def test_torques(name: str, options: dict[str, Any], n: int, form: str) -> None:
         want = other.terms(t, q, v, theta, theta_dot)
         # The torque is a product with two full matrices, which amplify rounding.
         close(law(t, q, v, theta=theta, theta_dot=theta_dot), want["tau"], tolerance=1e-11)
-        for key in {"u", "tau_J", "e", "g", "theta_d", "x_d"} & got.keys() & want.keys():
+        for key in {"u", "tau_J", "e", "g", "q_d", "v_d", "a_d", "theta_d", "theta_d_dot", "feedforward", "x_d"} & got.keys() & want.keys():
             close(np.asarray(got[key]), want[key], 1e3, 1e-11)
 
 
-@pytest.mark.parametrize(("name", "options"), [NAMES[1], NAMES[2], NAMES[4], NAMES[-1]], ids=str)
+@pytest.mark.parametrize(("name", "options"), [NAMES[1], NAMES[2], NAMES[3], NAMES[5], NAMES[-1]], ids=str)
 def test_runs(name: str, options: dict[str, Any]) -> None:
     """Runs with equal steps of the same method agree. Stiff springs damp the differences that rounding makes."""
     arm, theirs = driven_tree(3, 0)

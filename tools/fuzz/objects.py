@@ -86,6 +86,7 @@ class Objects:
             f"al.Adaptive({arm}, {self.motion()}, {self.gain()}, {self.gain()}, 1.0, friction=True, armature=True, leakage=0.1)",
             f"al.Guarded(al.PDGravity({arm}, {self.vector(n)}, 50.0, 9.0), al.MomentumObserver({arm}, 50.0, threshold=1.0))",
             f"al.MotorPD({arm}, {self.vector(n)}, 500.0, 20.0, {self.vector(n, 100.0, 1e4)})",
+            f"al.JointTracking({arm}, al.Quintic({self.vector(n)}, {self.vector(n)}, 1.0), 500.0, 20.0, {self.vector(n, 100.0, 1e4)}, 0.5)",
             f"al.JointImpedance({arm}, {self.vector(n)}, {self.gain()}, {self.gain()}, {self.vector(n, 100.0, 1e4)}, 0.5, 0.2)",
         ]
         if self.frame:

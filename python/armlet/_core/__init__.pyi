@@ -32,6 +32,7 @@ from .laws import ElasticImpedance as ElasticImpedance
 from .laws import ElasticTracking as ElasticTracking
 from .laws import Guarded as Guarded
 from .laws import JointImpedance as JointImpedance
+from .laws import JointTracking as JointTracking
 from .laws import Law as Law
 from .laws import MotorPD as MotorPD
 from .laws import PDGravity as PDGravity
@@ -124,6 +125,7 @@ __all__ = [
     "InverseKinematics",
     "JointImpedance",
     "JointLimitTask",
+    "JointTracking",
     "Law",
     "MomentumObserver",
     "Motion",

@@ -230,6 +230,12 @@ class JointImpedance(Law):
     ) -> Self: ...
 
 @final
+class JointTracking(Law):
+    def __new__(
+        cls, arm: Arm, motion: Motion, kp: ArrayLike, kd: ArrayLike, joint_stiffness: ArrayLike, motor_inertia: ArrayLike
+    ) -> Self: ...
+
+@final
 class MotorPD(Law):
     def __new__(
         cls, arm: Arm, target: ArrayLike, kp: ArrayLike, kd: ArrayLike, joint_stiffness: ArrayLike, *, online: bool = False

@@ -25,6 +25,7 @@ from .identification import BaseParameters, Identification, base_parameters, ide
 from .impedance import CartesianImpedance, ElasticImpedance, ElasticTracking, JointImpedance
 from .inertia import ParameterReport, check_parameters, project_parameters
 from .inverse_kinematics import InverseKinematics, inverse_kinematics
+from .joint_tracking import JointTracking
 from .lagrange import Mechanism
 from .law import ComputedTorque, Law, PDGravity
 from .mintime import torque_optimal_time
@@ -76,6 +77,7 @@ __all__ = [
     "JointImpedance",
     "JointLimitTask",
     "JointStops",
+    "JointTracking",
     "Law",
     "LuGre",
     "Mechanism",

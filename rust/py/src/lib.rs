@@ -67,8 +67,8 @@ mod _core {
     use super::inverse_kinematics::{InverseKinematics, inverse_kinematics};
     #[pymodule_export]
     use super::law::{
-        Adaptive, CartesianImpedance, ComputedTorque, ElasticImpedance, ElasticTracking, Guarded, JointImpedance, Law, MotorPD, PDGravity,
-        PID, PriorityAcceleration, PriorityVelocity, StateFeedback,
+        Adaptive, CartesianImpedance, ComputedTorque, ElasticImpedance, ElasticTracking, Guarded, JointImpedance, JointTracking, Law,
+        MotorPD, PDGravity, PID, PriorityAcceleration, PriorityVelocity, StateFeedback,
     };
     #[pymodule_export]
     use super::listed::loop_program;

@@ -151,6 +151,8 @@ laws! {
     ElasticImpedance(ElasticImpedanceSpec),
     /// Joint impedance of an elastic arm.
     JointImpedance(JointImpedanceSpec),
+    /// Tracking of a joint motion with an elastic arm.
+    JointTracking(JointTrackingSpec),
     /// PD on motors with gravity compensation.
     MotorPd(MotorPdSpec),
     /// Full state feedback of an elastic arm.

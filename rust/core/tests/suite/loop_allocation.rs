@@ -5,7 +5,7 @@ use crate::counting::counted;
 use armlet_core::arm::{Arm, STANDARD_GRAVITY, example_urdf};
 use armlet_core::dynamics::{Model, PlanarPr};
 use armlet_core::kinematics::TaskFunction;
-use armlet_core::law::{Adaptation, AdaptiveSpec, CartesianImpedanceSpec, ComputedTorqueSpec, Gain, LawSpec, Level};
+use armlet_core::law::{Adaptation, AdaptiveSpec, CartesianImpedanceSpec, ComputedTorqueSpec, Gain, JointTrackingSpec, LawSpec, Level};
 use armlet_core::law::{LimitOverrides, PdGravitySpec, PriorityAccelerationSpec, PriorityVelocitySpec, StateFeedbackSpec};
 use armlet_core::motion::{Motion, Sinusoid};
 use armlet_core::plant::sensors::TorqueSensor;
@@ -156,21 +156,25 @@ fn steps_allocate_nothing() {
     elastic_steps_allocate_nothing(two);
 }
 
-/// Test elastic joints with torque sensors at the sample times, moving into a stop.
+/// Test elastic joints with torque sensors at the sample times. One loop moves into a stop, and the other follows a motion.
 fn elastic_steps_allocate_nothing(two: Model) {
     let gain = |n: usize, k: f64| Gain::scalar("gain", n, k).unwrap();
     let stops = Stops::new(vec![-3.0; 2], vec![0.21, 3.0], vec![1e3; 2], vec![10.0; 2]).unwrap();
-    let spec = ElasticSpec::new(two.clone(), gain(2, 800.0), gain(2, 0.2), None, None, None).unwrap().with_stops(Some(stops));
+    let spec = ElasticSpec::new(two.clone(), gain(2, 800.0), gain(2, 0.2), None, None, None).unwrap();
     let gains = [gain(2, 200.0), gain(2, 20.0), gain(2, 1.0), gain(2, 0.02)];
-    let law = LawSpec::StateFeedback(StateFeedbackSpec::new(two.clone(), &[0.4, 0.3], gains, gain(2, 800.0)).unwrap());
-    let plant = PlantSpec::Elastic(spec);
-    for (method, sample, steps) in
-        [(Method::Rk4, None, [100, 1000]), (Method::Rk4, Some(0.002), [100, 1000]), (Method::Dop853, None, [4000, 6000])]
-    {
-        let count = |steps: usize| allocations(&plant, &law, None, method, (sample, false), steps);
-        // The first run makes the programs of the loop.
-        count(steps[1]);
-        assert_eq!(count(steps[0]), count(steps[1]), "{method:?}, sampled at {sample:?}");
+    let feedback = LawSpec::StateFeedback(StateFeedbackSpec::new(two.clone(), &[0.4, 0.3], gains.clone(), gain(2, 800.0)).unwrap());
+    let [kp, kd, ..] = gains;
+    let tracking = JointTrackingSpec::new(two.clone(), sinusoid(2), [kp, kd], gain(2, 800.0), gain(2, 0.2)).unwrap();
+    let loops = [(spec.clone().with_stops(Some(stops)), feedback), (spec, LawSpec::JointTracking(tracking))];
+    for (plant, law) in loops.map(|(plant, law)| (PlantSpec::Elastic(plant), law)) {
+        for (method, sample, steps) in
+            [(Method::Rk4, None, [100, 1000]), (Method::Rk4, Some(0.002), [100, 1000]), (Method::Dop853, None, [4000, 6000])]
+        {
+            let count = |steps: usize| allocations(&plant, &law, None, method, (sample, false), steps);
+            // The first run makes the programs of the loop.
+            count(steps[1]);
+            assert_eq!(count(steps[0]), count(steps[1]), "{}, {method:?}, sampled at {sample:?}", law.name());
+        }
     }
 }
 

@@ -5,8 +5,8 @@ use armlet_core::dynamics::Model;
 use armlet_core::kinematics::Coordinates;
 use armlet_core::law::{
     Adaptation, AdaptiveSpec, CartesianImpedanceSpec, ComputedTorqueSpec, ElasticImpedanceSpec, Gain, JointColumn, JointColumns,
-    JointImpedanceSpec, LawSpec, LeakageForm, MotorPdSpec, PdGravitySpec, PidOptions, PidSpec, Projection, ReductionSpec,
-    StateFeedbackSpec,
+    JointImpedanceSpec, JointTrackingSpec, LawSpec, LeakageForm, MotorPdSpec, PdGravitySpec, PidOptions, PidSpec, Projection,
+    ReductionSpec, StateFeedbackSpec,
 };
 use armlet_core::motion::{Motion, Sinusoid};
 use armlet_core::plant::{ElasticSpec, FrictionCurve, JointFriction, LuGre, PlantSpec, RigidSpec, Stops, Wall};
@@ -201,6 +201,9 @@ pub fn cases(at: &[f64]) -> Vec<Case> {
     }
     let joint = JointImpedanceSpec { outer: pd, inner: reduction(true) };
     all.push(case("JointImpedance", PlantSpec::Elastic(elastic()), LawSpec::JointImpedance(joint)));
+    let tracking =
+        JointTrackingSpec::new(model.clone(), moving(q_d.clone()), [full(N, 500.0), gain(N, 20.0)], spring(), gain(N, 0.5)).unwrap();
+    all.push(case("JointTracking", PlantSpec::Elastic(elastic()), LawSpec::JointTracking(tracking)));
     for online in [false, true] {
         let law = MotorPdSpec::new(model.clone(), &q_d, full(N, 500.0), gain(N, 20.0), spring(), online).unwrap();
         // This plant has friction that does not depend on the load. With load-dependent friction, differences could change the sign of the

@@ -73,7 +73,7 @@ fn worst(
 #[test]
 fn programs_and_duals_are_the_derivatives_of_every_loop() {
     let at = numbers(N, 0.2, 0.7);
-    let (mut seen, mut pressed, mut wrong) = ([false; 10], false, Vec::new());
+    let (mut seen, mut pressed, mut wrong) = ([false; 11], false, Vec::new());
     for Case { name, plant, law, force, tau_max, estimate } in cases(&at) {
         let kind = match &law {
             LawSpec::Adaptive(_) => 0,
@@ -89,6 +89,7 @@ fn programs_and_duals_are_the_derivatives_of_every_loop() {
             // A guarded law requires sampling, and implicit methods then hold the input.
             LawSpec::Guarded(_) => 8,
             LawSpec::Pid(_) => 9,
+            LawSpec::JointTracking(_) => 10,
         };
         seen[kind] = true;
         for still in [true, false] {
@@ -131,7 +132,7 @@ fn programs_and_duals_are_the_derivatives_of_every_loop() {
     }
     assert!(wrong.is_empty(), "{wrong:#?}");
     assert!(pressed, "a case has contacts in several modes");
-    assert_eq!(seen, [true, true, true, true, true, true, true, true, false, true]);
+    assert_eq!(seen, [true, true, true, true, true, true, true, true, false, true, true]);
 }
 
 fn rodas4(tau_max: Option<Vec<f64>>, monitors: bool) -> Options {

@@ -4,7 +4,8 @@ use super::impedance::{self, OptionArguments};
 use super::{Arguments, Law};
 use crate::errors::{Failure, input_error};
 use armlet_core::law::{
-    CartesianImpedanceSpec, ElasticImpedanceSpec, JointImpedanceSpec, MotorPdSpec, PdGravitySpec, ReductionSpec, StateFeedbackSpec,
+    CartesianImpedanceSpec, ElasticImpedanceSpec, JointImpedanceSpec, JointTrackingSpec, MotorPdSpec, PdGravitySpec, ReductionSpec,
+    StateFeedbackSpec,
 };
 use armlet_core::motion::Motion;
 use armlet_macros::entered;
@@ -211,6 +212,56 @@ impl JointImpedance {
         let inner = Inner { joint_stiffness, motor_inertia, reduced_inertia, motor_damping, damping_ratio, relative_damping };
         let inner = inner.read(&mut given)?;
         Ok(given.law(JointImpedanceSpec { outer, inner }).add_subclass(JointImpedance))
+    }
+}
+
+/// Tracking of a joint motion with elastic joints: feed-forward of links and motors, and PD control of the motors.
+///
+/// `tau = B theta_d_ddot + tau_J,d + Kp (theta_d - theta) + Kd (theta_d_dot - theta_dot)` with the desired joint torque
+/// `tau_J,d = M(q_d) a_d + C(q_d, v_d) v_d + g(q_d)` and the desired motor position `theta_d = q_d + K_J^-1 tau_J,d`. `theta_d_dot` and
+/// `theta_d_ddot` contain jerk and snap of the motion. With an exact model, and a start at `theta_d` and `theta_d_dot`, the links follow
+/// the motion without error.
+///
+/// Args:
+///     arm: the model of the links.
+///     motion: `q_d(t)` of the links, with jerk and snap at every time: no `BangBang`, and no path whose acceleration jumps.
+///     kp, kd: positive definite gains of the motors, N m/rad and N m s/rad (N/m, N s/m): scalar, `(n,)` or `(n, n)`.
+///     joint_stiffness: `K_J`, N m/rad or N/m, positive definite: scalar, `(n,)` or `(n, n)`.
+///     motor_inertia: `B`, kg m^2 or kg, positive definite: scalar, `(n,)` or `(n, n)`.
+///
+/// Raises:
+///     InputError: a shape is wrong, a number is not finite, the acceleration of the motion jumps, or a gain, `joint_stiffness` or
+///         `motor_inertia` is not positive definite.
+///
+/// Source: [DeLucaBook2016, Spong1987]; docs/elastic.md.
+///
+/// >>> import armlet as al
+/// >>> arm = al.planar_arm([0.5, 0.4])
+/// >>> motion = al.Sinusoid([0.3, 1.0], 0.4, 3.0, 0.3)
+/// >>> law = al.JointTracking(arm, motion, 100.0, 10.0, [800.0, 500.0], [0.4, 0.25])
+/// >>> q, v, _ = motion(0.0)
+/// >>> start = law.terms(0.0, q, v, theta=q, theta_dot=v)
+/// >>> run = al.simulate(al.ElasticArm(arm, [800.0, 500.0], [0.4, 0.25]), law, q, v0=v, theta0=start["theta_d"],
+/// ...                   theta_dot0=start["theta_d_dot"], t_end=2.0, method="dop853", rtol=1e-10, atol=1e-12)
+/// >>> bool(abs(run.q[-1] - motion(2.0)[0]).max() < 1e-7)
+/// True
+#[pyclass(frozen, extends = Law, module = "armlet")]
+pub struct JointTracking;
+
+#[entered]
+#[pymethods]
+impl JointTracking {
+    #[new]
+    #[arguments(arm, motion, kp, kd, joint_stiffness, motor_inertia)]
+    fn new() -> Result<PyClassInitializer<Self>, Failure> {
+        let mut given = Arguments::new(NAME, arm)?;
+        let n = given.model().n();
+        let motion = given.motion("motion", motion)?;
+        let gains = [given.gain("kp", kp, n)?, given.gain("kd", kd, n)?];
+        let joint_stiffness = given.gain("joint_stiffness", joint_stiffness, n)?;
+        let motor_inertia = given.gain("motor_inertia", motor_inertia, n)?;
+        let spec = JointTrackingSpec::new(given.model(), motion, gains, joint_stiffness, motor_inertia)?;
+        Ok(given.law(spec).add_subclass(JointTracking))
     }
 }
 
