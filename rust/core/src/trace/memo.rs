@@ -8,9 +8,10 @@ use std::hash::{BuildHasherDefault, Hasher};
 pub struct Multiplicative(u64);
 
 impl Hasher for Multiplicative {
+    /// The upper bits of the product depend on all bits of the keys. A hash map selects its buckets by the lower bits of the hash.
     #[inline]
     fn finish(&self) -> u64 {
-        self.0
+        self.0.rotate_left(26)
     }
     fn write(&mut self, bytes: &[u8]) {
         for &byte in bytes {

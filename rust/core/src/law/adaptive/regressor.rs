@@ -37,13 +37,15 @@ impl AdaptiveSpec {
         let gravity = arm.regressor(&zero, &zero, &zero);
         let mut y_m = arm.regressor(&zero, &zero, v) - &gravity;
         let mut y_d = gravity.clone();
+        // The products `Y_g' v` of the estimated parameters.
+        let products = |column: nalgebra::DVectorView<S>| column.iter().zip(v).fold(S::zero(), |sum, (&g, &v)| sum + g * v);
+        let of_gravity: Vec<S> = own.iter().map(|&k| products(gravity.column(k))).collect();
         for i in 0..n {
             // Row i of C' v is (Y(q, v, e_i, 0) - Y_g)' v.
             let e_i = DVector::from_fn(n, |k, _| S::splat(f64::from(u8::from(k == i))));
             let [_, row] = arm.regressor_products([v, &e_i, &zero], &vec![S::zero(); gravity.ncols()], v);
-            for &k in &own {
-                let weighed = gravity.column(k).iter().zip(v).fold(S::zero(), |sum, (&g, &v)| sum + g * v);
-                y_d[(i, k)] -= row[k] - weighed;
+            for (&k, &of_gravity) in own.iter().zip(&of_gravity) {
+                y_d[(i, k)] -= row[k] - of_gravity;
             }
         }
         [y_m, y_d] = [&y_m, &y_d].map(|y| y.select_columns(&own));
