@@ -56,7 +56,7 @@ def test_faults_are_detected(name: str, text: str, expected: tuple[int, int], tm
         ("a.rs", "pub fn look(&self) {}\n", ["look"]),
         ("a.rs", "struct A {\n    pub kept: f64, // whole: 1\n}\n", ["kept"]),
         ("a.rs", "fn f(back: &mut [f64], keep_alive: bool) {}\nconst SPARE: u8 = 1;\nmod rest;\n", ["SPARE", "rest", "back"]),
-        ("a.rs", "fn f() {\n    let rest: u8 = 1;\n    'back: loop {}\n    let a = \"fn look keep: \";\n    rest::f();\n}\n", []),
+        ("a.rs", 'fn f() {\n    let rest: u8 = 1;\n    \'back: loop {}\n    let a = "fn look keep: ";\n    rest::f();\n}\n', []),
         ("rest.rs", "", ["rest"]),
         ("a.py", "def forget(self, whole=1):\n    self.kept = rest = whole\n", ["forget", "whole", "kept"]),
         ("a.py", "FINE = 1\n\n\nclass A:\n    again: int\n\n    def f(self):\n        rest = 2\n", ["FINE", "again"]),

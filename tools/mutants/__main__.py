@@ -48,7 +48,7 @@ KNOWN: dict[str, str] = {
     "a known program taken for another wall": "no fault: its numbers are inputs of a program, its frame is compared with the shape",
 }
 LEAST = 0.95
-SWITCH = '''
+SWITCH = """
 /// Whether bug `n` of tools/mutants is switched on.
 #[allow(missing_docs)]
 pub fn mutant(n: u32) -> bool {
@@ -61,7 +61,7 @@ pub fn mutant(n: u32) -> bool {
     }
     chosen == n
 }
-'''
+"""
 
 
 def mutants() -> list[dict[str, Any]]:

@@ -109,9 +109,7 @@ def gradient(
     return value, {named.name: np.array(flat[part]).reshape(named.value.shape) for named, part in split(loops.names)}
 
 
-def of_loops(
-    function: str, loss: Loss, loop: tuple[Any, Any, Any], loops: Varied, options: RunOptions, memory: int
-) -> tuple[float, Array]:
+def of_loops(function: str, loss: Loss, loop: tuple[Any, Any, Any], loops: Varied, options: RunOptions, memory: int) -> tuple[float, Array]:
     """Return a loss of the loop (plant, law, q0), and its derivatives with respect to the P numbers that differ in `loops`, (P,)."""
     run = simulate(*loop, **options)
     value, slopes = evaluated(loss, run)

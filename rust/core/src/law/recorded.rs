@@ -15,8 +15,8 @@ use crate::trace::{E, V, sym};
 /// use armlet_core::law::{Gain, LawSpec, PdGravitySpec, RecordedLaw};
 /// use armlet_core::trace::function::recorded;
 /// # let model = Model::from(Arm::pendulum(2.0, 5.0)?);
-/// # let law = PdGravitySpec::new(model, vec![0.5], Gain::scalar("kp", 1, 20.0)?, Gain::scalar("kd", 1, 4.0)?)?;
-/// # let law = LawSpec::from(law);
+/// # let [kp, kd] = [Gain::scalar("kp", 1, 20.0)?, Gain::scalar("kd", 1, 4.0)?];
+/// # let law = LawSpec::from(PdGravitySpec::new(model, vec![0.5], kp, kd)?);
 ///
 /// let error = |control: RecordedLaw, x: &[_]| control.terms(&law.desired(0.0), x, &[]).get("e").as_slice().to_vec();
 /// let mut e = recorded(2, || RecordedLaw::continuous(&law), error).expect("a law does not branch").interpreted(false);
