@@ -25,6 +25,9 @@ const KEPT_QUERIES: usize = 64;
 /// Largest number of operations of a program for rows. It limits the time to make the program.
 const LONGEST: f64 = 600_000.0;
 
+/// Largest number of joints for which the buffers are made together with the arm. For more joints, they are made at the first call.
+const FEW_JOINTS: usize = 1024;
+
 /// A query, and its function for many rows.
 struct Known {
     query: Query,
@@ -40,9 +43,6 @@ struct CachedQuery {
     calls: usize,
     program: Option<ArmCall>,
 }
-
-/// Largest number of joints for which the buffers are made together with the arm. For more joints, they are made at the first call.
-const FEW_JOINTS: usize = 1024;
 
 /// The evaluator and the programs for single calls.
 struct Single {
@@ -92,8 +92,7 @@ impl Single {
     }
 }
 
-/// The quantities of an arm at one and at many configurations. Single calls of a query are counted, and rows are announced with
-/// [`Functions::prepare`]. After enough of them, the query is compiled, unless its program would be too long.
+/// The quantities of an arm at one configuration ([`Functions::one`]) and at many ([`Functions::rows`]).
 ///
 /// ```
 /// use armlet_core::arm::Arm;
@@ -171,15 +170,15 @@ impl Functions {
         if out.is_empty() {
             return Ok(true);
         }
-        let (mut own, mut sound) = (None, true);
+        let (mut evaluator, mut all_finite) = (None, true);
         let mut direct = |i: usize, out: &mut [f64]| {
             let mut row: [&[f64]; 4] = [&[]; 4];
             for (k, given) in inputs.iter().enumerate() {
                 let width = query.input_length(k, n);
                 row[k] = &given[i * width..][..width];
             }
-            let single: &mut Evaluator = own.get_or_insert_with(|| Evaluator::sized(&self.arm, false));
-            sound &= single.one(query, &row[..inputs.len()], out)?;
+            let evaluator: &mut Evaluator = evaluator.get_or_insert_with(|| Evaluator::sized(&self.arm, false));
+            all_finite &= evaluator.one(query, &row[..inputs.len()], out)?;
             Ok(())
         };
         let function = free(&self.known).and_then(|known| known.iter().find(|known| known.query == *query)?.function.clone());
@@ -187,7 +186,7 @@ impl Functions {
             Some(function) => function.rows(inputs, out, direct)?,
             None => out.chunks_exact_mut(length).enumerate().try_for_each(|(i, out)| direct(i, out))?,
         }
-        Ok(sound)
+        Ok(all_finite)
     }
 }
 

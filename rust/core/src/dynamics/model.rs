@@ -1,4 +1,4 @@
-//! Any arm, chosen at run time: the planar PR arm in closed form, or a tree of bodies.
+//! Any arm, chosen at run time: the planar PR arm in closed form (`planar_pr`), or a tree of bodies (`tree`).
 //!
 //! Each quantity is a function that is not inlined. So laws and plants share one copy of the code, and each use costs one call.
 
@@ -74,11 +74,11 @@ impl Model {
 
     /// Viscous friction (N m s/rad or N s/m) and Coulomb friction (N m or N), `(n,)` each; zero if `acts` is false.
     pub fn friction(&self, acts: bool) -> [Vec<f64>; 2] {
-        let of = |get: fn(&Joint) -> f64| match self {
+        let of_joints = |get: fn(&Joint) -> f64| match self {
             Model::Tree(arm) if acts => arm.independent().map(get).collect(),
             Model::Tree(_) | Model::PlanarPr(_) => vec![0.0; self.n()],
         };
-        [of(|joint| joint.damping), of(|joint| joint.friction)]
+        [of_joints(|joint| joint.damping), of_joints(|joint| joint.friction)]
     }
 
     /// Names of the columns of the regressor: inertial parameters, then armature if `armature`, then damping and friction if `friction`.
@@ -167,7 +167,7 @@ impl<S: Real> AnyArm<S> {
 }
 
 /// A quantity as a function that is not inlined: `$name(ws, trig, inputs.., outputs..)`.
-macro_rules! apart {
+macro_rules! not_inlined {
     ($name:ident, [$($input:ident),*], [$($output:ident),+]) => {
         #[inline(never)]
         fn $name(&self, ws: &mut Workspace<S>, trig: &[(S, S)], $($input: &[S],)* $($output: &mut [S]),+) {
@@ -219,12 +219,12 @@ impl<S: Real> Dynamics<S> for AnyArm<S> {
         }
     }
 
-    apart!(mass_matrix, [q], [m]);
-    apart!(coriolis_matrix, [q, v], [c]);
-    apart!(gravity, [q], [g]);
-    apart!(bias, [q, v], [out]);
-    apart!(inverse_dynamics, [q, v, a], [tau]);
-    apart!(forward_dynamics, [q, v, tau], [a]);
+    not_inlined!(mass_matrix, [q], [m]);
+    not_inlined!(coriolis_matrix, [q, v], [c]);
+    not_inlined!(gravity, [q], [g]);
+    not_inlined!(bias, [q, v], [out]);
+    not_inlined!(inverse_dynamics, [q, v, a], [tau]);
+    not_inlined!(forward_dynamics, [q, v, tau], [a]);
 
     #[inline(never)]
     fn regressor(&self, ws: &mut Workspace<S>, trig: &[(S, S)], q: &[S], rates: [&[S]; 3], y: &mut [S]) {
@@ -270,8 +270,8 @@ impl<S: Real> AnyArm<S> {
         }
     }
 
-    /// The acceleration of a frame at the velocity `v` and zero joint accelerations, `[v; w]` in world axes. It is the product of the rate
-    /// of its Jacobian and `v`. A planar PR arm has no frames, so its result is zero.
+    /// The bias acceleration `J_dot v` of a frame with the Jacobian `J`: its acceleration at zero joint accelerations. The result is the linear
+    /// and the angular acceleration in world axes. A planar PR arm has no frames, so its result is zero.
     #[inline(never)]
     pub fn bias_acceleration(&self, ws: &mut Workspace<S>, at: (&[(S, S)], &[S]), v: &[S], frame: usize) -> [Vector3<S>; 2] {
         match self {

@@ -1,4 +1,5 @@
-//! The joint of a refused limit. A robot file may state limits of effort and velocity of zero or less, and these are then given as arguments.
+//! The joint of a refused limit. A robot file may have limits of effort and velocity of zero or less. If such a limit is passed as an
+//! argument `tau_..` or `v_..`, the error names the joint and the limit in the file.
 
 use super::Model;
 use crate::error::Error;
@@ -15,8 +16,8 @@ impl Model {
     ///     <limit effort="0" velocity="2"/></joint></robot>"#;
     /// let model = Model::from(Arm::from_urdf(text, "robot.urdf", STANDARD_GRAVITY, None, None)?);
     /// let error = model.name_limit(Error::input("tau_max", "is not positive: expected > 0, got 0").at([0]));
-    /// let said = "tau_max is not positive: expected > 0, got 0 (joint hip has the effort limit 0 in its file) (first bad index 0)";
-    /// assert_eq!(error.to_string(), said);
+    /// let message = "tau_max is not positive: expected > 0, got 0 (joint hip has the effort limit 0 in its file) (first bad index 0)";
+    /// assert_eq!(error.to_string(), message);
     /// # Ok::<(), Error>(())
     /// ```
     pub fn name_limit(&self, mut error: Error) -> Error {

@@ -1,6 +1,6 @@
 //! Runs a method from `t0` to `t_end`. Results are states at requested times, events, and the polynomials of the steps.
 //!
-//! A polynomial of degree `d` is represented by its values at the `d + 1` Chebyshev points of its step,
+//! A polynomial of degree `d` is represented by its values at the `d + 1` Chebyshev points of the second kind in its step,
 //! `t_k = t_old + (1 - cos(pi k / d))/2 (t - t_old)`. Barycentric interpolation evaluates it (Berrut and Trefethen 2004).
 
 use super::events::{Event, Watch, Watched};
@@ -127,7 +127,7 @@ pub struct SolveOutcome {
     pub work: Work,
 }
 
-/// The position of Chebyshev point `k` for a polynomial of degree `d`, as a fraction of the step.
+/// The position of Chebyshev point `k` for a polynomial of degree `d`, as a fraction of the step: `(1 - cos(pi k / d))/2`.
 pub fn node(k: usize, d: usize) -> f64 {
     0.5 * (1.0 - (std::f64::consts::PI * k as f64 / d as f64).cos())
 }
@@ -171,17 +171,18 @@ where
     R: Recorder,
 {
     let mut watch = Watch::new(request.events.to_vec(), method.x().clone());
-    let mut at = method.x().clone();
+    let mut x_t = method.x().clone();
     method.begin(system, t0, t_end, t_end)?;
     watch.begin(watched, t0, method.x().as_ref())?;
     let degree = method.dense_degree();
-    let mut wanted = 0;
+    // The index of the next requested time.
+    let mut next = 0;
     match request.times {
         None => recorder.state(t0, method.x().as_ref()),
         Some(times) => {
-            while wanted < times.len() && times[wanted] <= t0 {
+            while next < times.len() && times[next] <= t0 {
                 recorder.state(t0, method.x().as_ref());
-                wanted += 1;
+                next += 1;
             }
         }
     }
@@ -192,28 +193,28 @@ where
         let done = method.step(system)?;
         let stop = if request.events.is_empty() { None } else { watch.scan(system, method, watched)? };
         for crossing in &watch.crossings {
-            method.interpolate(system, crossing.t, &mut at);
-            recorder.event(crossing.index, crossing.t, at.as_ref());
+            method.interpolate(system, crossing.t, &mut x_t);
+            recorder.event(crossing.index, crossing.t, x_t.as_ref());
         }
         let (t_old, t) = (method.t_old(), stop.unwrap_or(method.t()));
         *reached = t;
         if request.dense {
             for k in 0..=degree {
-                let s = if k == degree { t } else { t_old + node(k, degree) * (t - t_old) };
-                method.interpolate(system, s, &mut at);
-                recorder.node(t, at.as_ref());
+                let t_k = if k == degree { t } else { t_old + node(k, degree) * (t - t_old) };
+                method.interpolate(system, t_k, &mut x_t);
+                recorder.node(t, x_t.as_ref());
             }
         }
         match request.times {
             None => {
-                method.interpolate(system, t, &mut at);
-                recorder.state(t, at.as_ref());
+                method.interpolate(system, t, &mut x_t);
+                recorder.state(t, x_t.as_ref());
             }
             Some(times) => {
-                while wanted < times.len() && times[wanted] <= t {
-                    method.interpolate(system, times[wanted], &mut at);
-                    recorder.state(times[wanted], at.as_ref());
-                    wanted += 1;
+                while next < times.len() && times[next] <= t {
+                    method.interpolate(system, times[next], &mut x_t);
+                    recorder.state(times[next], x_t.as_ref());
+                    next += 1;
                 }
             }
         }

@@ -4,9 +4,13 @@
 use super::monotone::{Energies, Monotone};
 use super::sine::{gravity_range, sine};
 
-/// A lower bound of the time from `x0` to the turn and back to `x0`, divided by `2 sqrt(e)`. The unit of the time is `sqrt(I/2)` seconds.
-/// `up` and `down` are the largest net torques `p_+` towards the goal and `p_-` away from it, N m. The result is a
-/// sum. The term for the motion to the turn is `sqrt((p_+ + p_-)/(p_+ p_-))`. The term for the return to `x0` is `sqrt(1/p_+)`.
+/// A lower bound of the time from `x0` to the turn and back to `x0`, divided by `2 sqrt(e)`. The unit of the time is `sqrt(I/2)` seconds:
+///
+/// ```text
+/// T >= 2 sqrt(e) [ sqrt((p_+ + p_-)/(p_+ p_-)) + sqrt(1/p_+) ]        (to the turn, and back to x0)
+/// ```
+///
+/// `up` and `down` are the largest net torques `p_+` towards the goal and `p_-` away from it, N m.
 pub(super) fn detour(up: f64, down: f64) -> f64 {
     (((up + down) / down).sqrt() + 1.0) / up.sqrt()
 }
@@ -38,10 +42,12 @@ impl Push {
     ///
     /// ```text
     /// K(y) >= w y:   int_0^L [ 1/sqrt(K) - 1/sqrt(K + K0) ] dy <= (2/w) [ sqrt(w L) + sqrt(K0) - sqrt(w L + K0) ]
+    /// equal to 2 sqrt(e) detour at K0 = p_+ e:   1 + rho - sqrt(1 + rho^2) = c rho,   rho = sqrt(K0/(w L)),   c = w detour/sqrt(p_+)
+    /// rho = 2 (1 - c)/(c (2 - c)),   e = rho^2 w L/p_+
     /// ```
     pub fn gains(&self, up: f64, down: f64) -> f64 {
-        let cost = self.mean * detour(up, down) / up.sqrt();
-        let ratio = 2.0 * (1.0 - cost).max(0.0) / (cost * (2.0 - cost));
-        ratio * ratio * (self.mean * self.length / up)
+        let c = self.mean * detour(up, down) / up.sqrt();
+        let rho = 2.0 * (1.0 - c).max(0.0) / (c * (2.0 - c));
+        rho * rho * (self.mean * self.length / up)
     }
 }

@@ -29,7 +29,7 @@ struct SwingSearch {
     /// The monotone motion. Its push, moved to the turn, is the middle phase. Its brake is the last phase.
     straight: MonotoneMotion,
     /// The first phase, from `x0` to the first switch.
-    leaves: Phase,
+    first_phase: Phase,
     /// The push of the monotone motion; `None` if that motion is not feasible.
     push: Option<Push>,
     /// The smallest `e` at which a swing may be faster than the monotone motion; `None` if that motion is not feasible.
@@ -54,49 +54,55 @@ impl SwingSearch {
     /// Create the search. The result is `None` if the link cannot move backwards from the start, or cannot come to rest at the end.
     fn new(straight: &MonotoneMotion) -> Option<Self> {
         let monotone = &straight.monotone;
-        let Monotone { push: turns, brake: arrives, .. } = monotone;
-        let (x0, (sin, cos)) = (turns.x, turns.angle());
-        let leaves = arrives.moved(-x0, (-sin, cos));
-        if leaves.net() <= 0.0 || arrives.net() <= 0.0 {
+        let Monotone { push, brake, .. } = monotone;
+        let (x0, (sin, cos)) = (push.x, push.angle());
+        let first_phase = brake.moved(-x0, (-sin, cos));
+        if first_phase.net() <= 0.0 || brake.net() <= 0.0 {
             return None;
         }
         let energies = monotone.energies();
-        let push = energies.map(|energies| Push::new(monotone, &energies));
         let nearest = energies.map(|energies| {
             // For `e` below `constant`, gravity varies little along the motion, and in a constant field no swing is faster. For `e` below
             // `slow`, a swing adds little kinetic energy to the push, even where the push is slowest.
-            let g = turns.g.abs();
+            let g = push.g.abs();
             let constant = if energies.push_hump == f64::INFINITY {
-                (0.05 * turns.net() / (g * cos.abs() + (g * turns.net()).sqrt())).min(0.05)
+                (0.05 * push.net() / (g * cos.abs() + (g * push.net()).sqrt())).min(0.05)
             } else {
                 1e-3 * straight.distance().min(1.0)
             };
-            let slow = 0.3 * energies.peak.min(energies.push_hump) / turns.net();
+            let slow = 0.3 * energies.peak.min(energies.push_hump) / push.net();
             constant.min(slow).max(1e-13 * x0.abs().max(1.0))
         });
-        Some(SwingSearch { straight: *straight, leaves, push, nearest, brake: OnceCell::new() })
+        let push = energies.map(|energies| Push::new(monotone, &energies));
+        Some(SwingSearch { straight: *straight, first_phase, push, nearest, brake: OnceCell::new() })
     }
 
+    /// The two monotone motions of the swing that turns at `xt = x0 - e`.
+    ///
+    /// ```text
+    /// cos x0 - cos xt = -2 sin(x0 - e/2) sin(e/2),   cos xt - cos x1 = 2 sin((x0 + x1)/2 - e/2) sin(D/2 + e/2)
+    /// ```
     #[inline]
     fn trial(&self, e: f64) -> SwingTrial {
-        let MonotoneMotion { monotone: Monotone { push, brake, .. }, middle, half: way } = self.straight;
-        let (turn, half) = (push.x - e, sin_cos(0.5 * e));
-        let between = angle_difference(push.angle(), half);
-        let turns = push.moved(turn, angle_difference(between, half));
-        let out = drop(-between.0, half.0);
-        let into = drop(angle_difference(middle, half).0, way.0 * half.1 + way.1 * half.0);
-        SwingTrial { away: Monotone::between(self.leaves, turns, out), towards: Monotone::between(turns, brake, into), turn }
+        let MonotoneMotion { monotone: Monotone { push, brake, .. }, middle, half: half_d } = self.straight;
+        let (turn, half_e) = (push.x - e, sin_cos(0.5 * e));
+        let x0_less_half_e = angle_difference(push.angle(), half_e);
+        let middle_phase = push.moved(turn, angle_difference(x0_less_half_e, half_e));
+        let drop_away = drop(-x0_less_half_e.0, half_e.0);
+        let drop_towards = drop(angle_difference(middle, half_e).0, half_d.0 * half_e.1 + half_d.1 * half_e.0);
+        let away = Monotone::between(self.first_phase, middle_phase, drop_away);
+        SwingTrial { away, towards: Monotone::between(middle_phase, brake, drop_towards), turn }
     }
 
     /// Reduce the upper bound `most` of `e`, and return it. `bound` computes such a bound from the largest net torques `p_+` and `p_-`
     /// (`detour.rs`). The torques are the largest within the distance `most` behind the start.
-    fn within(&self, mut most: f64, bound: impl Fn(f64, f64) -> f64) -> f64 {
-        let turns = &self.straight.monotone.push;
-        let start = sine(turns.x);
+    fn reduce_bound(&self, mut most: f64, bound: impl Fn(f64, f64) -> f64) -> f64 {
+        let push = &self.straight.monotone.push;
+        let start = sine(push.x);
         for _ in 0..3 {
-            let revolution = (-turns.g.abs(), turns.g.abs());
-            let (low, high) = if most < TAU { gravity_range(turns.g, &sine(turns.x - most), &start) } else { revolution };
-            let bound = bound(turns.push - low, self.leaves.push + high);
+            let revolution = (-push.g.abs(), push.g.abs());
+            let (low, high) = if most < TAU { gravity_range(push.g, &sine(push.x - most), &start) } else { revolution };
+            let bound = bound(push.push - low, self.first_phase.push + high);
             if !(bound < most) {
                 break;
             }
@@ -109,21 +115,21 @@ impl SwingSearch {
 impl BackSwings for SwingSearch {
     fn slope(&self, e: f64, accurate: bool) -> Option<f64> {
         let SwingTrial { away, towards, .. } = self.trial(e);
-        let turns = &towards.push;
-        let rate = |length: f64| {
-            let energy = turns.energy(length);
-            let gradient = if accurate { turns.time_gradient(length, ACCURACY) } else { turns.rough_gradient(length, energy) };
+        let middle_phase = &towards.push;
+        // r(l) = 1/sqrt(K) - dF/dx(xt, l), and 1/sqrt(K).
+        let r = |l: f64| {
+            let energy = middle_phase.energy(l);
+            let gradient = if accurate { middle_phase.time_gradient(l, ACCURACY) } else { middle_phase.rough_gradient(l, energy) };
             let inverse = energy.sqrt().recip();
             (inverse - gradient, inverse)
         };
-        let (out, into) = (away.brake_length, towards.push_length);
-        let (last, second) = rate(out.max(into));
-        // The derivative of the duration with respect to `e` is the sum of two terms, for the middle phase before and after the turn. The
-        // shorter part has the larger term. So if the term of the longer part is positive, the sum is positive. Then the coarse search
-        // requires only this sign, and uses the term of the longer part twice.
-        let (other, first) = if last >= 0.0 && !accurate { (last, second) } else { rate(out.min(into)) };
-        let rate = last + other;
-        let slope = rate / (rate.abs() + first + second);
+        let (l2, l3) = (away.brake_length, towards.push_length);
+        let (r_long, inverse_long) = r(l2.max(l3));
+        // dT/de is the sum of `r(l2)` and `r(l3)`. The shorter part of the middle phase has the larger term. So if the term of the longer
+        // part is positive, the sum is positive. Then the coarse search requires only this sign, and uses the term of the longer part twice.
+        let (r_short, inverse_short) = if r_long >= 0.0 && !accurate { (r_long, inverse_long) } else { r(l2.min(l3)) };
+        let sum = r_long + r_short;
+        let slope = sum / (sum.abs() + inverse_short + inverse_long);
         slope.is_finite().then_some(slope)
     }
 
@@ -142,7 +148,7 @@ impl BackSwings for SwingSearch {
         // `windows.rs`.
         let against = Phase::new(brake.x, -push.push, push.g);
         let (low, crest) = if push.push < push.g.abs() { against.descent() } else { (0.0, f64::INFINITY) };
-        let most = if low - distance < farthest { self.leaves.reach().min(brake.reach() - distance) } else { 0.0 };
+        let most = if low - distance < farthest { self.first_phase.reach().min(brake.reach() - distance) } else { 0.0 };
         Windows::new(low - distance, crest - distance, most, move || against.recovery())
     }
 
@@ -156,7 +162,7 @@ impl BackSwings for SwingSearch {
         if limit == f64::INFINITY {
             return FARTHEST;
         }
-        let most = self.push.as_ref().map_or(FARTHEST, |push| self.within(FARTHEST, |up, down| push.gains(up, down)));
+        let most = self.push.as_ref().map_or(FARTHEST, |push| self.reduce_bound(FARTHEST, |up, down| push.gains(up, down)));
         if self.nearest.is_some_and(|nearest| most < nearest) {
             return most;
         }
@@ -164,8 +170,9 @@ impl BackSwings for SwingSearch {
             let (brake, distance) = (&self.straight.monotone.brake, self.straight.distance());
             if brake.clears(distance) && brake.energy(distance) > 0.0 { brake.time_factor(distance) } else { 0.0 }
         });
-        let left = 0.5 * (limit - brake).max(0.0);
-        self.within(most, |up, down| (left / detour(up, down)).powi(2))
+        // 2 sqrt(e) detour <= limit - F(-x1, D; u-)
+        let half_time = 0.5 * (limit - brake).max(0.0);
+        self.reduce_bound(most, |up, down| (half_time / detour(up, down)).powi(2))
     }
 }
 

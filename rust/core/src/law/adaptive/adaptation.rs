@@ -2,12 +2,18 @@
 //!
 //! - The law estimates all inertial parameters `pi`, or a base set `b` ([`Base`]). `b` is a linear map of `pi` with `Y pi = Y_b b`, where
 //!   `Y` is the regressor and `Y_b` contains its independent columns.
-//! - The metric is Euclidean, `pi_hat_dot = Gamma Y' s`, or natural (Lee, Kwon and Park 2018). Here `pi_hat` is the estimate, `s` the
-//!   sliding variable and `'` the transpose. In the natural metric, the estimate of the pseudo-inertia `P` of each body has the rate
-//!   `P_hat_dot = gamma P_hat L P_hat`. `L` is a symmetric matrix, formed from the ten entries of `Y' s` that belong to the body. In
-//!   continuous time, a physically possible `P_hat` remains physically possible. The Lyapunov function is then
-//!   `s' M s / 2 + sum d(P || P_hat) / gamma`, with the mass matrix `M` and the divergence `d`. Each estimated rotor inertia or friction
-//!   parameter `pi_k` adds `(pi_k - pi_hat_k)^2 / (2 gamma_k)`.
+//! - The metric is Euclidean, or natural (Lee, Kwon and Park 2018):
+//!
+//! ```text
+//! Euclidean   pi_hat_dot = Gamma y,   y = Y' s
+//! natural     P_hat_dot = gamma P_hat L P_hat   of each body,   with the symmetric L for which tr(P(pi) L) = pi . y for every pi
+//!             V1 = s' M s / 2 + sum d(P || P_hat) / gamma,   d(P || Q) = log(|Q| / |P|) + tr(Q^-1 P) - 4
+//! ```
+//!
+//! Here `pi_hat` is the estimate, `s` the sliding variable and `'` the transpose. `P(pi)` is the pseudo-inertia of a body with the ten
+//! parameters `pi`, and `y` are the ten entries of `Y' s` that belong to this body. `V1` is the Lyapunov function, and `M` the mass matrix.
+//! In continuous time, a physically possible `P_hat` remains physically possible. Each estimated rotor inertia or friction parameter `pi_k`
+//! adds `(pi_k - pi_hat_k)^2 / (2 gamma_k)` to `V1`.
 
 use crate::error::{Error, Result, finite};
 use crate::law::sizes::require_size;
@@ -77,7 +83,7 @@ impl Adaptation {
     }
 }
 
-/// A base set of `b` parameters: the independent columns of the regressor, and the linear map from all `p` parameters to the base
+/// A base set of `b` parameters (gautier1991numerical): the independent columns of the regressor, and the linear map from all `p` parameters to the base
 /// parameters.
 ///
 /// ```
@@ -124,7 +130,7 @@ impl Base {
     }
 }
 
-/// The filter and the weight of composite adaptation.
+/// The filter and the weight of composite adaptation (SlotineLi1989). The file `composite` has the equations.
 ///
 /// ```
 /// # use armlet_core::arm::Arm;
@@ -153,7 +159,7 @@ pub struct Composite {
     pub(super) present: Vec<bool>,
 }
 
-/// Stored samples, and their weighted sums.
+/// Stored samples of concurrent learning (ChowdharyJohnson2010), and their weighted sums. The file `concurrent` has the equations.
 ///
 /// ```
 /// # use armlet_core::arm::Arm;

@@ -1,5 +1,13 @@
-//! Joint impedance through elastic joints (Albu-Schaeffer, Ott and Hirzinger 2007): `u = K (q_d - q) - D v + g(q)` as the outer loop, and
-//! motor-inertia reduction as the inner loop.
+//! Joint impedance through elastic joints, with the two loops of Ott, Albu-Schaeffer, Kugi and Hirzinger (2008). The outer loop is PD control
+//! of the links with gravity compensation (`pd_gravity`). The inner loop is motor-inertia reduction (`inertia_reduction`):
+//!
+//! ```text
+//! u = K (q_d - q) - D v + g(q)
+//! tau = (I - B B0^-1) tau_J + B B0^-1 (u - D0 w),   tau_J = K_J (theta - q),   w = theta_dot or theta_dot - v
+//! ```
+//!
+//! `K` and `D` are the gains `kp` and `kd` of the outer loop. `theta` are the motor positions, and `K_J` is the joint stiffness. `B` is the
+//! motor inertia, `B0` its reduced value and `D0` its damping.
 
 use crate::law::PdGravitySpec;
 use crate::law::definition::{Definition, JointReference, Shape};

@@ -1,4 +1,14 @@
-//! The planning problem on a grid: the rows at all grid points, and their limits.
+//! The planning problem on a grid of path positions `s_i`, in the form of Bobrow, Dubowsky and Gibson (1985) and of Pham and Pham (2018):
+//!
+//! ```text
+//! lo <= A_i u + B_i x + g_i <= hi,   x <= C_i                     u = d^2 s/dt^2,   x = (ds/dt)^2
+//! torques          A = M q',   B = M q'' + C(q, q') q',   g = g(q) + Coulomb friction                 (`rows`)
+//! accelerations    A = q',     B = q'',                   g = 0
+//! frame's origin   A = p',     B = p'',                   g = 0,   and |p' u + p'' x| <= a_max        (`tip`)
+//! ```
+//!
+//! `'` is `d/ds`, `M` the mass matrix and `C(q, q')` the Coriolis matrix. `p` is the frame's origin. The caps `C_i` follow from the speed
+//! limits (`caps`). Viscous friction is added as a line in `x` (`friction`).
 
 use super::along::Along;
 use super::given::{Checked, PathLimits, TimePathOptions, checked};
@@ -214,30 +224,29 @@ impl<'a> PathProblem<'a> {
         }
     }
 
-    /// Interpolate the rows at the midpoints of segments. The interpolation is linear where neighbouring segments of equal length have too
-    /// few points.
+    /// Interpolate the rows at the midpoints of segments: `f(z) = sum_k w_k f_k` (`stencil`). The interpolation is linear where neighbouring
+    /// segments of equal length have too few points.
     pub fn set_middles(&mut self) {
-        let w = 3 * self.rows.width;
+        let row = 3 * self.rows.width;
         let segments = self.pieces.len();
         let PathProblem { rows: LimitRows { coefficients, middles, .. }, stencils: (stencil, _), spans, .. } = self;
-        middles.resize(segments * w, 0.0);
+        middles.resize(segments * row, 0.0);
         for &(first, last) in spans.iter() {
             for i in first..last {
-                let to = &mut middles[i * w..(i + 1) * w];
+                let middle = &mut middles[i * row..(i + 1) * row];
                 match stencil.of(i, first, last) {
-                    Some((start, [[a, b, c, d]])) => {
-                        let from = &coefficients[start * w..(start + 4) * w];
-                        let (p, from) = from.split_at(w);
-                        let (q, from) = from.split_at(w);
-                        let (r, t) = from.split_at(w);
-                        for k in 0..w {
-                            to[k] = (a * p[k] + d * t[k]) + (b * q[k] + c * r[k]);
+                    Some((start, [[w_0, w_1, w_2, w_3]])) => {
+                        let (f_0, f) = coefficients[start * row..(start + 4) * row].split_at(row);
+                        let (f_1, f) = f.split_at(row);
+                        let (f_2, f_3) = f.split_at(row);
+                        for k in 0..row {
+                            middle[k] = (w_0 * f_0[k] + w_3 * f_3[k]) + (w_1 * f_1[k] + w_2 * f_2[k]);
                         }
                     }
                     _ => {
-                        let (p, q) = coefficients[i * w..(i + 2) * w].split_at(w);
-                        for k in 0..w {
-                            to[k] = 0.5 * (p[k] + q[k]);
+                        let (f_0, f_1) = coefficients[i * row..(i + 2) * row].split_at(row);
+                        for k in 0..row {
+                            middle[k] = 0.5 * (f_0[k] + f_1[k]);
                         }
                     }
                 }

@@ -1,4 +1,11 @@
-//! The tangents of the quantities that parameters change: loop parameters, the initial state, and desired motions.
+//! The tangents of the quantities that parameters change: loop parameters, the initial state, and desired motions. They are the seed
+//! directions of algorithmic differentiation (Griewank and Walther 2008).
+//!
+//! ```text
+//! f_dot = df/dp = sum_i w_i (f_i - f_0)
+//! ```
+//!
+//! `f_i` is the value of the quantity `f` in run `i`. The runs `i` and the weights `w_i` define the parameter `p` (`parameters`).
 
 use super::parameters::{Parameters, entangled, is_shared};
 use crate::error::{Error, Result};
@@ -36,14 +43,14 @@ pub struct Directions<'a> {
 
 /// Compute the tangent `sum_i w_i (f_i - f_0)` of each number, and pass it to `put(index, tangent)`. The tangent is exactly zero where the
 /// runs do not differ.
-fn combined(base: &[f64], others: &[(&[f64], f64)], mut put: impl FnMut(usize, f64)) {
-    for (k, &of) in base.iter().enumerate() {
-        put(k, others.iter().map(|(other, weight)| weight * (other[k] - of)).sum());
+fn weighted_differences(base: &[f64], others: &[(&[f64], f64)], mut put: impl FnMut(usize, f64)) {
+    for (k, &f_0) in base.iter().enumerate() {
+        put(k, others.iter().map(|(f_i, w_i)| w_i * (f_i[k] - f_0)).sum());
     }
 }
 
 /// Return all loop parameters of run `run`.
-fn numbers(problem: &Problem, run: usize) -> Vec<f64> {
+fn loop_parameters(problem: &Problem, run: usize) -> Vec<f64> {
     interrupt::check();
     sym::begin_moving(Moving::All);
     drop(assemble(problem, run, false));
@@ -68,7 +75,7 @@ pub fn start_rates(problem: &Problem, parameters: Parameters) -> Result<Vec<f64>
         interrupt::check();
         let others: Vec<(Vec<f64>, f64)> = parameter.iter().map(|&(run, weight)| (starts(run), weight)).collect();
         let others: Vec<(&[f64], f64)> = others.iter().map(|(values, weight)| (values.as_slice(), *weight)).collect();
-        combined(&first, &others, |k, rate| rates[k * count + p] = rate);
+        weighted_differences(&first, &others, |k, rate| rates[k * count + p] = rate);
     }
     Ok(rates)
 }
@@ -80,32 +87,32 @@ impl<'a> Directions<'a> {
     /// Errors: `Input` for a parameter that changes the structure of the loop, or the time of a jump of the motion. Also `Input` if a loop
     /// parameter depends on several parameters of a group.
     pub fn of(problem: &'a Problem<'a>, Parameters { all: parameters, sizes, shared }: Parameters) -> Result<Self> {
-        let base = numbers(problem, 0);
+        let base = loop_parameters(problem, 0);
         let count = parameters.len();
-        let own = |run: usize| std::ptr::eq(problem.plant(run), problem.plant(0)) && std::ptr::eq(problem.law(run), problem.law(0));
+        let is_base = |run: usize| std::ptr::eq(problem.plant(run), problem.plant(0)) && std::ptr::eq(problem.law(run), problem.law(0));
         let mut rates = memory::zeros(base.len().saturating_mul(count))?;
         let (motions, breaks) = (problem.law(0).motions(), problem.law(0).breaks());
         let (jumps, mut drives) = (self::jumps(problem, 0), Vec::new());
         let moves = |run: usize| problem.law(run).motions().iter().zip(&motions).any(|(motion, of)| !motion.is_same(of));
         for group in shared {
             let of = |run: usize| {
-                let values = numbers(problem, run);
+                let values = loop_parameters(problem, run);
                 if values.len() == base.len() && !moves(run) && problem.law(run).breaks() == breaks { Ok(values) } else { Err(entangled()) }
             };
             group.rates(&base, parameters, of, |k, p, rate| rates[k * count + p] = rate)?;
         }
         for (p, parameter) in parameters.iter().enumerate().filter(|&(p, _)| !is_shared(shared, p)) {
-            let other = |run: usize| problem.law(run).breaks() != breaks || self::jumps(problem, run) != jumps;
-            if parameter.iter().any(|&(run, _)| other(run)) {
+            let other_jumps = |run: usize| problem.law(run).breaks() != breaks || self::jumps(problem, run) != jumps;
+            if parameter.iter().any(|&(run, _)| other_jumps(run)) {
                 return Err(refused(p, "moves an instant at which the motion jumps"));
             }
             let differ: Vec<(Vec<f64>, f64)> =
-                parameter.iter().filter(|&&(run, _)| !own(run)).map(|&(run, weight)| (numbers(problem, run), weight)).collect();
+                parameter.iter().filter(|&&(run, _)| !is_base(run)).map(|&(run, weight)| (loop_parameters(problem, run), weight)).collect();
             if differ.iter().any(|(values, _)| values.len() != base.len()) {
                 return Err(refused(p, "changes what the loop computes, such as an option that is on or off"));
             }
             let differ: Vec<(&[f64], f64)> = differ.iter().map(|(values, weight)| (values.as_slice(), *weight)).collect();
-            combined(&base, &differ, |k, rate| rates[k * count + p] = rate);
+            weighted_differences(&base, &differ, |k, rate| rates[k * count + p] = rate);
             if parameter.iter().any(|&(run, _)| moves(run)) {
                 let worlds = parameter.iter().map(|&(run, weight)| (world(problem, 1, |_| run), weight)).collect();
                 drives.push(VaryingMotion { parameter: p, worlds });
@@ -122,7 +129,7 @@ impl<'a> Directions<'a> {
         let mut runs: Vec<(usize, usize)> = Vec::new();
         for (&size, end) in sizes.iter().zip(&mut ends) {
             let compared = [end - size, end.saturating_sub(1)].into_iter().take(size);
-            runs.extend(compared.filter_map(|p| Some((p, parameters.get(p)?.first()?.0))).filter(|&(_, run)| !own(run)));
+            runs.extend(compared.filter_map(|p| Some((p, parameters.get(p)?.first()?.0))).filter(|&(_, run)| !is_base(run)));
         }
         let moved = moving.iter().filter(|&&moves| moves).count();
         let base = world(problem, 1, |_| 0);
@@ -155,7 +162,7 @@ impl<'a> Directions<'a> {
             rates.fill(0.0);
             for (world, weight) in worlds {
                 world.sample_with(&self.base, t, side, row);
-                rates.iter_mut().zip(row.iter().zip(u)).for_each(|(rate, (other, of))| *rate += weight * (other - of));
+                rates.iter_mut().zip(row.iter().zip(u)).for_each(|(rate, (u_i, u_0))| *rate += weight * (u_i - u_0));
             }
             rates.iter().enumerate().for_each(|(slot, &rate)| put(slot, *parameter, rate));
         }

@@ -28,11 +28,11 @@ impl Problem<'_> {
         if let Some(i) = self.laws.iter().position(|l| std::mem::discriminant(*l) != std::mem::discriminant(law)) {
             return mixed("law", i, law.name(), self.laws[i].name());
         }
-        let guards = |l: &LawSpec| match (law, l) {
-            (LawSpec::Guarded(first), LawSpec::Guarded(own)) => first.same_kind(own),
+        let same_guard = |l: &LawSpec| match (law, l) {
+            (LawSpec::Guarded(first), LawSpec::Guarded(other)) => first.same_kind(other),
             _ => true,
         };
-        if let Some(i) = self.laws.iter().position(|l| !guards(l)) {
+        if let Some(i) = self.laws.iter().position(|l| !same_guard(l)) {
             let problem = "mixes guarded laws: expected one kind of law inside, and thresholds in all observers or in none";
             return Err(Error::input("law", problem).at([i]));
         }
@@ -43,8 +43,8 @@ impl Problem<'_> {
         if let Some(i) = self.plants.iter().position(|p| friction(p) != friction(plant)) {
             return Err(Error::input("plant", "mixes models of friction: expected one throughout").at([i]));
         }
-        let linked = |plant: &PlantSpec| matches!(plant.model(), Model::Tree(_));
-        if let Some(i) = self.plants.iter().position(|p| linked(p) != linked(plant)) {
+        let is_tree = |plant: &PlantSpec| matches!(plant.model(), Model::Tree(_));
+        if let Some(i) = self.plants.iter().position(|p| is_tree(p) != is_tree(plant)) {
             return Err(Error::input("plant", "mixes planar_pr with other arms: expected one of them throughout").at([i]));
         }
         if let Some(i) = self.plants.iter().position(|p| p.n() == plant.n() && p.model().angles() != plant.model().angles()) {
@@ -94,16 +94,16 @@ impl Problem<'_> {
         let (argument, runs) = if self.laws.len() > 1 { ("law", self.laws.len()) } else { ("plant", self.plants.len()) };
         let options = Options { monitors: true, times: Times::Every(1), ..self.options.clone() };
         let (plants, laws) = (vec![self.plants[0]], vec![self.laws[0]]);
-        let mut alone = Problem { plants, laws, x0: Vec::new(), forces: Vec::new(), options, measures: None, ..*self };
-        let first = monitors::names(&alone);
+        let mut single = Problem { plants, laws, x0: Vec::new(), forces: Vec::new(), options, measures: None, ..*self };
+        let first = monitors::names(&single);
         for i in 1..runs {
-            (alone.plants[0], alone.laws[0]) = (self.plant(i), self.law(i));
-            let own = monitors::names(&alone);
-            if own != first {
+            (single.plants[0], single.laws[0]) = (self.plant(i), self.law(i));
+            let other = monitors::names(&single);
+            if other != first {
                 let problem = format!(
                     "mixes structures: expected the monitors {} in all runs, or monitors=False, got {}",
                     first.join(", "),
-                    own.join(", ")
+                    other.join(", ")
                 );
                 return Err(Error::input(argument, problem).at([i]));
             }
