@@ -18,15 +18,15 @@ pub const LETTERS: [&str; 6] = ["x", "y", "z", "rx", "ry", "rz"];
 /// use armlet_core::arm::Arm;
 /// use armlet_core::dynamics::Model;
 /// use armlet_core::kinematics::Coordinates;
+/// use nalgebra::{dmatrix, dvector};
 ///
 /// let arm = Arm::planar(&[0.5, 0.4], None, None, None, [0.0, -9.81])?;
 /// let coordinates = Coordinates::new(&arm, "link2", "xy rz")?;
 /// assert_eq!((coordinates.rows.as_slice(), coordinates.turns()), (&[0, 1, 5][..], true));
 /// // The straight arm reaches x = 0.9 m.
-/// let (mut e, mut j) = ([0.0; 3], [0.0; 6]);
-/// Model::from(arm).at(&[0.0; 2]).error_and_jacobian(&coordinates, &[1.0, 0.0, 0.2], &mut e, &mut j);
+/// let (e, j) = Model::from(arm).at(&[0.0; 2]).error_and_jacobian(&coordinates, &dvector![1.0, 0.0, 0.2]);
 /// assert!((e[0] - 0.1).abs() < 1e-15 && (e[2] - 0.2).abs() < 1e-15);
-/// assert_eq!(j, [0.0, 0.0, 0.9, 0.4, 1.0, 1.0]);
+/// assert_eq!(j, dmatrix![0.0, 0.0; 0.9, 0.4; 1.0, 1.0]);
 /// # Ok::<(), armlet_core::error::Error>(())
 /// ```
 #[derive(Clone, Debug, PartialEq)]
