@@ -11,7 +11,7 @@ ROOT = Path(__file__).resolve().parents[2]
 ERRATA = [f"E{i}" for i in range(1, 14)]
 # For each sub-question: a row of the demonstration, and the section of the page with its code.
 QUESTIONS = {
-    "the linear parametrisation": ("Y(q, v, v_r, a_r) a = M a_r + S v_r", "Exercise 1: adaptive tracking"),
+    "the linear parametrisation": ("Y(q, v, v_r, a_r) pi = M a_r + S v_r", "Exercise 1: adaptive tracking"),
     "Christoffel matrices": ("C_1 = [[0, 0], [0, -B sin q2]], C_2 = 0", "Exercise 1: adaptive tracking"),
     "the printed regressor": ("printed Y, entry (", "Exercise 1: adaptive tracking"),
     "the proof of convergence": ("V1(0) - V1(t) - integral of s' Kd s, largest", "Exercise 1: adaptive tracking"),
