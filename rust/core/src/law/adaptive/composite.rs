@@ -59,7 +59,8 @@ impl AdaptiveSpec {
         for state in 0..STATES {
             let x: Vec<f64> = (1..=2 * n as u32).map(|k| 0.3 + (f64::from(k + 2 * n as u32 * state) * GOLDEN).fract()).collect();
             let (arm, v) = (self.model.at(&x[..n]), DVector::from_column_slice(&x[n..]));
-            let [y_m, y_d] = self.momentum_and_drift(&arm, &v, self.columns.speeds());
+            let speeds = self.columns.speeds();
+            let (y_m, y_d) = (self.momentum_regressor(&arm, &v, speeds), self.drift_regressor(&arm, &v, speeds));
             let least = ROUNDING * y_m.amax().max(y_d.amax());
             for (at, found) in found.iter_mut().enumerate() {
                 *found |= y_m[(at / p, at % p)].abs() > least || y_d[(at / p, at % p)].abs() > least;
@@ -82,7 +83,8 @@ impl AdaptiveSpec {
         let ((n, p), x) = (self.parameter_sizes(), at.z.rows_range(pi_hat.len()..));
         let last = x.len() - n;
         let (lambda, weight) = (at.number("composite_rate"), at.gain("composite"));
-        let [y_m, y_d] = self.momentum_and_drift(at.arm(), &at.v, at.vector("friction_speed").as_slice());
+        let speeds = at.vector("friction_speed").as_slice();
+        let (y_m, y_d) = (self.momentum_regressor(at.arm(), &at.v, speeds), self.drift_regressor(at.arm(), &at.v, speeds));
 
         // W and tau_W start at exactly zero, so their sums are not fused.
         let (w, tau_w) = E::as_written(|| {
@@ -108,9 +110,9 @@ impl AdaptiveSpec {
     /// The filters at the start of a run, `X = -Y_M` and `X_tau = B v`, with which `W` and `tau_W` are zero.
     pub(super) fn first_filters(&self, at: &Loop) -> V {
         let Some(own) = &self.composite else { return zeros(0) };
-        let ((n, p), filters) = (self.parameter_sizes(), at.z.len() - self.parameter_sizes().1);
-        let [y_m, _] = self.momentum_and_drift(at.arm(), &at.v, at.vector("friction_speed").as_slice());
-        let mut x = zeros(filters - n);
+        let (n, p) = self.parameter_sizes();
+        let y_m = self.momentum_regressor(at.arm(), &at.v, at.vector("friction_speed").as_slice());
+        let mut x = zeros(at.z.len() - p - n);
         for (i, k) in (0..n).flat_map(|i| (0..p).map(move |k| (i, k))) {
             if let Some(at) = self.filter(own, i, k) {
                 x[at] = -y_m[(i, k)];

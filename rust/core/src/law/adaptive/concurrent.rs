@@ -224,14 +224,16 @@ impl AdaptiveSpec {
                 let at = k * n..(k + 1) * n;
                 let (v, tau) = (DVector::from_column_slice(&record.v[at.clone()]), &record.tau[at.clone()]);
                 arm.move_to(&record.q[at]);
-                let [y_m, y_d] = self.momentum_and_drift(&arm, &v, self.columns.speeds());
+                let speeds = self.columns.speeds();
                 let end = if k == first { -1.0 } else { f64::from(u8::from(k == last)) };
                 // Simpson's rule integrates `Y_D` and a measured torque. The left rectangle rule integrates a torque that is constant
                 // between instants.
                 let part = if k == first || k == last { 1.0 } else { 2.0 + 2.0 * ((k - first) % 2) as f64 };
                 let (weight, held) = (part * windows.step / 3.0, if k == last { 0.0 } else { windows.step });
-                add_to(w, &y_m, end);
-                add_to(w, &y_d, weight);
+                if end != 0.0 {
+                    add_to(w, &self.momentum_regressor(&arm, &v, speeds), end);
+                }
+                add_to(w, &self.drift_regressor(&arm, &v, speeds), weight);
                 for i in 0..n {
                     torque[i] += if windows.held { held } else { weight } * tau[i] - end * armature[i] * v[i];
                 }

@@ -30,28 +30,32 @@ impl AdaptiveSpec {
         self.base.as_ref().map_or_else(|| (0..self.model.parameter_count()).collect(), |base| base.columns.clone())
     }
 
-    /// The regressors `Y_M` of the momentum `M v` and `Y_D` of the drift `g - C' v`, with friction, `(n, p)` each.
-    pub(super) fn momentum_and_drift<S: Real>(&self, arm: &At<S>, v: &DVector<S>, speeds: &[S]) -> [DMatrix<S>; 2] {
+    /// The regressor `Y_M` of the momentum `M v`, `(n, p)`.
+    pub(super) fn momentum_regressor<S: Real>(&self, arm: &At<S>, v: &DVector<S>, speeds: &[S]) -> DMatrix<S> {
+        let zero = DVector::from_element(v.len(), S::zero());
+        let gravity = arm.regressor(&zero, &zero, &zero);
+        let y_m = arm.regressor(&zero, &zero, v) - gravity;
+        with_columns(y_m.select_columns(&self.body_columns()), &self.columns.diagonals(speeds, &zero, v))
+    }
+
+    /// The regressor `Y_D` of the drift `g - C' v`, with friction, `(n, p)`.
+    pub(super) fn drift_regressor<S: Real>(&self, arm: &At<S>, v: &DVector<S>, speeds: &[S]) -> DMatrix<S> {
         let (n, own) = (v.len(), self.body_columns());
         let zero = DVector::from_element(n, S::zero());
         let gravity = arm.regressor(&zero, &zero, &zero);
-        let mut y_m = arm.regressor(&zero, &zero, v) - &gravity;
-        let mut y_d = gravity.clone();
+        let mut y_d = gravity.select_columns(&own);
         // The products `Y_g' v` of the estimated parameters.
         let products = |column: nalgebra::DVectorView<S>| column.iter().zip(v).fold(S::zero(), |sum, (&g, &v)| sum + g * v);
-        let of_gravity: Vec<S> = own.iter().map(|&k| products(gravity.column(k))).collect();
+        let of_gravity: Vec<S> = y_d.column_iter().map(products).collect();
         for i in 0..n {
             // Row i of C' v is (Y(q, v, e_i, 0) - Y_g)' v.
             let e_i = DVector::from_fn(n, |k, _| S::splat(f64::from(u8::from(k == i))));
             let [_, row] = arm.regressor_products([v, &e_i, &zero], &vec![S::zero(); gravity.ncols()], v);
-            for (&k, &of_gravity) in own.iter().zip(&of_gravity) {
-                y_d[(i, k)] -= row[k] - of_gravity;
+            for (at, (&k, &of_gravity)) in own.iter().zip(&of_gravity).enumerate() {
+                y_d[(i, at)] -= row[k] - of_gravity;
             }
         }
-        [y_m, y_d] = [&y_m, &y_d].map(|y| y.select_columns(&own));
-        let of_momentum = self.columns.diagonals(speeds, &zero, v);
-        let of_drift = self.columns.diagonals(speeds, v, &zero);
-        [with_columns(y_m, &of_momentum), with_columns(y_d, &of_drift)]
+        with_columns(y_d, &self.columns.diagonals(speeds, v, &zero))
     }
 
     /// The regressor `Y(q, v, v, a)` on plain numbers, `(n, p)`.
