@@ -9,7 +9,7 @@ use armlet_core::law::{
 };
 use armlet_core::motion::{Motion, Sinusoid};
 use armlet_core::plant::{ElasticSpec, PlantSpec, RigidSpec};
-use armlet_core::simulate::{DEFAULT_STATE_LIMIT, Method, Options, Problem, Times, watch_steps};
+use armlet_core::simulate::{Options, Problem, watch_steps};
 use armlet_core::trace::aarch64::Assembler;
 use armlet_core::trace::emit::emit;
 use armlet_core::trace::instruction::{Form, Set};
@@ -69,19 +69,7 @@ fn loops() -> Vec<(PlantSpec, LawSpec)> {
 }
 
 fn options() -> Options {
-    Options {
-        t_end: STEP,
-        dt: Some(STEP),
-        method: Method::Rk4,
-        rtol: 1e-8,
-        atol: 1e-10,
-        max_step: None,
-        sampling: None,
-        times: Times::Every(1),
-        tau_max: None,
-        monitors: false,
-        state_limit: DEFAULT_STATE_LIMIT,
-    }
+    Options { monitors: false, ..Options::fixed(STEP, STEP) }
 }
 
 /// Return a number between -1 and 1, which is neither zero nor one in magnitude.
