@@ -70,9 +70,7 @@ def main() -> None:
         lines.append(f"| {name} | {own.size} | {seconds:.1f} s | {m.condition:.1f} | {ratios[0]:.2f} | {ratios[1]:.2f} |")
         print(lines[-1], flush=True)
     machine = timing.machine()
-    head = (
-        f"{machine['cpu']}, {machine['cores']} cores, {machine['simd']}; other programs used {share:.0%} of them. One search each."
-    )
+    head = f"{machine['cpu']}, {machine['cores']} cores, {machine['simd']}; other programs used {share:.0%} of them. One search each."
     reporting.finish("excitation", "\n".join([head, "", *lines]), options.readme)
 
 

@@ -1,7 +1,7 @@
 """Inverse kinematics of many poses: poses per second from near starts on two arms, and the share of random poses reached on ten arms.
 
-    python -P benches/bench_inverse_kinematics.py              the tables
-    python -P benches/bench_inverse_kinematics.py --readme     the tables, written into benches/README.md
+python -P benches/bench_inverse_kinematics.py              the tables
+python -P benches/bench_inverse_kinematics.py --readme     the tables, written into benches/README.md
 """
 
 from __future__ import annotations
@@ -74,9 +74,7 @@ def from_table(convention: str, a: list[Any], alpha: list[Any], d: list[Any], lo
         # Modified convention: Rx Tx Rz Tz, so the offset d is along the rotated z axis. Standard convention: Tz Tx Rx of the previous row.
         place = [x, -z * np.sin(turn), z * np.cos(turn)] if convention == "modified" else [x, 0.0, z]
         phi = [1.0, 0.0, 0.0, 0.1, 0.1, 0.0, 0.1, 0.0, 0.0, 0.1]
-        joints.append(
-            {"type": "R", "axis": [0, 0, 1], "rpy": [turn, 0, 0], "xyz": place, "phi": phi, "lower": lower[k], "upper": upper[k]}
-        )
+        joints.append({"type": "R", "axis": [0, 0, 1], "rpy": [turn, 0, 0], "xyz": place, "phi": phi, "lower": lower[k], "upper": upper[k]})
         before = (a[k], alpha[k], d[k])
     if convention == "standard":
         joints.append({"type": "F", "xyz": [before[0], 0.0, before[2]], "rpy": [before[1], 0, 0]})
@@ -160,9 +158,7 @@ def near(name: str) -> tuple[list[Case], float]:
     ]
     count = int(first.sum())
     label = f"{name}, the {first.mean():.1%} that need no random start"
-    cases.append(
-        Case(group, label, lambda: al.inverse_kinematics(arm, direct, starts[first], threads=1), per=count, unit="us", scale=1e6)
-    )
+    cases.append(Case(group, label, lambda: al.inverse_kinematics(arm, direct, starts[first], threads=1), per=count, unit="us", scale=1e6))
     return cases, float(found.reached.mean())
 
 

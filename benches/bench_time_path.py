@@ -1,7 +1,7 @@
 """Time parametrisation of a path of a seven-axis arm by armlet and toppra, with equal spline, limits and grid. Results are compared first.
 
-    python -P benches/bench_time_path.py              the table
-    python -P benches/bench_time_path.py --readme     the table, written into benches/README.md
+python -P benches/bench_time_path.py              the table
+python -P benches/bench_time_path.py --readme     the table, written into benches/README.md
 """
 
 from __future__ import annotations

@@ -172,9 +172,7 @@ def alone(name: str, laws: Laws, law: str, steps: int) -> list[Case]:
     label = f"armlet, {name}, {law}"
     return [
         Case("One run, armlet only: ns per step", label, partial(ours.one, steps), steps),
-        Case(
-            f"Batch of {runs}, armlet only: ns per run and step", f"{label}, {runs} runs", partial(ours.batch, runs, count), runs * count
-        ),
+        Case(f"Batch of {runs}, armlet only: ns per run and step", f"{label}, {runs} runs", partial(ours.batch, runs, count), runs * count),
     ]
 
 

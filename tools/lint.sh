@@ -20,6 +20,7 @@ done
 run env RUSTDOCFLAGS='-D warnings' cargo doc --locked --package armlet-core --no-deps --quiet
 run "$@" tools/doc_examples.py
 if component clippy clippy; then run cargo clippy --locked --workspace --all-targets --quiet -- -D warnings; fi
+run "$@" -m ruff format --check --quiet python tests tools examples benches docs
 run "$@" -m ruff check python tests tools examples benches docs
 run "$@" tools/words.py
 run "$@" -m mypy

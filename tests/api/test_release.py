@@ -104,3 +104,10 @@ def test_the_folder_of_the_build_leaves(tmp_path: Path) -> None:
     digest = base64.urlsafe_b64encode(hashlib.sha256(after[bill]).digest()).rstrip(b"=").decode()
     expected = ["armlet/__init__.py,sha256=abc,0", f"{bill},sha256={digest},{len(after[bill])}", f"{record},,"]
     assert after[record].decode().splitlines() == expected
+
+
+def test_the_changelog_has_one_screen_for_a_version() -> None:
+    """A version has at most 60 lines. The first one, which nobody used before, has neither corrections nor changes."""
+    versions = (TOOLS.parent / "CHANGELOG.md").read_text().split("\n## ")[1:]
+    assert [version.partition("\n")[0] for version in versions if version.count("\n") > 60] == []
+    assert [line for line in versions[-1].splitlines() if line.startswith("#")] == ["### Added", "### Limits"]
