@@ -5,12 +5,13 @@ from __future__ import annotations
 from functools import partial
 from typing import Any
 
+import models
 import numpy as np
 from walked_options import Case
 
 import armlet as al
 
-ARM = al.planar_arm([0.5, 0.4])
+ARM = models.TWO_LINKS
 REAL = al.Arm.from_chain(
     [
         {"type": "R", "axis": [0, 0, 1], "phi": [1, 0.1, 0, 0, 0.1, 0, 0.1, 0, 0, 0.1], "armature": 0.3, "damping": 0.4, "friction": 0.5}
@@ -19,7 +20,7 @@ REAL = al.Arm.from_chain(
     ],
     gravity=[0.0, -9.81, 0.0],
 )
-THREE = al.planar_arm([0.5, 0.4, 0.3])
+THREE = models.THREE_LINKS
 Q3, V3 = [0.3, 0.7, -0.5], [0.2, -0.1, 0.3]
 Q2, V2 = [0.3, 0.9], [0.2, -0.1]
 MOVING = al.Sinusoid([0.2, 0.5], 0.4, 3.0, 0.3)

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from typing import Any
 
+import models
 import numpy as np
 
 import armlet as al
 
-ARM = al.planar_pr(2.0, 0.5, 0.5)
+ARM = models.PR
 PLANT = al.RigidArm(ARM)
 HOLD = al.Hold([1.0, -0.5])
 LAW = al.Adaptive(ARM, HOLD, 40.0, 20.0, 5.0)

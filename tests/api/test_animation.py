@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import models
 import numpy as np
 import pytest
 from grippers import GRIPPER
@@ -16,7 +17,7 @@ import armlet as al
 from armlet.figures.skeleton import Picture, Skeleton
 
 PLANAR = al.load_urdf(al.example_urdf("planar_2r"))
-SEVEN = al.load_urdf(al.example_urdf("seven_axis"))
+SEVEN = models.SEVEN_AXES
 BODY: dict[str, Any] = {"type": "R", "axis": [0, 0, 1], "phi": [1.0, 0.1, 0, 0, 0.1, 0, 0.1, 0, 0, 0.1]}
 
 
@@ -93,7 +94,7 @@ def test_films_of_arms_in_space(tmp_path: Path) -> None:
 
 def test_the_path_in_a_film_is_that_of_the_tip(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The path is that of the tip, also if the last frame of the file belongs to another link."""
-    arm = al.planar_arm([0.5, 0.4]).with_frame("elbow", "link1")
+    arm = models.TWO_LINKS.with_frame("elbow", "link1")
     assert arm.tip_frame == "link2" and arm.frame_names[-1] == "elbow"
     seen: list[Any] = []
     monkeypatch.setattr(Picture, "show", lambda self, lines, k, title: seen.append((lines.tip[k], title)))
@@ -143,7 +144,7 @@ def test_refusals(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         with pytest.raises(al.InputError, match=r"^Run\.animate: path "):
             run.animate(path)
     with pytest.raises(al.InputError, match=r"Run\.animate: arm has nothing to draw: expected an arm with frames that move"):
-        run.animate(tmp_path / "a.gif", al.planar_pr(2.0, 0.5, 0.5))
+        run.animate(tmp_path / "a.gif", models.PR)
     with pytest.raises(al.InputError, match=r"Run\.animate: view is not finite: .*first bad index 1"):
         run.animate(tmp_path / "a.gif", view=[0.0, np.nan])
     with pytest.raises(al.InputError, match=r"Run\.animate: view has the wrong shape: expected \(2,\)"):

@@ -10,12 +10,13 @@ import threading
 import time
 from collections.abc import Callable
 
+import models
 import numpy as np
 import pytest
 
 import armlet as al
 
-ARM = al.load_urdf(al.example_urdf("seven_axis"))
+ARM = models.SEVEN_AXES
 
 # Instruction sets that this processor supports.
 SETS = ("baseline", "avx2", "avx512")[: 1 + ("baseline", "avx2", "avx512").index(al.build_info()["best_instruction_set"])]

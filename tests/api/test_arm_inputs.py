@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import models
 import numpy as np
 import pytest
 
@@ -155,7 +156,7 @@ def test_constructors_refuse_what_means_nothing() -> None:
 
 
 def test_the_argument_that_is_not_finite_is_named_by_its_index() -> None:
-    arm = al.load_urdf(al.example_urdf("six_axis"))
+    arm = models.SIX_AXES
     q, v, a = np.zeros((3, 40, 6))
     v[33, 4] = np.inf
     out = np.full((40, 6), 7.0)
@@ -169,11 +170,11 @@ def test_the_argument_that_is_not_finite_is_named_by_its_index() -> None:
     with pytest.raises(al.InputError, match=r"q is not finite: .* \(first bad index \(4000, 2\)\)"):
         arm.regressor(bad, bad, bad, bad)
     with pytest.raises(al.InputError, match=r"v is not finite: .* \(first bad index \(0, 1\)\)"):
-        al.planar_pr(2.0, 0.5, 0.5).bias([0.0, 0.0], [[0.0, np.nan]])
+        models.PR.bias([0.0, 0.0], [[0.0, np.nan]])
 
 
 def test_energies_are_written_into_out() -> None:
-    arm = al.load_urdf(al.example_urdf("six_axis"))
+    arm = models.SIX_AXES
     q, v = np.random.default_rng(1).uniform(-1.0, 1.0, (2, 5, 6))
     kinetic, potential = arm.energy(q, v)
     np.testing.assert_allclose(kinetic, 0.5 * np.einsum("ki,kij,kj->k", v, arm.mass_matrix(q), v), rtol=1e-13)
@@ -203,7 +204,7 @@ CHANGES = {
 def test_changes_of_an_arm_name_the_argument(name: str) -> None:
     change, problem = CHANGES[name]
     with pytest.raises(al.InputError, match=problem):
-        change(al.planar_arm([0.5, 0.4]))
+        change(models.TWO_LINKS)
 
 
 @pytest.mark.parametrize("key", ["velocity", "effort", "armature", "damping", "friction"])
@@ -217,7 +218,7 @@ def test_limits_of_a_chain_are_in_order() -> None:
         al.Arm.from_chain([{"type": "R", "lower": 1.0, "upper": 0.0}])
 
 
-ROBOT = al.load_urdf(al.example_urdf("six_axis"))
+ROBOT = models.SIX_AXES
 ZERO = np.zeros(6)
 
 WRONG_KINDS = {
@@ -261,7 +262,7 @@ def test_flags_of_the_wrong_kind(function: str, value: Any) -> None:
         getattr(ROBOT, function)(*[np.zeros((9, 6))] * count, friction=value)
 
 
-PR = al.planar_pr(2.0, 0.5, 0.5)
+PR = models.PR
 FLAGS = {
     "MotorPD: online": lambda flag: al.MotorPD(PR, [0.0, 0.0], 1.0, 1.0, 1.0, online=flag),
     "JointImpedance: relative_damping": lambda flag: al.JointImpedance(PR, [0.0, 0.0], 1.0, 1.0, 1.0, 1.0, 0.5, relative_damping=flag),
@@ -369,7 +370,7 @@ def test_flags_of_laws_and_plants_of_the_wrong_kind() -> None:
 
 @pytest.mark.parametrize("name", ["a\0b", "\x1b[31mred", "\ufffe"])
 def test_names_that_no_file_can_hold_are_refused(name: str) -> None:
-    arm = al.planar_arm([0.5, 0.4])
+    arm = models.TWO_LINKS
     joint = {"type": "R", "axis": [0, 0, 1], "name": name}
     for make in (lambda: arm.with_frame(name, "link2"), lambda: al.Arm.from_chain([joint])):
         with pytest.raises(al.InputError, match=r"name.* holds (a control character|the character NUL)"):

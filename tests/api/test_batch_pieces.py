@@ -6,6 +6,7 @@ import warnings
 from collections.abc import Callable
 from typing import Any
 
+import models
 import numpy as np
 import pytest
 from refusals import refused
@@ -15,7 +16,7 @@ from armlet.run import batches
 
 # With `out` or PIECE = 1 the pieces have 64 runs, so 150 runs are the rows 0..63, 64..127 and 128..149.
 ROWS = 150
-ARM = al.planar_arm([0.5, 0.4])
+ARM = models.TWO_LINKS
 PLANT = al.RigidArm(ARM)
 LAW = al.PDGravity(ARM, [0.1, 0.2], kp=20.0, kd=5.0)
 Q0 = np.random.default_rng(0).uniform(-0.2, 0.2, (ROWS, 2))
@@ -40,7 +41,7 @@ def told(call: Callable[[], al.BatchRun]) -> tuple[al.BatchRun, list[str]]:
 
 def coarse(**keywords: Any) -> al.BatchRun:
     """A batch whose steps are too coarse for the rows 100..149. Some of these runs diverge."""
-    arm = al.planar_pr(2.0, 0.5, 0.5)
+    arm = models.PR
     motion = al.Quintic([0.0, 0.0], [1.0, 1.5], duration=3.0)
     laws = [al.Adaptive(arm, motion, kp=40.0, kd=20.0 if i < 100 else 100.0, gamma=5.0) for i in range(ROWS)]
     return al.simulate_batch(al.RigidArm(arm), laws, Q0, t_end=0.5, dt=1e-2, **keywords)

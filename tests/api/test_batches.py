@@ -5,13 +5,14 @@ from __future__ import annotations
 import pickle
 from typing import Any
 
+import models
 import numpy as np
 import pytest
 
 import armlet as al
 from armlet.run import batches
 
-ARM = al.planar_pr(2.0, 0.5, 0.5)
+ARM = models.PR
 LAW = al.ComputedTorque(ARM, al.Quintic([0.0, 0.0], [1.0, 0.5], 0.5), kp=100.0, kd=20.0)
 PLANT = al.RigidArm(ARM)
 Q0 = np.random.default_rng(0).uniform(-0.2, 0.2, (150, 2))
@@ -64,7 +65,7 @@ def test_invalid_arguments_are_refused() -> None:
 def test_every_run_has_a_disturbance_of_its_own(keep: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     """The force is a constant (B, k), or a list of steps for each run. Each row equals a single run with its own force."""
     monkeypatch.setattr(batches, "PIECE", 1)
-    arm = al.planar_arm([0.5, 0.4])
+    arm = models.TWO_LINKS
     plant, law = al.RigidArm(arm), al.PDGravity(arm, [0.3, 0.6], kp=60.0, kd=12.0)
     rng = np.random.default_rng(3)
     q0, constant = rng.normal(size=(70, 2)), rng.normal(size=(70, 3))

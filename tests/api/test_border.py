@@ -7,13 +7,14 @@ from collections.abc import Callable
 from types import SimpleNamespace
 from typing import Any
 
+import models
 import pytest
 
 import armlet as al
 from armlet import gym, scenario
 from armlet.border import border
 
-PLANT = al.RigidArm(al.planar_pr(2.0, 0.5, 0.5))
+PLANT = al.RigidArm(models.PR)
 
 
 def test_a_fault_of_armlet_is_an_internal_error() -> None:

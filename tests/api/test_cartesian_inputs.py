@@ -6,12 +6,13 @@ import math
 import pickle
 from typing import Any
 
+import models
 import numpy as np
 import pytest
 
 import armlet as al
 
-ARM = al.planar_arm([0.5, 0.4])
+ARM = models.TWO_LINKS
 ENDS = np.array([[0.6, 0.0], [0.6, 0.4], [0.3, 0.4]])
 START = [-0.5, 1.0]
 GOOD: dict[str, Any] = {"frame": "link2", "axes": "xy"}
@@ -99,7 +100,7 @@ def test_refusals_of_arcs(case: str) -> None:
 
 def test_an_arm_without_frames() -> None:
     with pytest.raises(al.InputError, match=r"^cartesian_path: frame is unknown"):
-        path(arm=al.planar_pr(2.0, 0.5, 0.5))
+        path(arm=models.PR)
 
 
 def test_its_timing() -> None:

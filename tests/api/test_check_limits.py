@@ -8,6 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import models
 import numpy as np
 import pytest
 
@@ -154,7 +155,7 @@ def test_positions_within_limits_give_no_warning() -> None:
             warnings.simplefilter("error")
             loop(law(q), q, check_limits=True)
     # Closed-form arms have no limits, and `check_limits` must ignore them.
-    pr = al.planar_pr(2.0, 0.5, 0.5)
+    pr = models.PR
     al.simulate(al.RigidArm(pr), al.PDGravity(pr, [90.0, 90.0], 1.0, 1.0), [90.0, 90.0], **SHORT, check_limits=True)
     al.inverse_kinematics(ARM, TASK, DEGREES, limits=False)
     # Limits that are arguments of the call replace those of the arm.

@@ -5,14 +5,14 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import models
 import numpy as np
 import pytest
 
 import armlet as al
-from armlet import reference as ref
 from armlet.reference import contact
 
-ARM = al.planar_arm([0.5, 0.4])
+ARM = models.TWO_LINKS
 LAW = al.CartesianImpedance(ARM, [0.75, 0.2], 300.0, 40.0, frame="link2", axes="xy")
 WALLS: list[dict[str, Any]] = [
     {"point": [0.7, 0.0, 0.0], "normal": [-2.0, 0.3, 0.0], "stiffness": 1e3, "damping": 20.0},
@@ -26,7 +26,7 @@ def test_against_the_torques_of_the_reference(kind: int) -> None:
     """The torque is `tau = J' n f`. The reference computes `-f dd/dq` by a complex step of the depth d."""
     run = al.simulate(PLANTS[kind], LAW, [0.8, 1.2], t_end=0.6, dt=1e-3)
     assert run.contact_force is not None and run.contact_force.shape == (len(run),)
-    (wall,) = contact.contacts(ref.planar_arm([0.5, 0.4]), contact.Wall("link2", **WALLS[kind]), None)
+    (wall,) = contact.contacts(models.REFERENCE_TWO_LINKS, contact.Wall("link2", **WALLS[kind]), None)
     n = np.array(WALLS[kind]["normal"]) / np.linalg.norm(WALLS[kind]["normal"])
     for q, v, force in zip(run.q[::7], run.v[::7], run.contact_force[::7], strict=True):
         wanted = contact.push(wall, q, v)[0]

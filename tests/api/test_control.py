@@ -7,13 +7,14 @@ import sys
 from typing import Any
 
 import control
+import models
 import numpy as np
 import pytest
 
 import armlet as al
 
-ARM = al.planar_arm([0.5, 0.4], masses=[3.0, 2.0])
-SEVEN = al.load_urdf(al.example_urdf("seven_axis"))
+ARM = models.TWO_HEAVY_LINKS
+SEVEN = models.SEVEN_AXES
 MOTION = al.Sinusoid([0.0, 0.5], [0.5, 0.5], [1.0, 2.0], [0.0, 0.3])
 HOLD = [0.3, 1.0]
 STIFF = [[800.0, 50.0], [50.0, 500.0]]
@@ -22,7 +23,7 @@ PLAIN_ELASTIC = al.ElasticArm(ARM, 800.0, 0.4)
 SPRING = al.ElasticImpedance(ARM, [0.6, 0.4], [300.0, 200.0], [40.0, 30.0], 800.0, 0.4, 0.1, frame="link2", axes="xy")
 MOTORS = al.MotorPD(ARM, HOLD, 400.0, 60.0, STIFF)
 PD = al.PDGravity(ARM, HOLD, kp=100.0, kd=20.0)
-ADAPTIVE = al.Adaptive(al.planar_pr(2.0, 0.5, 0.5), MOTION, [40.0, 20.0], [20.0, 10.0], 5.0, estimate=[1.0, 0.2, 0.4])
+ADAPTIVE = al.Adaptive(models.PR, MOTION, [40.0, 20.0], [20.0, 10.0], 5.0, estimate=[1.0, 0.2, 0.4])
 FILTERED = al.PID(ARM, MOTION, 80.0, 60.0, 15.0, derivative_filter=300.0, observer_bandwidth=20.0)
 COMPOSITE = al.Adaptive(ARM, MOTION, 40.0, 20.0, 0.5, composite=1.0)
 PUSHED = al.CartesianImpedance(ARM, [0.6, 0.4], 300.0, 40.0, frame="link2", axes="xy", integral_gain=200.0)
@@ -31,7 +32,7 @@ REACH = al.PriorityVelocity(ARM, [al.Task("link2", "xy", [0.5, 0.4], 5.0)])
 LOOPS: dict[str, tuple[al.Plant, al.Law]] = {
     "PD": (al.RigidArm(ARM), PD),
     "computed torque": (al.RigidArm(ARM), al.ComputedTorque(ARM, MOTION, 100.0, 20.0)),
-    "adaptive": (al.RigidArm(al.planar_pr(2.0, 0.5, 0.5)), ADAPTIVE),
+    "adaptive": (al.RigidArm(models.PR), ADAPTIVE),
     "adaptive, all parameters": (al.RigidArm(ARM), al.Adaptive(ARM, MOTION, 40.0, 20.0, 0.5)),
     "PID": (al.RigidArm(ARM), al.PID(ARM, MOTION, 80.0, 60.0, 15.0)),
     "PID with filter and observer": (al.RigidArm(ARM), FILTERED),
@@ -39,8 +40,8 @@ LOOPS: dict[str, tuple[al.Plant, al.Law]] = {
     "impedance with integral": (al.RigidArm(ARM), PUSHED),
     "guarded": (al.RigidArm(ARM), al.Guarded(FILTERED, al.MomentumObserver(ARM, 30.0))),
     "elastic, closed form": (
-        al.ElasticArm(al.planar_pr(2.0, 0.5, 0.5), 800.0, 0.4),
-        al.MotorPD(al.planar_pr(2.0, 0.5, 0.5), HOLD, 90.0, 30.0, 800.0),
+        al.ElasticArm(models.PR, 800.0, 0.4),
+        al.MotorPD(models.PR, HOLD, 90.0, 30.0, 800.0),
     ),
     "elastic": (PLAIN_ELASTIC, SPRING),
     "motors": (ELASTIC, MOTORS),

@@ -6,12 +6,13 @@ from typing import Any
 
 import control
 import matplotlib.pyplot as plt
+import models
 import numpy as np
 import pytest
 
 import armlet as al
 
-ARM = al.planar_arm([0.5, 0.4], masses=[3.0, 2.0])
+ARM = models.TWO_HEAVY_LINKS
 HOLD = np.array([0.3, 1.0])
 TIP: dict[str, Any] = {"frame": "link2", "axes": "xy"}
 TARGET = ARM.position(HOLD, "link2")[:2]

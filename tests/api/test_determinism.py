@@ -9,6 +9,7 @@ import threading
 from collections.abc import Callable
 from typing import Any
 
+import models
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -17,7 +18,7 @@ import armlet as al
 
 Array = NDArray[np.float64]
 
-ARM = al.planar_pr(2.0, 0.5, 0.5)
+ARM = models.PR
 PLANT = al.RigidArm(ARM)
 MOTION = al.Sinusoid([0.0, 0.3], [0.5, 0.8], [1.0, 1.7], [0.0, 0.4])
 LAW = al.Adaptive(ARM, MOTION, [40.0, 20.0], [20.0, 10.0], 5.0)

@@ -7,13 +7,14 @@ import functools
 import pickle
 from typing import Any
 
+import models
 import numpy as np
 import pytest
 from refusals import refused
 
 import armlet as al
 
-ARM = al.planar_arm([0.5, 0.4])
+ARM = models.TWO_LINKS
 PLANT = al.ElasticArm(ARM, [800.0, 500.0], [0.4, 0.25])
 INDEFINITE = np.array([[1.0, 2.0], [2.0, 1.0]])
 NAN, INF = float("nan"), float("inf")
@@ -64,7 +65,7 @@ def test_other_arguments() -> None:
     refused(lambda: impedance(target=[0.5]), "target", "(2,)")
     refused(lambda: impedance(frame="hand"), "frame", "link1")
     refused(lambda: impedance(axes="xw"), "axes")
-    refused(lambda: impedance(arm=al.planar_pr(2.0, 0.5, 0.5)), "planar_pr")
+    refused(lambda: impedance(arm=models.PR), "planar_pr")
     for ratio in (0.0, -1.0, INF, NAN):
         refused(functools.partial(impedance, damping_ratio=ratio), "damping_ratio")
     refused(lambda: al.MotorPD(ARM, [0.3], 100.0, 10.0, 800.0), "MotorPD: target")
@@ -93,7 +94,7 @@ def test_joint_tracking() -> None:
 def test_plants_and_calls() -> None:
     refused(lambda: al.simulate(al.RigidArm(ARM), impedance(), [0.3, 1.2], t_end=0.1, dt=1e-3), "law", "ElasticArm")
     refused(lambda: impedance()(0.0, [0.3, 1.2], [0.0, 0.0]), "theta", "missing")
-    three = al.ElasticArm(al.planar_arm([0.5, 0.4, 0.3]), 800.0, 0.4)
+    three = al.ElasticArm(models.THREE_LINKS, 800.0, 0.4)
     refused(lambda: al.simulate(three, impedance(), [0.3, 1.2, 0.0], t_end=0.1, dt=1e-3), "number of joints")
 
 

@@ -5,12 +5,13 @@ from __future__ import annotations
 import functools
 from typing import Any
 
+import models
 import numpy as np
 from refusals import refused
 
 import armlet as al
 
-ARM = al.planar_arm([0.5, 0.4])
+ARM = models.TWO_LINKS
 LAW = al.PDGravity(ARM, [0.3, 1.0], 50.0, 10.0)
 PLANT = al.RigidArm(ARM)
 ELASTIC = al.ElasticArm(ARM, [800.0, 500.0], [0.4, 0.25])

@@ -7,13 +7,14 @@ import pickle
 import sys
 from typing import Any
 
+import models
 import numpy as np
 import pytest
 
 import armlet as al
 
 LIMITS: dict[str, Any] = {"q_min": -1.5, "q_max": 1.5, "v_max": 3.0, "a_max": 10.0}
-ARM = al.planar_arm([0.5, 0.4])
+ARM = models.TWO_LINKS
 
 
 def short(**changed: Any) -> al.ExcitingMotion:
@@ -67,7 +68,7 @@ def test_wrong_types_are_named(changed: dict[str, Any]) -> None:
 
 
 def test_the_limits_of_the_file_are_those_of_the_arm() -> None:
-    arm = al.load_urdf(al.example_urdf("six_axis"))
+    arm = models.SIX_AXES
     m = al.exciting_motion(arm, 6.0, harmonics=1, iterations=1)
     v = np.array([m(t)[1] for t in np.linspace(0.0, 6.0, 500)])
     assert np.all(np.abs(v) <= arm.limits["v_max"])

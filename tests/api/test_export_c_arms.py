@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 from xml.sax.saxutils import quoteattr
 
+import models
 import numpy as np
 import pytest
 from compiled_c import COMPILERS, Functions, build
@@ -52,11 +53,11 @@ def branched() -> al.Arm:
 
 
 ARMS = {
-    "planar_pr": lambda: al.planar_pr(2.0, 0.5, 0.5),
+    "planar_pr": lambda: models.PR,
     "pendulum": lambda: al.pendulum(0.3, 2.0),
-    "planar 3R": lambda: al.planar_arm([0.5, 0.4, 0.3]),
-    "six axes": lambda: al.load_urdf(al.example_urdf("six_axis")),
-    "seven axes": lambda: al.load_urdf(al.example_urdf("seven_axis")),
+    "planar 3R": lambda: models.THREE_LINKS,
+    "six axes": lambda: models.SIX_AXES,
+    "seven axes": lambda: models.SEVEN_AXES,
     "tree": branched,
 }
 
@@ -105,7 +106,7 @@ def test_functions_have_the_bits_of_armlet(name: str, compiler: str, tmp_path: P
 
 @pytest.mark.parametrize("compiler", COMPILERS)
 def test_functions_include_friction_armature_and_wrenches(compiler: str, tmp_path: Path) -> None:
-    arm = al.load_urdf(al.example_urdf("six_axis")).with_drives(armature=[0.1] * 6, damping=[0.5] * 6, friction=[0.2] * 6)
+    arm = models.SIX_AXES.with_drives(armature=[0.1] * 6, damping=[0.5] * 6, friction=[0.2] * 6)
     frame = arm.frame_names[3]
     functions = ["bias", "regressor", ("inverse_dynamics", frame), ("forward_dynamics", frame), ("jacobian", frame)]
     c = Functions(al.export_c(arm, tmp_path, functions=functions, friction=True, armature=True), compiler)
@@ -171,7 +172,7 @@ def test_a_long_function_in_several_parts_has_the_same_bits(compiler: str, tmp_p
 
 
 def test_rounding_of_every_product_is_another_answer_and_close(tmp_path: Path) -> None:
-    arm = al.load_urdf(al.example_urdf("six_axis"))
+    arm = models.SIX_AXES
     rounded = Functions(al.export_c(arm, tmp_path, functions=["bias"], fused=False), COMPILERS[0])
     assert "fma(" not in (tmp_path / "arm.c").read_text()
     rng = np.random.default_rng(10)
@@ -182,7 +183,7 @@ def test_rounding_of_every_product_is_another_answer_and_close(tmp_path: Path) -
 
 
 def test_invalid_inputs_give_a_status(tmp_path: Path) -> None:
-    arm = al.planar_arm([0.5, 0.4])
+    arm = models.TWO_LINKS
     c = Functions(al.export_c(arm, tmp_path, functions=["gravity", "forward_dynamics"]), COMPILERS[0])
     for bad, status in ((np.nan, 1), (np.inf, 1), (-np.inf, 1), (1e6, 2), (-3e7, 2)):
         for at in range(2):
@@ -198,7 +199,7 @@ def test_invalid_inputs_give_a_status(tmp_path: Path) -> None:
 
 
 def test_each_function_compiles_without_the_others(tmp_path: Path) -> None:
-    arm = al.planar_arm([0.5, 0.4])
+    arm = models.TWO_LINKS
     for name in INPUTS:
         Functions(al.export_c(arm, tmp_path / name, functions=[name], prefix="one"), COMPILERS[0], prefix="one")
 
@@ -229,19 +230,19 @@ BAD: list[tuple[dict[str, Any], str]] = [
 @pytest.mark.parametrize(("arguments", "message"), BAD, ids=[f"{next(iter(bad))} {k}" for k, (bad, _) in enumerate(BAD)])
 def test_bad_arguments_are_refused(arguments: dict[str, Any], message: str, tmp_path: Path) -> None:
     with pytest.raises(al.InputError, match=rf"^export_c: {message}"):
-        al.export_c(al.planar_arm([0.5, 0.4]), tmp_path / "out", **arguments)
+        al.export_c(models.TWO_LINKS, tmp_path / "out", **arguments)
     assert not (tmp_path / "out").exists()
 
 
 def test_an_arm_without_frames_exports_only_its_dynamics(tmp_path: Path) -> None:
-    arm = al.planar_pr(2.0, 0.5, 0.5)
+    arm = models.PR
     for function in ("pose", "christoffel", "center_of_mass"):
         with pytest.raises(al.InputError, match="functions has one that planar_pr does not have"):
             al.export_c(arm, tmp_path, functions=[function])
 
 
 def test_files_of_others_are_kept(tmp_path: Path) -> None:
-    arm = al.planar_arm([0.5, 0.4])
+    arm = models.TWO_LINKS
     first = [file.read_text() for file in al.export_c(arm, tmp_path)]
     # armlet may overwrite files that armlet wrote.
     files = al.export_c(arm, tmp_path)
@@ -256,7 +257,7 @@ def test_files_of_others_are_kept(tmp_path: Path) -> None:
 
 
 def test_the_header_describes_the_arm(tmp_path: Path) -> None:
-    arm = al.load_urdf(al.example_urdf("six_axis"))
+    arm = models.SIX_AXES
     header, source, cmake = (file.read_text() for file in al.export_c(arm, tmp_path, prefix="robot"))
     assert header.startswith(f"/* Made by armlet {al.__version__}")
     said = ("rad, rad/s, rad/s^2, N m", "m, mcx, mcy, mcz, Ixx", "-ffp-contract=off", "#define ROBOT_N 6", "ROBOT_OK = 0")

@@ -6,6 +6,7 @@ import os
 from pathlib import Path
 from typing import Any
 
+import models
 import numpy as np
 import pytest
 from compiled_c import COMPILERS, Controller
@@ -15,7 +16,7 @@ import armlet as al
 pytestmark = pytest.mark.filterwarnings("ignore:.*balance does not close:UserWarning", "ignore:.*close to unstable:UserWarning")
 
 BODY = [1.0, 0.1, 0.02, 0.1, 0.3, 0.01, 0.3, 0.02, 0.01, 0.2]
-PLANAR = al.planar_arm([0.5, 0.4])
+PLANAR = models.TWO_LINKS
 
 
 def chain(types: str) -> al.Arm:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import models
 import numpy as np
 import pytest
 from compiled_c import COMPILERS, Observer
@@ -12,8 +13,8 @@ from test_export_c_arms import branched
 
 import armlet as al
 
-SIX = al.load_urdf(al.example_urdf("six_axis"))
-PLANAR = al.planar_arm([0.5, 0.4, 0.3])
+SIX = models.SIX_AXES
+PLANAR = models.THREE_LINKS
 FULL = 40.0 * np.eye(3) + 3.0
 RUBBING = PLANAR.with_drives(damping=[0.7, 0.5, 0.3], friction=[0.2, 0.4, 0.1])
 
@@ -23,7 +24,7 @@ OBSERVERS: dict[str, tuple[al.Arm, dict[str, Any]]] = {
     "friction": (RUBBING, {"gain": [50.0, 1.0, 30.0], "friction": True}),
     "motors": (PLANAR, {"gain": 50.0, "motor_inertia": [0.3, 0.2, 0.1]}),
     "motors, full": (PLANAR, {"gain": FULL, "motor_inertia": FULL / 99.0}),
-    "planar_pr": (al.planar_pr(2.0, 0.5, 0.5), {"gain": 20.0, "threshold": 0.3}),
+    "planar_pr": (models.PR, {"gain": 20.0, "threshold": 0.3}),
     "pendulum": (al.pendulum(0.3, 2.0), {"gain": [[20.0]], "threshold": 0.3}),
     "tree": (branched(), {"gain": 35.0, "threshold": 3.0}),
     "six axes": (SIX, {"gain": 50.0, "threshold": 2.0}),

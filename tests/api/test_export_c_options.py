@@ -11,14 +11,15 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import models
 import numpy as np
 import pytest
 from compiled_c import COMPILERS, Controller
 
 import armlet as al
 
-ARM = al.planar_arm([0.5, 0.4], masses=[3.0, 2.0]).with_drives(armature=[0.1, 0.2], damping=[0.7, 0.3], friction=[0.2, 0.4])
-SIX = al.load_urdf(al.example_urdf("six_axis"))
+ARM = models.TWO_HEAVY_LINKS.with_drives(armature=[0.1, 0.2], damping=[0.7, 0.3], friction=[0.2, 0.4])
+SIX = models.SIX_AXES
 N, P = ARM.n, len(ARM.parameters)
 FULL = np.array([[60.0, 4.0], [4.0, 50.0]])
 MOTION = al.Quintic([0.1, 0.9], [0.4, 0.5], 0.3)

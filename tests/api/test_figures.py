@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import matplotlib
+import models
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
@@ -18,7 +19,7 @@ from armlet.figures import style
 from armlet.figures.minimum_time import MinimumTime
 from armlet.figures.time_path import PathTiming
 
-ARM = al.planar_arm([0.5, 0.4])
+ARM = models.TWO_LINKS
 
 
 def run() -> al.Run:

@@ -3,6 +3,7 @@
 import math
 import warnings
 
+import models
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -67,7 +68,7 @@ def test_a_smooth_bump_has_its_exact_effect(method, width, background):
 
 
 def test_a_push_of_an_arm_is_that_of_the_list():
-    arm = al.load_urdf(al.example_urdf("six_axis"))
+    arm = models.SIX_AXES
     gains = al.suggest_gains(arm, 10.0)
     law = al.PDGravity(arm, np.zeros(6), gains.kp, gains.kd)
     wrench = [10.0, -5.0, 3.0, 0.5, 0.2, -0.1]

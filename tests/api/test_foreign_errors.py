@@ -9,6 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import models
 import numpy as np
 import pytest
 
@@ -17,7 +18,7 @@ from armlet import cli, gym
 from armlet.scenario import file as reading
 
 ALLOWED = (al.ArmletError, TypeError, MemoryError, OSError)
-PR = al.planar_pr(2.0, 0.5, 0.5)
+PR = models.PR
 PLANT, LAW = al.RigidArm(PR), al.ComputedTorque(PR, al.Hold([1.0, 0.0]), 100.0, 20.0)
 RUN = al.simulate(PLANT, LAW, [0.0, 0.0], t_end=0.01, dt=1e-3)
 DENSE = al.simulate(PLANT, LAW, [0.0, 0.0], t_end=0.01, method="dopri5", dense=True)

@@ -7,6 +7,7 @@ import pickle
 from pathlib import Path
 from typing import Any
 
+import models
 import numpy as np
 import pytest
 
@@ -16,7 +17,7 @@ from armlet.gym import ArmVectorEnv
 from armlet.interop import to_control
 from armlet.scenario import Scenario
 
-ARM = al.planar_arm([0.5, 0.4])
+ARM = models.TWO_LINKS
 LUGRE: dict[str, Any] = {"coulomb": 2.0, "static": 3.0, "stribeck_speed": 0.05, "stiffness": 200.0, "damping": 2.0, "viscous": 0.5}
 STICKS: dict[str, Any] = {"coulomb": [2.0, 1.0], "static": [3.0, 1.5], "stribeck_speed": 0.05, "load_ratio": 0.1}
 LAW = al.PDGravity(ARM, [0.5, -0.3], 60.0, 8.0)

@@ -7,12 +7,13 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import models
 import numpy as np
 import pytest
 
 import armlet as al
 
-ARM = al.planar_arm([0.5, 0.4])
+ARM = models.TWO_LINKS
 PLANT, LAW = al.RigidArm(ARM), al.PDGravity(ARM, [0.4, 0.9], kp=[8.0, 6.0], kd=[1.6, 1.2])
 OPTIONS: dict[str, Any] = {"t_end": 0.02, "dt": 1e-3}
 Q0 = [0.1, -0.2]

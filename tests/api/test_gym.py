@@ -8,6 +8,7 @@ import sys
 from typing import Any
 
 import gymnasium
+import models
 import numpy as np
 import pytest
 from gymnasium.error import ResetNeeded
@@ -20,7 +21,7 @@ from armlet import _core
 from armlet.gym import ArmEnv, ArmVectorEnv, Reach, Track
 
 ARM = al.planar_arm([0.5, 0.4], gravity=[0.0, 0.0])
-SEVEN = al.load_urdf(al.example_urdf("seven_axis"))
+SEVEN = models.SEVEN_AXES
 MOTION = al.Sinusoid([0.0, 0.5], [0.5, 0.5], [1.0, 2.0], [0.0, 0.0])
 ROWS = 40
 
@@ -249,7 +250,7 @@ def test_a_scenario_is_an_environment() -> None:
         }
     )
     env = ArmEnv(scenario)
-    assert isinstance(env.task, Track) and env.plant.arm == al.planar_pr(2.0, 0.5, 0.5)
+    assert isinstance(env.task, Track) and env.plant.arm == models.PR
     env.reset(seed=0)
     flags = [env.step([0.0, 0.0])[3] for _ in range(30)]
     assert flags == [False] * 29 + [True]

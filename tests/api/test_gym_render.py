@@ -8,6 +8,7 @@ from typing import Any
 
 import gymnasium
 import matplotlib
+import models
 import numpy as np
 import pytest
 from gymnasium.error import ResetNeeded
@@ -18,7 +19,7 @@ from armlet.figures.skeleton import Picture
 from armlet.gym import ArmEnv, ArmVectorEnv, Reach, Track, viewer
 
 ARM = al.planar_arm([0.5, 0.4], gravity=[0.0, 0.0])
-SEVEN = al.load_urdf(al.example_urdf("seven_axis"))
+SEVEN = models.SEVEN_AXES
 MOTION = al.Sinusoid([0.0, 0.5], [0.5, 0.5], [1.0, 2.0], [0.0, 0.0])
 
 
@@ -121,7 +122,7 @@ def test_refusals(monkeypatch: pytest.MonkeyPatch) -> None:
     for silent in (ArmEnv(), ArmVectorEnv(2)):
         with pytest.warns(UserWarning, match="nothing is drawn without a render_mode"):
             assert silent.render() is None
-    pr = al.planar_pr(2.0, 0.5, 0.5)
+    pr = models.PR
     with pytest.raises(al.InputError, match="ArmEnv: arm has nothing to draw"):
         ArmEnv(pr, Track(al.Hold([0.0, 0.0])), tau_max=1.0, render_mode="rgb_array")
     monkeypatch.setitem(sys.modules, "matplotlib", None)

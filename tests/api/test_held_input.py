@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from typing import Any
 
+import models
 import numpy as np
 import pytest
 
 import armlet as al
 
-ARM = al.pendulum(1.0, 5.0)
+ARM = models.PENDULUM
 PLANT = al.RigidArm(ARM)
-RAIL = al.planar_pr(2.0, 0.5, 0.5)
+RAIL = models.PR
 
 
 def rates_of(run: Any, name: str) -> Any:

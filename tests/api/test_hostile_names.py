@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import models
 import numpy as np
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -45,7 +46,7 @@ def test_joint_names_in_figures(name: str) -> None:
 
 @pytest.mark.parametrize("name", NAMES)
 def test_units_and_laws_of_a_stored_run_in_figures(name: str, tmp_path: Path) -> None:
-    arm = al.planar_pr(2.0, 0.5, 0.5)
+    arm = models.PR
     run = al.simulate(al.RigidArm(arm), al.PDGravity(arm, [0.0, 0.0], 5.0, 2.0), [0.1, 0.2], t_end=0.01, dt=1e-3)
     fields: dict[str, Any] = dict(run._items()) | {"units": (name, "rad"), "law_name": name}
     other = al.Run(fields)

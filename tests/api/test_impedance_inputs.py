@@ -6,6 +6,7 @@ import pickle
 from collections.abc import Callable
 from typing import Any
 
+import models
 import numpy as np
 import pytest
 from refusals import refused
@@ -13,7 +14,7 @@ from refusals import refused
 import armlet as al
 from armlet.scenario import Scenario
 
-ARM = al.planar_arm([0.5, 0.4, 0.3])
+ARM = models.THREE_LINKS
 NAN, INF = float("nan"), float("inf")
 POSTURE = al.NullSpace([0.3, 0.4, 0.5], 20.0, 2.0)
 GIVEN: dict[str, Any] = {"arm": ARM, "target": [0.5, 0.3], "stiffness": 300.0, "damping": 30.0, "frame": "link3", "axes": "xy"}
@@ -90,7 +91,7 @@ def test_null_spaces() -> None:
 
 
 def test_a_pose_as_target() -> None:
-    six = al.load_urdf(al.example_urdf("six_axis"))
+    six = models.SIX_AXES
     q = np.array([0.3, -0.4, 0.5, 0.2, -0.6, 0.1])
     frame = six.tip_frame
     rows = {"frame": frame, "axes": "xyz rx ry rz"}

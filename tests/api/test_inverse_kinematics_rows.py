@@ -5,12 +5,13 @@ from __future__ import annotations
 import pickle
 from typing import Any
 
+import models
 import numpy as np
 import pytest
 
 import armlet as al
 
-SEVEN = al.load_urdf(al.example_urdf("seven_axis"))
+SEVEN = models.SEVEN_AXES
 FOUR = al.load_urdf(al.example_urdf("macro_micro_4r"))
 TOOL, TIP = SEVEN.frame_names[-1], FOUR.frame_names[-1]
 ONCE = {"restarts": 2, "max_iterations": 30}
@@ -119,7 +120,7 @@ def test_answers_and_tasks_of_batches_are_pickled() -> None:
 
 
 def test_a_single_target_that_overflows_is_a_status_too() -> None:
-    arm = al.planar_arm([0.5, 0.4])
+    arm = models.TWO_LINKS
     for far in (1e200, 1e308):
         single = al.inverse_kinematics(arm, [al.Task("link2", "xy", [far, 0.0])], [0.1, 0.2])
         row = al.inverse_kinematics(arm, [al.Task("link2", "xy", [[far, 0.0]])], [0.1, 0.2])
@@ -129,7 +130,7 @@ def test_a_single_target_that_overflows_is_a_status_too() -> None:
 
 
 def test_a_lower_task_does_not_keep_the_first_from_being_reached() -> None:
-    arm = al.load_urdf(al.example_urdf("seven_axis"))
+    arm = models.SEVEN_AXES
     low, high = arm.limits["q_min"], arm.limits["q_max"]
     targets = arm.position(np.random.default_rng(1).uniform(low, high, (24, 7)), "tcp")
     tip, posture = al.Task("tcp", "xyz", targets), al.PostureTask(np.zeros(7))

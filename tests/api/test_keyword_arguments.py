@@ -6,12 +6,13 @@ import inspect
 from collections.abc import Callable
 from typing import Any
 
+import models
 import pytest
 
 import armlet as al
 from armlet import gym
 
-ARM = al.planar_arm([0.5, 0.4])
+ARM = models.TWO_LINKS
 LAW = al.PDGravity(ARM, [0.1, 0.2], 20.0, 5.0)
 
 

@@ -7,13 +7,14 @@ import sys
 from collections.abc import Callable, Sequence
 from typing import Any
 
+import models
 import numpy as np
 import pytest
 
 import armlet as al
 
-PR = al.planar_pr(2.0, 0.5, 0.5)
-TWO = al.planar_arm([0.5, 0.4], masses=[3.0, 2.0])
+PR = models.PR
+TWO = models.TWO_HEAVY_LINKS
 THREE = al.planar_arm([0.4, 0.3, 0.2])
 
 

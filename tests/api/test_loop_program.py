@@ -7,6 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import models
 import numpy as np
 import pytest
 from listed_programs import evaluate
@@ -15,8 +16,8 @@ import armlet as al
 from armlet.run.programs import Instruction
 
 PR = al.planar_pr(2.0, 0.5, 0.7)
-TWO = al.planar_arm([0.5, 0.4], masses=[3.0, 2.0])
-SIX = al.load_urdf(al.example_urdf("six_axis"))
+TWO = models.TWO_HEAVY_LINKS
+SIX = models.SIX_AXES
 STAGES = ("recorded", "simplified", "lowered", "machine")
 # The program and numpy round differently, also in their sines.
 CLOSE: dict[str, Any] = {"rtol": 1e-13, "atol": 1e-13}

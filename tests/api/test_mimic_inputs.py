@@ -5,6 +5,7 @@ from __future__ import annotations
 import pickle
 from typing import Any
 
+import models
 import numpy as np
 import pytest
 from grippers import GRIPPER, joint, link
@@ -117,7 +118,7 @@ def test_positions_of_the_joints_of_the_file() -> None:
     for bad, problem in (([0.0, 0.0], "q has the wrong shape"), ([0.0, np.nan, 0.0], "q is not finite"), (["a"] * 3, "q")):
         with pytest.raises(al.InputError, match=f"file_positions: {problem}"):
             ARM.file_positions(bad)  # type: ignore[arg-type]
-    plain = al.planar_pr(2.0, 0.5, 0.5)
+    plain = models.PR
     assert plain.file_joint_names == plain.joint_names and plain.file_positions([1.0, 2.0]).tolist() == [1.0, 2.0]
 
 
@@ -137,7 +138,7 @@ def test_the_tree_of_the_joints() -> None:
             ARM.file_joint_poses(bad)  # type: ignore[arg-type]
     with pytest.raises(al.InputError, match=r"out"):
         ARM.file_joint_poses(many[0], out=np.empty((5, 4, 4)))
-    plain = al.planar_pr(2.0, 0.5, 0.5)
+    plain = models.PR
     assert plain.file_joint_parents == (-1, 0) and plain.frame_joints == ()
     with pytest.raises(al.InputError, match="arm has no links"):
         plain.file_joint_poses([0.0, 0.0])

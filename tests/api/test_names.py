@@ -6,6 +6,7 @@ import inspect
 import types
 from typing import Any
 
+import models
 import numpy as np
 import pytest
 
@@ -73,9 +74,9 @@ EXTENSIONS = set(al.__all__) - set(CONTRACT)
 
 
 def results() -> dict[str, Any]:
-    arm = al.planar_pr(2.0, 0.5, 0.5)
+    arm = models.PR
     law = al.Adaptive(arm, al.Hold([0.1, 0.2]), 40.0, 20.0, 5.0)
-    chain = al.planar_arm([0.5, 0.4])
+    chain = models.TWO_LINKS
     elastic = al.ElasticArm(chain, 500.0, 0.4)
     soft = al.ElasticImpedance(chain, [0.5, 0.5], 300.0, 40.0, 500.0, 0.4, 0.02, frame="link2", axes="xy")
     levels = [np.eye(2, 3), np.eye(1, 3, 2)]

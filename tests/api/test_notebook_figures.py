@@ -43,8 +43,8 @@ for name, (_, draw) in DRAWN.items():
 
 def test_the_first_figure_keeps_the_settings_of_the_notebook(tmp_path: Path) -> None:
     Path(tmp_path, "notebook_backend.py").write_text(BACKEND)
-    tests = str(Path(__file__).parent)
-    code = f"import sys; sys.path[:0] = [{str(tmp_path)!r}, {tests!r}]\n" + PROGRAM
+    tests = [str(folder) for folder in Path(__file__).parents[:2]]
+    code = f"import sys; sys.path[:0] = {[str(tmp_path), *tests]!r}\n" + PROGRAM
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120)
     assert done.returncode == 0, done.stderr
     assert done.stdout.splitlines() == [f"{name} interactive" for name in test_figures.DRAWN]

@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from fnmatch import fnmatch
 from typing import Any
 
+import models
 import options_of_laws
 import options_of_runs
 import options_of_tools
@@ -165,7 +166,7 @@ def test_a_posture_of_a_scenario_may_be_a_motion() -> None:
     posture = {"q_d": {"kind": "Sinusoid"} | wave, "stiffness": 20.0, "damping": 4.0}
     data = {"arm": {"kind": "planar_arm", "lengths": [0.5, 0.4, 0.3]}, "law": law | {"nullspace": posture}}
     run = al.Scenario.from_dict(data | {"run": {"q0": [0.3, 0.7, -0.5], "t_end": 0.05, "dt": 1e-3}}).run()
-    arm = al.planar_arm([0.5, 0.4, 0.3])
+    arm = models.THREE_LINKS
     null = al.NullSpace(al.Sinusoid(*wave.values()), 20.0, 4.0)
     same = al.CartesianImpedance(arm, [0.7, 0.5], 300.0, 40.0, frame="link3", axes="xy", nullspace=null)
     other = al.simulate(al.RigidArm(arm), same, [0.3, 0.7, -0.5], t_end=0.05, dt=1e-3)

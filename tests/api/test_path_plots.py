@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import models
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
@@ -9,7 +10,7 @@ from matplotlib.figure import Figure
 import armlet as al
 from armlet.figures.time_path import PathTiming
 
-ARM = al.planar_arm([0.5, 0.4])
+ARM = models.TWO_LINKS
 LIMITS = {"tau_max": [20.0, 8.0], "v_max": 4.0}
 TIMED = al.time_path(ARM, [[0.0, 0.0], [0.5, 0.8], [1.2, 0.3]], **LIMITS)  # type: ignore[arg-type]
 

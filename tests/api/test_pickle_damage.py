@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import models
 import numpy as np
 import pytest
 
@@ -17,8 +18,8 @@ import armlet as al
 from armlet import _core
 
 PR = al.planar_pr(2.0, 0.5, 0.25)
-TREE = al.planar_arm([0.5, 0.4])
-SIX = al.load_urdf(al.example_urdf("six_axis"))
+TREE = models.TWO_LINKS
+SIX = models.SIX_AXES
 TASKS = [al.Task("link2", "xy", [0.5, 0.4], 3.0)]
 LINK = (0.0, 1.0, 1.0, 2.0, 5.0)
 KNOTS = np.arange(6.0).reshape(3, 2)

@@ -7,6 +7,7 @@ import pickle
 from collections.abc import Callable
 from typing import Any
 
+import models
 import numpy as np
 import pytest
 
@@ -225,7 +226,7 @@ def test_bounds_hold_and_can_change() -> None:
 
 
 def test_bounds_of_a_solver_without_bounds_are_refused() -> None:
-    arm = al.planar_arm([0.5, 0.4, 0.3])
+    arm = models.THREE_LINKS
     for solver, n in [(al.PrioritySolver(4, [2, 1]), 4), (al.PrioritySolver.for_arm(arm, [al.Task("link3", "xy")]), 3)]:
         with pytest.raises(al.InputError, match="v_max has no use: expected a solver that was created with bounds"):
             solver.set_bounds(-np.ones(n), np.ones(n))

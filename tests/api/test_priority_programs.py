@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+import models
 import numpy as np
 import pytest
 
@@ -14,8 +15,8 @@ import armlet as al
 pytestmark = pytest.mark.filterwarnings("ignore:.*balance does not close:UserWarning")
 
 FOUR = al.planar_arm([1.0, 1.0, 0.25, 0.25])
-TWO = al.planar_arm([0.5, 0.4], masses=[3.0, 2.0])
-SEVEN = al.load_urdf(al.example_urdf("seven_axis"))
+TWO = models.TWO_HEAVY_LINKS
+SEVEN = models.SEVEN_AXES
 TOOL = SEVEN.tip_frame
 BOTH = [al.Task("link4", "xy", [1.2, 1.0], 5.0), al.Task("link2", "xy", [0.9, 0.8], 5.0)]
 POSE = [

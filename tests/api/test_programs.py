@@ -8,6 +8,7 @@ import sys
 from collections.abc import Callable
 from typing import Any
 
+import models
 import numpy as np
 import pytest
 
@@ -16,8 +17,8 @@ import armlet as al
 # The gains are too stiff for light joints at this step size. The runs are only compared, so they need not be accurate.
 pytestmark = pytest.mark.filterwarnings("ignore:.*balance does not close:UserWarning")
 
-TWO = al.planar_arm([0.5, 0.4], masses=[3.0, 2.0])
-SIX = al.load_urdf(al.example_urdf("six_axis"))
+TWO = models.TWO_HEAVY_LINKS
+SIX = models.SIX_AXES
 OPTIONS: dict[str, Any] = {"t_end": 0.15, "dt": 1e-3, "record_every": 50}
 
 

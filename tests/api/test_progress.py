@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 from typing import Any
 
+import models
 import numpy as np
 import pytest
 from refusals import refused
@@ -14,7 +15,7 @@ from armlet.progress import Progress
 
 LOOP = {"arm": {"kind": "example", "name": "planar_2r"}, "law": {"kind": "PDGravity", "target": [0.1, 0.2], "kp": 20.0, "kd": 5.0}}
 SCENARIO = al.Scenario.from_dict(LOOP | {"run": {"q0": [0.0, 0.0], "t_end": 0.1, "dt": 1e-3}})
-ARM = al.planar_arm([0.5, 0.4])
+ARM = models.TWO_LINKS
 BATCH = (al.RigidArm(ARM), al.PDGravity(ARM, [0.1, 0.2], 20.0, 5.0), np.zeros((5, 2)))
 
 

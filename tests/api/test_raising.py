@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+import models
 import pytest
 
 import armlet as al
 
-ARM = al.planar_arm([0.5, 0.4])
+ARM = models.TWO_LINKS
 PLANT = al.RigidArm(ARM)
 
 

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import models
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
@@ -14,7 +15,7 @@ from matplotlib.figure import Figure
 import armlet as al
 from armlet.run.metrics import PER_TASK
 
-ARM = al.planar_arm([0.5, 0.4])
+ARM = models.TWO_LINKS
 STIFFNESS, MOTORS = np.array([800.0, 500.0]), np.array([0.4, 0.25])
 Q0 = [0.2, 0.9]
 # Fixed steps of the recorded times, so that the trapezoidal rule of the test is that of the metrics.

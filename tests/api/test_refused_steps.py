@@ -6,12 +6,13 @@ import copy
 import pickle
 from typing import Any
 
+import models
 import numpy as np
 import pytest
 
 import armlet as al
 
-ARM = al.planar_arm([0.5, 0.4, 0.3])
+ARM = models.THREE_LINKS
 Q0 = [0.1, 0.2, 0.3]
 METHODS = ["rk4", "euler", "semi_implicit", "ros2"]
 back = pytest.mark.parametrize(

@@ -8,6 +8,7 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
+import models
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
@@ -62,7 +63,7 @@ def test_units_and_columns() -> None:
 
 def test_units_of_commanded_velocities(tmp_path: Path) -> None:
     """The plant determines the units of the input. Files, pickles and rows of batches keep them."""
-    plant = al.VelocityArm(al.planar_arm([0.5, 0.4]))
+    plant = al.VelocityArm(models.TWO_LINKS)
     law = lambda t, q: [0.1, 0.1]  # noqa: E731
     run = al.simulate(plant, law, [0.0, 0.0], t_end=0.02, dt=0.01, sample_time=0.01)
     run.save(tmp_path / "run.npz")
@@ -109,7 +110,7 @@ def test_a_run_that_stopped_being_finite() -> None:
 
 def test_rows_of_a_batch_are_runs() -> None:
     """Metrics of a batch, computed for all rows together, equal those of each row, with a common motion and with separate motions."""
-    arm = al.planar_arm([0.5, 0.4])
+    arm = models.TWO_LINKS
     q0 = np.random.default_rng(3).uniform(-0.3, 0.3, (5, 2))
     ends = np.random.default_rng(4).uniform(0.2, 0.9, (5, 2))
     motions = [al.Quintic([0.0, 0.0], end, 0.3) for end in ends]

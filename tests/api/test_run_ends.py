@@ -6,6 +6,7 @@ import pickle
 import warnings
 from typing import Any
 
+import models
 import numpy as np
 import pytest
 
@@ -46,13 +47,12 @@ def test_the_limit_is_the_callers(method: str) -> None:
     assert full.status is al.Status.SUCCESS and max(np.abs(full.q).max(), np.abs(full.v).max()) > 2.5
 
 
-PR = al.planar_pr(2.0, 0.5, 0.5)
-LEARNING = al.Adaptive(PR, al.Hold([1.0, 0.5]), 40.0, 20.0, 5.0)
+LEARNING = al.Adaptive(models.PR, al.Hold([1.0, 0.5]), 40.0, 20.0, 5.0)
 
 
 @pytest.mark.parametrize(
     ("plant", "law", "extra"),
-    [(PLANT, LAW, {}), (al.RigidArm(PR), LEARNING, {}), (al.RigidArm(PR), LEARNING, {"monitors": False})],
+    [(PLANT, LAW, {}), (al.RigidArm(models.PR), LEARNING, {}), (al.RigidArm(models.PR), LEARNING, {"monitors": False})],
 )
 @pytest.mark.parametrize("bad", [0, 3, 8])
 def test_neighbours_keep_their_bits(plant: Any, law: Any, extra: dict[str, Any], bad: int) -> None:
@@ -129,7 +129,7 @@ def test_a_balance_that_does_not_close_is_warned_of() -> None:
 
 def test_a_lyapunov_function_that_rises_is_warned_of() -> None:
     with pytest.warns(UserWarning) as warned:
-        al.simulate(al.RigidArm(PR), LEARNING, [0.0, 0.0], t_end=0.3, dt=0.3)
+        al.simulate(al.RigidArm(models.PR), LEARNING, [0.0, 0.0], t_end=0.3, dt=0.3)
     assert any("Lyapunov function rises" in str(each.message) for each in warned)
 
 
@@ -383,7 +383,7 @@ class TestUnusedArguments:
 
 def test_monitors_of_prioritised_accelerations() -> None:
     """The monitors are the energy of the plant, and error and residual of every level, as the pages describe."""
-    arm = al.load_urdf(al.example_urdf("seven_axis"))
+    arm = models.SEVEN_AXES
     q0 = np.array([0.0, 0.6, 0.1, -1.4, 0.2, 0.9, 0.0])
     tip = arm.position(q0, "tcp")
     law = al.PriorityAcceleration(arm, [al.Task("tcp", "xyz", tip + np.array([0.05, 0.0, 0.02]), 100.0), al.PostureTask(q0, 4.0)])

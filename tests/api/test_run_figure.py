@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import models
 import pytest
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -11,7 +12,7 @@ import armlet as al
 from armlet.cli import main
 from armlet.figures.time_path import PathTiming
 
-PR = al.planar_pr(2.0, 0.5, 0.5)
+PR = models.PR
 BODY = {"type": "R", "axis": [0, 0, 1], "xyz": [0.3, 0, 0], "phi": [1, 0, 0, 0, 1, 0, 1, 0, 0, 1]}
 
 
@@ -141,7 +142,7 @@ def test_limits_that_are_not_drawn_are_named() -> None:
 
 
 def test_a_note_on_limits_covers_no_title() -> None:
-    six = al.load_urdf(al.example_urdf("six_axis"))
+    six = models.SIX_AXES
     figure, axes = plotted(six, al.ComputedTorque(six, al.Quintic([0.0] * 6, [0.5] * 6, 2.0), 400.0, 40.0))
     figure.draw_without_rendering()
     noted = [ax for ax in axes if ax.get_title(loc="right")]

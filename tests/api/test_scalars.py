@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+import models
 import numpy as np
 import pytest
 
 import armlet as al
 
-ARM = al.planar_arm([0.5, 0.4])
+ARM = models.TWO_LINKS
 HOLD = al.Hold([0.1, 0.2])
 Q, V, A = np.random.default_rng(0).uniform(-1.0, 1.0, (3, 50, 2))
 

@@ -7,6 +7,7 @@ import pickle
 from pathlib import Path
 from typing import Any
 
+import models
 import numpy as np
 import pytest
 
@@ -146,7 +147,7 @@ def test_several_problems_are_counted() -> None:
 
 def test_the_same_as_in_python() -> None:
     built = Scenario.from_dict(GOOD).build()
-    arm = al.planar_arm([0.5, 0.4])
+    arm = models.TWO_LINKS
     law = al.ComputedTorque(arm, al.Quintic([0.0, 0.0], [0.5, 1.0], 0.5), [100.0, 80.0], 20.0)
     run = al.simulate(al.RigidArm(arm), law, [0.1, 0.0], t_end=0.6, dt=1e-3)
     for other in (Scenario.from_dict(GOOD).run(), al.simulate(built.plant, built.law, **built.arguments)):
@@ -158,7 +159,7 @@ def test_a_motion_along_poses() -> None:
     """The motion equals that of `cartesian_path` and `time_path` in Python. The arm stops only at the pose in `stops`."""
     data = changed({"motion": TIMED, "run.q0": [-0.5, 1.0]})
     built = Scenario.from_dict(data).build()
-    arm = al.planar_arm([0.5, 0.4])
+    arm = models.TWO_LINKS
     path = al.cartesian_path(arm, **POSES)
     motion = al.time_path(arm, path, tau_max=[20.0, 8.0], tip_speed=0.4, frame="link2", stops=[path.corners[2]])
     law = al.ComputedTorque(arm, motion, [100.0, 80.0], 20.0)
@@ -182,7 +183,7 @@ def test_run_options() -> None:
 
 
 def test_stops_and_torque_sensors_are_those_of_python() -> None:
-    arm, given = al.planar_arm([0.5, 0.4]), {"stiffness": 1e4, "damping": 10.0, "upper": [0.25, 3.0]}
+    arm, given = models.TWO_LINKS, {"stiffness": 1e4, "damping": 10.0, "upper": [0.25, 3.0]}
     sensor = {"noise": 0.1, "bias": [0.5, -0.3], "bandwidth": 2000.0}
     gains = {"kp": 200.0, "kd": 20.0, "kt": 1.0, "ks": 0.02}
     scenario = al.Scenario.from_dict(

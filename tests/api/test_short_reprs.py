@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+import models
 import numpy as np
 import pytest
 
 import armlet as al
 
-ARM = al.planar_arm([0.5, 0.4])
+ARM = models.TWO_LINKS
 ROWS = 1000
 
 

@@ -6,12 +6,13 @@ import time
 from collections.abc import Callable
 from typing import Any
 
+import models
 import numpy as np
 import pytest
 
 import armlet as al
 
-ARM = al.pendulum(1.0, 5.0)
+ARM = models.PENDULUM
 PLANT = al.RigidArm(ARM)
 LAW = al.PDGravity(ARM, [1.0], kp=3.0, kd=1.0)
 MANY = np.broadcast_to(np.zeros(1), (10**15, 1))
@@ -46,7 +47,7 @@ def solve(**options: Any) -> al.Integration:
         (lambda: solve(y0=[1.0], method="rk4", dt=1e-300), al.InputError, "^integrate: dt is too small"),
         (lambda: solve(y0=np.broadcast_to(0.0, (3 * 10**6,)), method="rodas4"), MemoryError, "^integrate: "),
         (lambda: solve(y0=np.broadcast_to(0.0, (3 * 10**6,)), method="radau5"), MemoryError, "^integrate: "),
-        (lambda: al.time_path(al.planar_pr(2.0, 0.5, 0.5), lambda s: [s, s], tau_max=9.0, samples=10**12), al.InputError, "samples is out"),
+        (lambda: al.time_path(models.PR, lambda s: [s, s], tau_max=9.0, samples=10**12), al.InputError, "samples is out"),
         (lambda: al.simulate_batch(PLANT, LAW, MANY, t_end=0.1, dt=1e-3, keep="metrics"), MemoryError, "^simulate_batch: "),
         (lambda: al.simulate_batch(PLANT, LAW, MANY, t_end=0.1, dt=1e-3, keep="final", progress=print), MemoryError, "^simulate_batch: "),
     ],

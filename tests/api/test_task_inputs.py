@@ -7,6 +7,7 @@ import pickle
 from collections.abc import Callable
 from typing import Any
 
+import models
 import numpy as np
 import pytest
 
@@ -117,7 +118,7 @@ BAD: list[tuple[Callable[[], Any], str]] = [
     (lambda: al.PriorityVelocity(ARM, [TIP], "sns"), "v_max is missing"),
     (lambda: al.PriorityVelocity(ARM, [al.JointLimitTask()]), "no joint with limits"),
     (lambda: al.PriorityVelocity(ARM, [al.RelativeTask("link4", "link4", "x", [0.0])]), "reference is the frame itself"),
-    (lambda: al.PriorityVelocity(al.planar_pr(2.0, 0.5, 0.5), [TIP]), "arm has no links"),
+    (lambda: al.PriorityVelocity(models.PR, [TIP]), "arm has no links"),
     (lambda: al.PriorityVelocity("arm", [TIP]), "arm is of the wrong type"),
     (lambda: al.PriorityAcceleration(ARM, [TIP], "sns"), "v_max is missing"),
     (lambda: al.PriorityAcceleration(ARM, [TIP], joint_damping=-1.0), "joint_damping is not a damping"),

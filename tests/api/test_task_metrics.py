@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import models
 import numpy as np
 import pytest
 
@@ -12,7 +13,7 @@ import armlet as al
 from armlet.run.metrics import PER_TASK
 
 ARM = al.planar_arm([1.0, 1.0, 0.25, 0.25])
-TWO = al.planar_arm([0.5, 0.4], masses=[3.0, 2.0])
+TWO = models.TWO_HEAVY_LINKS
 Q0 = [0.0, 1.2, 0.4, 0.4]
 TASKS = [al.Task("link4", "xy", [1.2, 1.0], 5.0), al.PostureTask([0.1] * 4, 1.0), al.Task("link2", "rz x", [0.3, 0.9], 5.0)]
 MOTION = al.Sinusoid([0.4, 0.5], [0.1, 0.1], [2.0, 3.0], [0.0, 0.0])
@@ -111,7 +112,7 @@ def test_refusals(tmp_path: Path) -> None:
 
 def test_the_rotation_from_the_target(tmp_path: Path) -> None:
     """The metric is the norm of the law's error in its orientation rows, for any angle. A saved run keeps it."""
-    arm = al.load_urdf(al.example_urdf("six_axis"))
+    arm = models.SIX_AXES
     rng = np.random.default_rng(5)
     for axes, rows in (("xyz rx ry rz", [3, 4, 5]), ("z rx rz", [1, 2]), ("rx ry rz", [0, 1, 2])):
         m = len(axes.split()[0].replace("r", "")) if axes.startswith(("xyz", "z ")) else 0

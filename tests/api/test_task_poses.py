@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import models
 import numpy as np
 import pytest
 
 import armlet as al
 
-ARM = al.load_urdf(al.example_urdf("six_axis"))
+ARM = models.SIX_AXES
 Q = np.array([0.3, -0.9, 1.3, 0.2, 0.7, -0.4])
 ALL = "xyz rx ry rz"
 
@@ -31,7 +32,7 @@ def test_a_pose_of_some_rows() -> None:
     pose = ARM.pose(Q, tip())
     found = al.inverse_kinematics(ARM, [al.Task(tip(), "xyz", pose.tolist())], Q + 0.1)
     np.testing.assert_allclose(ARM.position(found.q, tip()), pose[:3, 3], rtol=0.0, atol=1e-8)
-    planar = al.planar_arm([0.5, 0.4])
+    planar = models.TWO_LINKS
     task = al.Task("link2", "x y rz", planar.pose([0.2, 0.5], "link2"))
     assert "0.7" in repr(task) and al.inverse_kinematics(planar, [task], [0.3, 0.4]).reached
 

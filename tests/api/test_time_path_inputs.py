@@ -7,12 +7,13 @@ import math
 import pickle
 from typing import Any
 
+import models
 import numpy as np
 import pytest
 
 import armlet as al
 
-ARM = al.planar_arm([0.5, 0.4])
+ARM = models.TWO_LINKS
 PATH = [[0.0, 0.0], [0.5, 0.2], [0.7, -0.3]]
 BAD = [math.nan, math.inf, "1", 1j, [1.0, math.nan], [[1.0]], np.ones((2, 3)), True]
 
@@ -60,7 +61,7 @@ def test_frames() -> None:
         with pytest.raises(al.InputError, match=r"^time_path: frame "):
             al.time_path(ARM, PATH, tau_max=30.0, tip_speed=1.0, frame=bad)  # type: ignore[arg-type]
     with pytest.raises(al.InputError, match=r"^time_path: frame is unknown.*planar_pr"):
-        al.time_path(al.planar_pr(2.0, 0.5, 0.5), PATH, tau_max=30.0, tip_speed=1.0, frame="link2")
+        al.time_path(models.PR, PATH, tau_max=30.0, tip_speed=1.0, frame="link2")
     # Limits of a frame that does not move have no effect.
     with pytest.raises(
         al.InputError, match=r"^time_path: tau_max, a_max are both missing: expected one of them where the frame does not move"
@@ -206,7 +207,7 @@ def test_pickles_and_texts(p: al.TimedPath) -> None:
 
 def test_in_a_loop() -> None:
     """Computed torque with the exact model tracks the timed path within the torque limits."""
-    arm = al.planar_pr(2.0, 0.5, 0.5)
+    arm = models.PR
     tau_max = np.array([8.0, 1.0])
     p = al.time_path(arm, [[0.0, 0.0], [1.0, 0.5], [0.2, 1.0]], tau_max=tau_max)
     run = al.simulate(al.RigidArm(arm), al.ComputedTorque(arm, p, 100.0, 20.0), [0.0, 0.0], t_end=p.duration, method="dop853", rtol=1e-10)
@@ -219,7 +220,7 @@ def test_in_a_loop() -> None:
 @pytest.mark.parametrize("end", ["start_speed", "end_speed"])
 def test_an_end_speed_above_the_speed_limit_names_this_limit(end: str) -> None:
     """A path of one rad per unit of s with v_max = 1 rad/s: a path speed of 5 1/s exceeds the limit by 4 rad/s."""
-    arm = al.planar_arm([0.5, 0.4])
+    arm = models.TWO_LINKS
     limits = {"tau_max": 500.0, "v_max": 1.0, "a_max": 10.0}
     found = al.time_path(arm, [[0.0, 0.0], [1.0, 0.5]], **limits, **{end: 5.0})  # type: ignore[arg-type]
     assert found.reason is not None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import models
 import pytest
 
 import armlet as al
@@ -44,7 +45,7 @@ def test_arms_of_every_kind() -> None:
     assert al.planar_arm([1.0, 0.5]).tip_frame == "link2"
     assert al.planar_arm([1.0, 0.5]).with_frame("tool", "link2", xyz=[0.2, 0.0, 0.0]).tip_frame == "tool"
     assert al.Arm.from_chain([{"type": "P", "axis": [0.0, 0.0, 1.0]}, {"type": "R", "axis": [0.0, 1.0, 0.0]}]).tip_frame == "link2"
-    assert al.planar_pr(2.0, 0.5, 0.5).tip_frame is None
+    assert models.PR.tip_frame is None
     assert al.load_urdf(robot(("fixed", "base", "table", 1.0))).tip_frame is None
     # The last frame of the file is "macro_tip".
     tips = {"planar_2r": "tool", "macro_micro_4r": "tool", "six_axis": "flange", "seven_axis": "tcp", "two_arms": "right_hand"}

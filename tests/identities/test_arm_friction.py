@@ -3,6 +3,7 @@
 import pickle
 import warnings
 
+import models
 import numpy as np
 import pytest
 
@@ -10,8 +11,8 @@ import armlet as al
 
 ADAPTIVE = ["dopri5", "dop853", "radau5", "rodas4"]
 ARMS = {
-    "2R": al.planar_arm([0.5, 0.4]).with_drives(friction=[2.0, 1.0], damping=[0.2, 0.1]),
-    "six axes": al.load_urdf(al.example_urdf("six_axis")).with_drives(friction=[2.0] * 6, damping=[1.0] * 6),
+    "2R": models.TWO_LINKS.with_drives(friction=[2.0, 1.0], damping=[0.2, 0.1]),
+    "six axes": models.SIX_AXES.with_drives(friction=[2.0] * 6, damping=[1.0] * 6),
 }
 M, K, F = 2.0, 8.0, 1.5  # kg, N/m, N
 BOX = al.Arm.from_chain([{"type": "P", "axis": [1, 0, 0], "phi": [M] + [0.0] * 9, "friction": F}])
@@ -96,7 +97,7 @@ def test_the_word_is_an_argument_of_the_plant():
     with pytest.raises(al.InputError, match=r"RigidArm: friction is unknown: expected a flag, a friction model or \"stick_slip\", got"):
         al.RigidArm(arm, friction="smooth")
     with pytest.raises(al.InputError, match="friction"):
-        al.RigidArm(al.planar_pr(2.0, 0.5, 0.5), friction="stick_slip")
+        al.RigidArm(models.PR, friction="stick_slip")
     data = {
         "arm": {"kind": "example", "name": "six_axis"},
         "plant": {"kind": "RigidArm", "friction": "stick_slip"},

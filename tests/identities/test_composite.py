@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from typing import Any
 
+import models
 import numpy as np
 import pytest
 from adaptation_loops import MOTION, START, TIGHT, robot
@@ -92,7 +93,7 @@ def errors(arm: al.Arm, motion: al.Motion, gains: tuple[float, float, float], we
 
 
 def test_the_estimate_converges_where_plain_adaptation_does_not_yet() -> None:
-    arm, motion = al.planar_pr(2.0, 0.5, 0.5), al.Sinusoid([0.0, 0.3], [0.5, 0.8], [1.0, 1.7], [0.0, 0.0])
+    arm, motion = models.PR, al.Sinusoid([0.0, 0.3], [0.5, 0.8], [1.0, 1.7], [0.0, 0.0])
     plain, composite = errors(arm, motion, (40.0, 20.0, 1.0), [None, 300.0])
     assert plain > 0.3
     assert composite < 1e-3
@@ -157,7 +158,7 @@ def test_without_the_option_nothing_changes() -> None:
 
 def test_the_figure_omits_the_filters() -> None:
     pytest.importorskip("matplotlib").use("Agg")
-    arm = al.planar_pr(2.0, 0.5, 0.5)
+    arm = models.PR
     law = al.Adaptive(arm, al.Hold([0.5, 0.2]), 40.0, 20.0, 5.0, composite=1.0)
     run = al.simulate(al.RigidArm(arm), law, [0.0, 0.0], t_end=0.1, dt=1e-3)
     panels = [panel for panel in np.ravel(run.plot()) if panel.get_title(loc="left") == "Parameter estimates"]

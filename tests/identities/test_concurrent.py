@@ -10,6 +10,7 @@ import pickle
 from itertools import combinations
 from typing import Any
 
+import models
 import numpy as np
 import pytest
 from adaptation_loops import MOTION, START, TIGHT, robot
@@ -142,7 +143,7 @@ def test_windows_need_no_acceleration() -> None:
 
 def test_the_choice_is_the_best_of_few() -> None:
     """The selection is compared with all sets of three out of ten samples of the PR robot."""
-    arm = al.planar_pr(2.0, 0.5, 0.5)
+    arm = models.PR
     law = al.Adaptive(arm, al.Hold([0.0, 0.0]), 40.0, 20.0, 5.0)
     for seed in range(5):
         q, v, a = np.random.default_rng(seed).uniform(-2.0, 2.0, (3, 10, 2))
@@ -175,7 +176,7 @@ def test_copies_have_the_samples() -> None:
 
 
 def test_scenarios_have_the_keys() -> None:
-    arm = al.planar_pr(2.0, 0.5, 0.5)
+    arm = models.PR
     q, v, a = np.random.default_rng(1).uniform(-1.0, 1.0, (3, 8, 2))
     plain = al.Adaptive(arm, al.Hold([1.0, 0.0]), 40.0, 20.0, 5.0)
     samples = al.select_samples(plain, q, v, arm.inverse_dynamics(q, v, a), 4, a=a)

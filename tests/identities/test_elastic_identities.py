@@ -9,6 +9,7 @@ from __future__ import annotations
 import warnings
 from typing import Any
 
+import models
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -33,7 +34,7 @@ def impedance(target: Any, reduced: Any = 0.05 * B, **options: Any) -> al.Elasti
 
 
 def seven_axis() -> al.Arm:
-    return al.load_urdf(al.example_urdf("seven_axis"))
+    return models.SEVEN_AXES
 
 
 @pytest.mark.parametrize("relative", [False, True])

@@ -7,12 +7,13 @@ from __future__ import annotations
 
 from typing import Any
 
+import models
 import numpy as np
 import pytest
 
 import armlet as al
 
-ARM = al.planar_arm([0.5, 0.4], masses=[3.0, 2.0])
+ARM = models.TWO_HEAVY_LINKS
 K, B = np.array([800.0, 500.0]), np.array([0.4, 0.25])
 FULL_K = np.array([[800.0, 50.0], [50.0, 500.0]])
 FORCE = np.array([10.0, -15.0, 0.0])
@@ -74,7 +75,7 @@ def test_unforced_laws_of_motors_rest_at_their_target() -> None:
 
 def test_a_weak_law_of_motors_rests_where_it_should_not() -> None:
     # kp is below the largest derivative of gravity, 5 N m/rad, so there are equilibria other than the target.
-    link = al.pendulum(1.0, 5.0)
+    link = models.PENDULUM
     plant = al.ElasticArm(link, 500.0, 0.2)
     law = al.MotorPD(link, [0.5], 0.2, 1.0, 500.0)
     rest = al.equilibrium(plant, law, q0=[6.5])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+import models
 import numpy as np
 import pytest
 
@@ -13,7 +14,7 @@ TIP: dict[str, Any] = {"frame": "link2", "axes": "xy"}
 CART = {"type": "P", "axis": [1, 0, 0], "phi": [5, 0, 0, 0, 0.1, 0, 0.1, 0, 0, 0.1]}
 LINK = {"type": "R", "axis": [0, 0, 1], "phi": [2, 0.4, 0, 0, 0.02, 0, 0.12, 0, 0, 0.12]}
 RAIL = al.Arm.from_chain([CART, LINK], gravity=[0.0, 0.0, -9.81]).with_frame("tip", "link2", xyz=[0.5, 0.0, 0.0])
-ARM = al.planar_arm([0.5, 0.4])
+ARM = models.TWO_LINKS
 K, B, FULL = np.array([800.0, 500.0]), np.array([0.4, 0.25]), np.array([[0.4, 0.1], [0.1, 0.25]])
 GAINS: Any = ([0.6, 0.4], [300.0, 200.0], [40.0, 30.0])
 

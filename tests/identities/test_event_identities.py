@@ -6,6 +6,7 @@ import pickle
 from pathlib import Path
 from typing import Any
 
+import models
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -14,7 +15,7 @@ import armlet as al
 
 Array = NDArray[np.float64]
 
-ARM = al.planar_arm([0.5, 0.4], masses=[3.0, 2.0])
+ARM = models.TWO_HEAVY_LINKS
 WALL = al.Wall("link2", [0.75, 0.0, 0.0], [-1.0, 0.0, 0.0], stiffness=1e4, damping=50.0)
 PRESS = al.CartesianImpedance(ARM, [0.85, 0.1], [300.0, 300.0], [10.0, 10.0], frame="link2", axes="xy")
 START = [0.3, 1.0]
@@ -206,7 +207,7 @@ def test_dense_output_is_the_run_at_any_time(method: str) -> None:
 
 
 def test_dense_output_has_the_laws_state_and_the_motors() -> None:
-    pr = al.planar_pr(2.0, 0.5, 0.5)
+    pr = models.PR
     law = al.Adaptive(pr, al.Sinusoid([0.0, 0.0], [0.5, 0.4], [1.0, 1.3], [0.0, 0.2]), 40.0, 20.0, 5.0)
     options: dict[str, Any] = {"t_end": 1.0, "method": "dop853", "rtol": 1e-10, "atol": 1e-12}
     run = al.simulate(al.RigidArm(pr), law, [0.1, 0.2], dense=True, **options)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+import models
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -15,9 +16,9 @@ Array = NDArray[np.float64]
 
 LIMITS: dict[str, Any] = {"q_min": -1.5, "q_max": 1.5, "v_max": 3.0, "a_max": 10.0}
 ARMS = {
-    "pr": al.planar_pr(2.0, 0.5, 0.5),
+    "pr": models.PR,
     "1R": al.planar_arm([0.5]),
-    "2R": al.planar_arm([0.5, 0.4]),
+    "2R": models.TWO_LINKS,
     "4R": al.planar_arm([1.0, 1.0, 0.25, 0.25]),
     "slide": al.Arm.from_chain(
         [

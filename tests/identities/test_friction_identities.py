@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from typing import Any
 
+import models
 import numpy as np
 import pytest
 
 import armlet as al
 
-ARM = al.planar_arm([0.5, 0.4, 0.3])
+ARM = models.THREE_LINKS
 PENDULUM = al.pendulum(0.5, 0.0)
 METHODS: list[dict[str, Any]] = [{"dt": 1e-2}, {"dt": 1e-2, "method": "semi_implicit"}, {"dt": 5e-2, "method": "ros2"}]
 METHODS += [{"method": name} for name in ("dopri5", "dop853", "radau5", "rodas4")]
@@ -204,7 +205,7 @@ def test_a_stuck_joint_is_exactly_at_rest_under_every_adaptive_method(method: st
 
 def test_an_arm_that_rests_on_its_bristles_does_not_stop_newton() -> None:
     """At rest, Newton's increments are rounding errors, and one may be larger than the one before."""
-    arm = al.planar_arm([0.5, 0.4])
+    arm = models.TWO_LINKS
     friction = al.LuGre(coulomb=[2.0, 1.0], static=[3.0, 1.5], stribeck_speed=0.05, stiffness=1e5, damping=300.0, viscous=0.5)
     law = al.PDGravity(arm, [0.5, -0.3], kp=60.0, kd=8.0)
     starts = [[0.001 * k, 0.0] for k in range(40)]

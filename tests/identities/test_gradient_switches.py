@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+import models
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -13,7 +14,7 @@ import armlet as al
 
 Array = NDArray[np.float64]
 
-ONE = al.pendulum(1.0, 5.0)
+ONE = models.PENDULUM
 TWO = al.planar_arm([0.5, 0.4], masses=[3.0, 2.0], inertias=[0.3, 0.2])
 FLAT = al.planar_arm([0.5, 0.4], masses=[3.0, 2.0], inertias=[0.3, 0.2], gravity=(0.0, 0.0))
 TIP: dict[str, Any] = {"frame": "link2", "axes": "xy", "integral_gain": [40.0, 30.0]}

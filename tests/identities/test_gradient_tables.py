@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from typing import Any
 
+import models
 import numpy as np
 import pytest
 
 import armlet as al
 
-ARM = al.planar_arm([0.5, 0.4])
+ARM = models.TWO_LINKS
 START = "law.tasks.0.target.start"
 
 
@@ -47,7 +48,7 @@ def test_nothing_moves_at_the_first_knot(start: float) -> None:
 @pytest.mark.parametrize(("change", "method"), [("start", "rk4"), ("dt", "rk4"), ("start", "dop853")])
 def test_derivatives_near_knots(change: str, method: Any) -> None:
     """`ComputedTorque` feeds the acceleration forward, whose slope jumps at each of the knots, which are at steps and between steps."""
-    arm, name = al.pendulum(1.0, 5.0), f"law.motion.{change}"
+    arm, name = models.PENDULUM, f"law.motion.{change}"
 
     def law(**moved: float) -> Any:
         rows = rest_to_rest(0.1, 0.1, knots=5, joints=1).__getnewargs_ex__()[1]
@@ -69,7 +70,7 @@ def test_derivatives_near_knots(change: str, method: Any) -> None:
 
 
 def test_a_jump_that_moves_is_refused() -> None:
-    arm = al.pendulum(1.0, 5.0)
+    arm = models.PENDULUM
     moving = al.Table(0.1, [[0.5], [0.6]], [[1.0], [0.0]], [[0.0], [0.0]], start=0.2)
     law = al.ComputedTorque(arm, moving, 20.0, 6.0)
     with pytest.raises(al.InputError, match=r"law\.motion\.start has no derivative: it moves an instant at which the motion jumps"):

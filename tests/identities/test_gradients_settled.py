@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+import models
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -19,7 +20,7 @@ from armlet.run.named_numbers import loop_with, named_numbers
 Array = NDArray[np.float64]
 
 ARM = al.planar_arm([0.5, 0.4], masses=[3.0, 2.0], inertias=[0.3, 0.2])
-LIGHT = al.planar_arm([0.5, 0.4])
+LIGHT = models.TWO_LINKS
 Q0, TARGET = np.array([0.1, -0.2]), [0.4, 0.3]
 SWING = al.Quintic([0.0, 0.0], TARGET, 0.3)
 GAINS: dict[str, Any] = {"kp": [400.0, 300.0], "kd": [60.0, 40.0]}

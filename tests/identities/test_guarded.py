@@ -7,6 +7,7 @@ import pickle
 from pathlib import Path
 from typing import Any
 
+import models
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -14,8 +15,8 @@ from numpy.typing import NDArray
 import armlet as al
 
 Array = NDArray[np.float64]
-SIX = al.load_urdf(al.example_urdf("six_axis"))
-TWO = al.planar_arm([0.5, 0.4], masses=[3.0, 2.0])
+SIX = models.SIX_AXES
+TWO = models.TWO_HEAVY_LINKS
 TREE = al.load_urdf(al.example_urdf("two_arms"))
 TARGET = [0.4, 0.6]
 STOP: dict[str, Any] = {"reaction": "stop", "stiffness": 200.0, "damping": 30.0}

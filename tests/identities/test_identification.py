@@ -6,6 +6,7 @@ import copy
 import pickle
 import re
 
+import models
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -121,7 +122,7 @@ def test_project_refuses() -> None:
     with pytest.raises(al.InputError, match=r"pi has the wrong shape: expected \(70,\), got \(60,\)"):
         ARMS["seven_axis"].check_parameters(np.ones(60))
     with pytest.raises(al.InputError, match="arm has no links"):
-        al.planar_pr(2.0, 0.5, 0.5).check_parameters()
+        models.PR.check_parameters()
 
 
 @pytest.mark.parametrize("name", ["planar_2r", "six_axis", "two_arms"])

@@ -14,6 +14,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+import models
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -23,7 +24,7 @@ import armlet as al
 Array = NDArray[np.float64]
 
 PLANAR = al.planar_arm([0.5, 0.4], masses=[3.0, 2.0], coms=[0.25, 0.2], inertias=[0.0625, 0.027])
-SIX = al.load_urdf(al.example_urdf("six_axis"))
+SIX = models.SIX_AXES
 TIGHT: dict[str, Any] = {"method": "dop853", "rtol": 1e-12, "atol": 1e-13}
 #: Central differences of order 8: weights of the first and of the second derivative at the multiples 1 to 4 of the step.
 FIRST = np.array([4 / 5, -1 / 5, 4 / 105, -1 / 280])

@@ -5,6 +5,7 @@ from __future__ import annotations
 import pickle
 from typing import Any
 
+import models
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -260,7 +261,7 @@ def test_walls_push_and_never_pull() -> None:
 
 
 def test_friction_acts_only_if_the_plant_has_it() -> None:
-    arm = al.load_urdf(al.example_urdf("six_axis"))
+    arm = models.SIX_AXES
     assert np.any(arm.limits["damping"] > 0)
     q, v, tau = np.full(6, 0.3), np.linspace(0.5, 1.0, 6), np.ones(6)
     for friction in (True, False):

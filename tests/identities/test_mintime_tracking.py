@@ -6,12 +6,13 @@ integration error `e` the law adds `M (kp e + kd e')`. So the test compares with
 
 from __future__ import annotations
 
+import models
 import numpy as np
 import pytest
 
 import armlet as al
 
-SEVEN = al.load_urdf(al.example_urdf("seven_axis"))
+SEVEN = models.SEVEN_AXES
 TAU_MAX = np.array([174.0, 174.0, 174.0, 174.0, 24.0, 24.0, 24.0])
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from typing import Any
 
+import models
 import numpy as np
 import pytest
 from trees import driven_tree
@@ -34,7 +35,7 @@ def slope_within_limits(arm: al.Arm, q: np.ndarray, g: np.ndarray) -> float:
 
 @pytest.mark.parametrize("radius", [0.9 + 1e-6, 0.91, 1.0, 1.5, 3.0, 10.0, 1e3])
 def test_a_stretched_arm_points_at_its_target(radius: float) -> None:
-    arm = al.planar_arm([0.5, 0.4])
+    arm = models.TWO_LINKS
     aim = np.array([np.cos(0.7), np.sin(0.7)])
     found = al.inverse_kinematics(arm, [al.Task("link2", "xy", radius * aim)], [0.1, 0.2])
     assert found.status is al.Status.INFEASIBLE
@@ -45,7 +46,7 @@ def test_a_stretched_arm_points_at_its_target(radius: float) -> None:
 @pytest.mark.parametrize("radius", [0.0, 0.05, 0.09])
 def test_a_folded_arm_is_nearest_to_a_target_inside(radius: float) -> None:
     """The tip of links of 0.5 m and 0.4 m cannot be nearer to the shoulder than 0.1 m."""
-    arm = al.planar_arm([0.5, 0.4])
+    arm = models.TWO_LINKS
     found = al.inverse_kinematics(arm, [al.Task("link2", "xy", [radius, 0.0])], [0.1, 0.2])
     tip = arm.position(found.q, "link2")[:2]
     assert np.linalg.norm(tip - [radius, 0.0]) == pytest.approx(0.1 - radius, abs=1e-12)
@@ -107,7 +108,7 @@ def test_levels_below_an_unreached_level(n: int) -> None:
 
 
 def test_batches_are_single_calls() -> None:
-    arm = al.planar_arm([0.5, 0.4, 0.3])
+    arm = models.THREE_LINKS
     points = np.array([[2.0, 0.3], [0.5, 0.4], [-1.5, -1.5]])
     rows = al.inverse_kinematics(arm, [al.Task("link3", "xy", points)], [0.1, 0.2, 0.3], solutions=2)
     for i, point in enumerate(points):

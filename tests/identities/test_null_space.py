@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+import models
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -24,7 +25,7 @@ def chain(offsets: list[list[float]], masses: list[float]) -> al.Arm:
 
 
 ARMS = {
-    "example": (al.load_urdf(al.example_urdf("seven_axis")), "tcp"),
+    "example": (models.SEVEN_AXES, "tcp"),
     # Three axes intersect in the shoulder, and three in the wrist.
     "spherical": (
         chain([[0, 0, 0.34], [0, 0, 0], [0, 0, 0.2], [0, 0, 0.2], [0, 0, 0.2], [0, 0, 0.2], [0, 0, 0]], [4, 4, 4, 4, 1.5, 1.5, 1.5]),

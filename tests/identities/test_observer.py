@@ -6,6 +6,7 @@ import copy
 import pickle
 from typing import Any
 
+import models
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -13,8 +14,8 @@ from numpy.typing import NDArray
 import armlet as al
 
 Array = NDArray[np.float64]
-SIX = al.load_urdf(al.example_urdf("six_axis"))
-TWO = al.planar_arm([0.5, 0.4], masses=[3.0, 2.0])
+SIX = models.SIX_AXES
+TWO = models.TWO_HEAVY_LINKS
 TREE = al.load_urdf(al.example_urdf("two_arms"))
 
 
@@ -170,7 +171,7 @@ def test_bad_arguments() -> None:
     refused("arm", lambda: al.MomentumObserver(3, 1.0))  # type: ignore[arg-type]
     refused("motor_inertia", lambda: al.MomentumObserver(TWO, 1.0, motor_inertia=[0.0, 1.0]))
     refused("threshold is not positive", lambda: al.MomentumObserver(TWO, 1.0, threshold=0.0))
-    refused("friction", lambda: al.MomentumObserver(al.planar_pr(2.0, 0.5, 0.5), 1.0, friction=True))
+    refused("friction", lambda: al.MomentumObserver(models.PR, 1.0, friction=True))
     refused("friction goes with no motor_inertia", lambda: al.MomentumObserver(TWO, 1.0, friction=True, motor_inertia=0.1))
     observer = al.MomentumObserver(TWO, 1.0)
     refused("comes too early", lambda: observer.wrench([0.1, 0.2], "link2"))

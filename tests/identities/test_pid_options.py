@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import control
+import models
 import numpy as np
 import pytest
 
@@ -89,7 +90,7 @@ def test_the_observer_finds_a_force_through_its_filter(v0: float, tau_max: float
 @pytest.mark.parametrize("sample_time", [None, 1e-3])
 @pytest.mark.parametrize("options", [{}, {"derivative_filter": 300.0}], ids=["measured", "filtered"])
 def test_a_payload_unknown_to_the_law_leaves_no_error(options: dict[str, Any], sample_time: float | None) -> None:
-    arm, goal = al.planar_arm([0.5, 0.4]), [0.4, -0.3]
+    arm, goal = models.TWO_LINKS, [0.4, -0.3]
     plant = al.RigidArm(arm.with_payload("link2", 1.5, [0.0, 0.0, 0.0], np.zeros((3, 3))))
 
     def error(**more: Any) -> float:
@@ -102,7 +103,7 @@ def test_a_payload_unknown_to_the_law_leaves_no_error(options: dict[str, Any], s
 
 def test_friction_is_fed_forward() -> None:
     """If the law knows the viscous and Coulomb friction, the tracking error is less than five times that of an arm without friction."""
-    free = al.planar_arm([0.5, 0.4])
+    free = models.TWO_LINKS
     arm = free.with_drives(damping=[2.0, 1.0], friction=[4.0, 2.0])
     swing = al.Sinusoid([0.3, -0.2], [0.4, 0.3], [2.0, 3.0], [0.0, 0.5])
 
@@ -129,14 +130,14 @@ def test_acceleration_is_fed_forward() -> None:
 
 def test_without_options_the_law_is_as_before() -> None:
     """Without an integral, PID gives the torque of `PDGravity`. A target as an array and as a `Hold` give the same torque."""
-    arm = al.planar_arm([0.5, 0.4, 0.3])
+    arm = models.THREE_LINKS
     q, v, goal = np.full(3, 0.2), np.full(3, -0.1), np.full(3, 0.5)
     np.testing.assert_array_equal(al.PID(arm, goal, 50.0, None, 5.0)(0.0, q, v), al.PDGravity(arm, goal, 50.0, 5.0)(0.0, q, v))
     np.testing.assert_array_equal(al.PID(arm, goal, 50.0, 3.0, 5.0)(0.0, q, v), al.PID(arm, al.Hold(goal), 50.0, 3.0, 5.0)(0.0, q, v))
 
 
 def test_refusals() -> None:
-    arm = al.planar_arm([0.5, 0.4])
+    arm = models.TWO_LINKS
 
     def refused(message: str, **options: Any) -> None:
         with pytest.raises(al.InputError, match=rf"^PID: {message}"):

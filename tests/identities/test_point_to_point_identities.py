@@ -7,6 +7,7 @@ import pickle
 import sys
 from typing import Any
 
+import models
 import numpy as np
 import pytest
 
@@ -64,7 +65,7 @@ def test_start_and_goal_are_equal() -> None:
 
 
 def test_in_a_loop() -> None:
-    arm = al.planar_arm([0.5, 0.4])
+    arm = models.TWO_LINKS
     p = al.point_to_point([0.0, 0.0], [1.0, -0.5], 1.0, 4.0, 40.0)
     run = al.simulate(al.RigidArm(arm), al.ComputedTorque(arm, p, 100.0, 20.0), [0.0, 0.0], t_end=p.duration, method="dop853", rtol=1e-10)
     # The run follows the motion to 2e-10 rad.

@@ -4,18 +4,19 @@ from __future__ import annotations
 
 from typing import Any
 
+import models
 import numpy as np
 import pytest
 
 import armlet as al
 
-ARM = al.planar_arm([0.5, 0.4, 0.3])
+ARM = models.THREE_LINKS
 START = np.array([0.3, 0.8, 0.4])
 LOW, HIGH = np.array([-0.2, 0.2, -0.1]), np.array([0.9, 1.1, 0.6])
 SPEED, BRAKE = np.array([1.0, 1.5, 2.0]), np.array([6.0, 8.0, 10.0])
 #: A tip position that requires joint positions beyond the limits.
 FAR = [-0.6, 0.7]
-SEVEN = al.load_urdf(al.example_urdf("seven_axis"))
+SEVEN = models.SEVEN_AXES
 
 
 @pytest.mark.parametrize("sample_time", [None, 0.05])

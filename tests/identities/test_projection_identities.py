@@ -12,6 +12,7 @@ import pickle
 from collections.abc import Callable
 from typing import Any
 
+import models
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -145,7 +146,7 @@ def test_every_kind_of_method_integrates_the_projection() -> None:
 
 
 def test_the_planar_pr_stays_positive_definite() -> None:
-    arm = al.planar_pr(2.0, 0.5, 0.5)
+    arm = models.PR
     motion = al.Sinusoid([0.0, 0.3], [0.5, 0.8], [1.0, 1.7], [0.0, 0.0])
     least = np.array([0.2, 0.0, 0.05])
     law = al.Adaptive(arm, motion, [40.0, 20.0], [20.0, 10.0], 5.0, projection=least)
@@ -187,7 +188,7 @@ def test_invalid_projections_are_refused_and_valid_ones_stored() -> None:
 
 def test_a_bound_of_a_given_mass_has_a_radius_of_gyration_of_0_141_m() -> None:
     """Without an estimate, the law starts at the lower bound. Its mean square distance from each plane is (0.1 m)^2."""
-    arm = al.load_urdf(al.example_urdf("six_axis"))
+    arm = models.SIX_AXES
     law = al.Adaptive(arm, al.Hold(np.zeros(6)), 40.0, 20.0, 0.5, projection=0.5)
     bodies = law.terms(0.0, np.zeros(6), np.zeros(6))["state"].reshape(-1, 10)
     np.testing.assert_allclose(bodies[:, 0], 0.5, rtol=1e-12)

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from typing import Any
 
+import models
 import numpy as np
 import pytest
 
 import armlet as al
 
-ARM = al.planar_arm([0.5, 0.4])
+ARM = models.TWO_LINKS
 PERIOD = 0.1
 #: A force that jumps between two samples, at a sample, and just beside a sample, up to rounding.
 JUMPS = {"between": 0.05, "at a sample": PERIOD, "beside a sample": 3 * PERIOD - 1e-16, "after a sample": float(np.nextafter(0.2, 1.0))}

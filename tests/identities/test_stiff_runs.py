@@ -9,6 +9,7 @@ import re
 from collections.abc import Callable
 from typing import Any
 
+import models
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -27,7 +28,7 @@ def rows(arm: al.Arm, q: Any) -> np.ndarray[Any, np.dtype[np.float64]]:
 
 def six_axis(turn: float) -> tuple[al.Plant, al.Law, dict[str, Any]]:
     """Cartesian impedance with six rows. The joint angles of the target differ by `turn` from those of the start."""
-    arm = al.load_urdf(al.example_urdf("six_axis"))
+    arm = models.SIX_AXES
     q_d = np.array([0.3, -0.5, 0.8, 0.2, 0.6, -0.4])
     k = [800.0] * 3 + [40.0] * 3
     law = al.CartesianImpedance(arm, rows(arm, q_d), k, [x / 10 for x in k], frame="flange", axes="xyz rx ry rz")

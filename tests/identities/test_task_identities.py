@@ -6,6 +6,7 @@ import json
 from pathlib import Path
 from typing import Any
 
+import models
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -18,7 +19,7 @@ PATHS = [
     for case in json.loads((Path(__file__).parents[1] / "vectors" / "oracle_ex2_taskpriority_public.json").read_text())["cases"]
     if case.get("kind") == "path"
 ]
-SEVEN = al.load_urdf(al.example_urdf("seven_axis"))
+SEVEN = models.SEVEN_AXES
 TWO = al.load_urdf(al.example_urdf("two_arms"))
 TOOL = SEVEN.frame_names[-1]
 LIMITS = (SEVEN.limits["q_min"], SEVEN.limits["q_max"])
@@ -154,7 +155,7 @@ def test_accelerations_in_priority_move_rigid_arms() -> None:
 
 
 def test_self_motions_come_to_rest() -> None:
-    arm = al.planar_arm([0.5, 0.4, 0.3])
+    arm = models.THREE_LINKS
     law = al.PriorityAcceleration(arm, [al.Task("link3", "x", [0.6], 50.0)], joint_damping=4.0)
     run = al.simulate(al.RigidArm(arm), law, [0.3, 0.8, 0.4], v0=[0.5, -1.0, 0.7], t_end=6.0, dt=5e-3)
     # Motion that no task controls has decayed by exp(-4 * 6) = 4e-11.

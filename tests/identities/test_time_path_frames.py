@@ -16,6 +16,7 @@ import os
 import pickle
 from typing import Any
 
+import models
 import numpy as np
 import pytest
 
@@ -188,7 +189,7 @@ def test_position_limits_between_waypoints() -> None:
     refused = 0
     for _ in range(200):
         q = rng.uniform(-1.0, 1.0, (rng.integers(2, 6), 2))
-        arm = al.planar_arm([0.5, 0.4])
+        arm = models.TWO_LINKS
         at = timing.cubic_spline(timing.positions(q), q)
         s = np.linspace(0.0, 1.0, 20001)
         values = at(s)[0]
@@ -211,7 +212,7 @@ def test_position_limits_between_waypoints() -> None:
 
 def test_position_limits_of_quintic_pieces() -> None:
     """A callable path with derivatives: the extrema are those of polynomials of degree five."""
-    arm = al.planar_arm([0.5, 0.4])
+    arm = models.TWO_LINKS
 
     def whole(s: float) -> Any:
         w = 9.0
@@ -224,13 +225,13 @@ def test_position_limits_of_quintic_pieces() -> None:
 
 def test_a_path_on_its_limit() -> None:
     """A joint that is constant at its limit, or that starts and ends there, is within it."""
-    arm = al.planar_arm([0.5, 0.4])
+    arm = models.TWO_LINKS
     assert al.time_path(arm, [[0.1, 0.2], [0.1, 0.9]], a_max=1.0, q_min=[0.1, 0.2], q_max=[0.1, 0.9]).feasible
     assert not al.time_path(arm, [[0.1, 0.2], [0.1, 0.9]], a_max=1.0, q_max=[0.1, 0.9 - 1e-9]).feasible
 
 
 def test_pickles_of_refusals() -> None:
-    arm = al.planar_arm([0.5, 0.4])
+    arm = models.TWO_LINKS
     for keywords in ({"q_max": 0.1}, {"tip_speed": 1.0, "frame": "link2", "start_speed": 9.0}):
         p = al.time_path(arm, [[0.0, 0.0], [0.5, 0.5]], tau_max=30.0, **keywords)  # type: ignore[arg-type]
         other = pickle.loads(pickle.dumps(p))

@@ -9,6 +9,7 @@ from __future__ import annotations
 import os
 from typing import Any
 
+import models
 import numpy as np
 import pytest
 
@@ -34,7 +35,7 @@ def sliding(gravity: float) -> tuple[al.Arm, Any]:
 def arms(gravity: float) -> list[tuple[al.Arm, Any]]:
     g = (0.0, -gravity)
     planar = [(al.planar_arm(links, gravity=g), ref.planar_arm(links, gravity=g)) for links in ([0.5], [0.5, 0.4], [0.5, 0.4, 0.2])]
-    return [*planar, sliding(gravity), (al.planar_pr(2.0, 0.5, 0.5), ref.planar_pr(2.0, 0.5, 0.5))]
+    return [*planar, sliding(gravity), (models.PR, models.REFERENCE_PR)]
 
 
 LIGHT, HEAVY = arms(0.0), arms(9.81)
@@ -178,7 +179,7 @@ def test_start_on_a_limit() -> None:
 
     In a second case an idle joint is always at its limit.
     """
-    arm, checker = al.planar_arm([0.5, 0.4]), ref.planar_arm([0.5, 0.4])
+    arm, checker = models.TWO_LINKS, models.REFERENCE_TWO_LINKS
     rng = np.random.default_rng(5)
     held = float(checker.gravity(np.array([0.0, 0.0]))[0])
     for _ in range(CASES):
@@ -211,7 +212,7 @@ def test_friction() -> None:
 
 def test_stops_and_speeds_at_the_ends() -> None:
     """A stop divides a path into two rest-to-rest timings. A start speed is respected."""
-    arm = al.planar_arm([0.5, 0.4])
+    arm = models.TWO_LINKS
     q = [[0.0, 0.0], [0.5, 0.2], [0.7, -0.3]]
     free, stopped = al.time_path(arm, q, tau_max=30.0), al.time_path(arm, q, tau_max=30.0, stops=[1])
     assert stopped.duration > free.duration
@@ -238,7 +239,7 @@ def test_symmetries() -> None:
 
 def test_infeasible_paths_say_why() -> None:
     """The arm cannot hold itself in the middle of the path. The reported joint, place, limit and missing torque agree with statics."""
-    arm, checker = al.planar_arm([0.5, 0.4]), ref.planar_arm([0.5, 0.4])
+    arm, checker = models.TWO_LINKS, models.REFERENCE_TWO_LINKS
     q = np.array([[-np.pi / 2, 0.0], [np.pi / 4, 0.0]])
     most = float(checker.gravity(np.array([0.0, 0.0]))[0])
     p = al.time_path(arm, q, tau_max=[0.5 * most, 50.0])

@@ -6,6 +6,7 @@ import os
 import pickle
 from typing import Any
 
+import models
 import numpy as np
 import pytest
 
@@ -16,7 +17,7 @@ from armlet.reference import timing
 CASES = int(os.environ.get("ARMLET_CASES", "20"))
 LINKS = [0.5, 0.4]
 ARM, CHECKER = al.planar_arm(LINKS), ref.planar_arm(LINKS)
-SEVEN = al.load_urdf(al.example_urdf("seven_axis"))
+SEVEN = models.SEVEN_AXES
 
 
 def problem(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:

@@ -19,6 +19,7 @@ from __future__ import annotations
 
 from typing import Any
 
+import models
 import numpy as np
 import pytest
 
@@ -187,7 +188,7 @@ def test_toppra_short_moves(q: Any, v_max: Any, a_max: Any, theirs: tuple[float,
 
     toppra's durations decrease towards the optimum on a finer grid.
     """
-    p = al.time_path(al.planar_arm([0.5, 0.4, 0.3]), q, v_max=v_max, a_max=a_max)
+    p = al.time_path(models.THREE_LINKS, q, v_max=v_max, a_max=a_max)
     d = np.asarray(q[-1]) - np.asarray(q[0])
     d = np.where(d == 0.0, 1e-300, d)
     # The waypoints of SMALL and ISSUE_26 deviate slightly from a line and from even spacing.
@@ -256,7 +257,7 @@ THEIRS = [
 def test_toppra_cubic_path() -> None:
     """The path is the cubic through four points, with |v| <= 1 rad/s and |a| <= 0.2 rad/s^2. toppra publishes its profile at 51 points."""
     q = [[0.0, 0.0], [1.0, 3.0], [2.0, 4.0], [0.0, 0.0]]
-    p = al.time_path(al.planar_arm([0.5, 0.4]), q, knots=[0.0, 1.0, 2.0, 3.0], spline="not-a-knot", v_max=1.0, a_max=0.2)
+    p = al.time_path(models.TWO_LINKS, q, knots=[0.0, 1.0, 2.0, 3.0], spline="not-a-knot", v_max=1.0, a_max=0.2)
     rate = np.sqrt(np.array(THEIRS))
     theirs = float(np.sum(2.0 * (3.0 / 50.0) / (rate[1:] + rate[:-1])))
     assert p.feasible and p.duration == pytest.approx(theirs, rel=2e-2)

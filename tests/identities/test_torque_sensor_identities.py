@@ -5,6 +5,7 @@ from __future__ import annotations
 from itertools import pairwise
 from typing import Any
 
+import models
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -13,7 +14,7 @@ import armlet as al
 
 Array = NDArray[np.float64]
 
-ARM = al.planar_arm([0.5, 0.4], masses=[3.0, 2.0])
+ARM = models.TWO_HEAVY_LINKS
 K, B = np.array([800.0, 500.0]), np.array([0.4, 0.25])
 PLANT = al.ElasticArm(ARM, K, B)
 LAWS: dict[str, al.Law] = {

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import models
 import numpy as np
 import pytest
 
@@ -199,7 +200,7 @@ def test_a_capsule_of_no_length() -> None:
 
 
 def test_planar_links_reach_from_tip_to_tip() -> None:
-    arm = al.planar_arm([0.5, 0.4])
+    arm = models.TWO_LINKS
     base, *links = planar_links(arm, [0.5, 0.4], 0.02)
     assert base.frame is None
     q, before = [0.7, -1.1], np.zeros(3)

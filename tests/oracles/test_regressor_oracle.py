@@ -8,6 +8,7 @@ import pickle
 from pathlib import Path
 from typing import Any
 
+import models
 import numpy as np
 import pytest
 
@@ -33,7 +34,7 @@ def test_chain(case: dict[str, Any]) -> None:
 
 
 def test_a_batch_is_its_rows() -> None:
-    arm = al.load_urdf(al.example_urdf("seven_axis"))
+    arm = models.SEVEN_AXES
     q, v, a = np.random.default_rng(7).uniform(-2.0, 2.0, (3, 300, arm.n))
     frame = arm.frame_names[-1]
     for batch, row in (
@@ -65,7 +66,7 @@ def test_names_and_models_that_are_wrong() -> None:
     with pytest.raises(al.InputError, match="frame is unknown: expected one of the frames link1, link2"):
         arm.position([0.0, 0.0], "tip")
     with pytest.raises(al.InputError, match="arm has no links"):
-        al.planar_pr(2.0, 0.5, 0.5).with_gravity([0.0, 0.0, 0.0])
+        models.PR.with_gravity([0.0, 0.0, 0.0])
     with pytest.raises(al.ModelError) as caught:
         al.load_urdf("<robot name='a'>\n<link name='x'/>\n<link name='x'/>\n</robot>")
     assert caught.value.line == 3

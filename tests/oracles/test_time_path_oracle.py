@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 from typing import Any
 
+import models
 import numpy as np
 import pytest
 import toppra
@@ -13,7 +14,7 @@ from toppra.constraint import DiscretizationType, JointTorqueConstraint, JointVe
 
 import armlet as al
 
-ARM = al.load_urdf(al.example_urdf("seven_axis"))
+ARM = models.SEVEN_AXES
 TAU_MAX = np.array([174.0, 174.0, 174.0, 174.0, 24.0, 24.0, 24.0])
 GRID = np.linspace(0.0, 1.0, 1001)
 

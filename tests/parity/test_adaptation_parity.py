@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from typing import Any
 
+import models
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -84,8 +85,8 @@ def test_torques_and_rates(option: str, form: str, n: int, start: str) -> None:
 @pytest.mark.parametrize("projection", [0.3, [0.5, 0.1, 0.1]])
 def test_projection_of_the_planar_pr(estimate: list[float], projection: Any) -> None:
     motion = [[0.1, 0.2], [0.5, 0.4], [1.0, 1.5], [0.0, 0.3]]
-    ours = al.Adaptive(al.planar_pr(2.0, 0.5, 0.5), al.Sinusoid(*motion), 40.0, 20.0, 3.0, estimate=estimate, projection=projection)
-    other = ref.Adaptive(ref.planar_pr(2.0, 0.5, 0.5), ref.Sinusoid(*motion), 40.0, 20.0, 3.0, estimate=estimate, projection=projection)
+    ours = al.Adaptive(models.PR, al.Sinusoid(*motion), 40.0, 20.0, 3.0, estimate=estimate, projection=projection)
+    other = ref.Adaptive(models.REFERENCE_PR, ref.Sinusoid(*motion), 40.0, 20.0, 3.0, estimate=estimate, projection=projection)
     for state in (None, [0.2, 0.15, 0.01], [1.0, 0.1, 0.5]):
         got, want = (
             ours.terms(0.3, [0.2, 0.5], [1.0, -0.4], state=state),

@@ -5,6 +5,7 @@ armlet uses recursions over bodies. The reference multiplies homogeneous transfo
 
 from __future__ import annotations
 
+import models
 import numpy as np
 import pytest
 from trees import both, close
@@ -111,7 +112,7 @@ def test_christoffel_symbols_of_arms_in_closed_form() -> None:
 
 
 def test_christoffel_refuses_what_is_no_configuration() -> None:
-    arm = al.planar_arm([0.5, 0.4])
+    arm = models.TWO_LINKS
     for q, where in (([0.0], ""), ([0.0, np.nan], r".*first bad index 1"), ([[0.0, 0.0], [np.inf, 0.0]], r".*first bad index \(1, 0\)")):
         with pytest.raises(al.InputError, match=f"christoffel: q{where}"):
             arm.christoffel(q)

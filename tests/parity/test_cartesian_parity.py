@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+import models
 import numpy as np
 import pytest
 
@@ -78,7 +79,7 @@ def test_a_circle(turn: float) -> None:
 
 def test_lines_and_arcs() -> None:
     """A slot of two lines and two half circles: joint velocities do not jump, since neighbouring tangents agree."""
-    arm = al.planar_arm([0.5, 0.4])
+    arm = models.TWO_LINKS
     rows = [[0.4, 0.2], [0.6, 0.2], [0.7, 0.3], [0.6, 0.4], [0.4, 0.4], [0.3, 0.3], [0.4, 0.2]]
     path = al.cartesian_path(arm, rows, [-0.5, 1.4], frame="link2", axes="xy", arcs=[2, 5], tolerance=1e-6)
     assert path.feasible and path.length == pytest.approx(2 * 0.2 + 2 * np.pi * 0.1, rel=1e-12)
@@ -92,7 +93,7 @@ def test_lines_and_arcs() -> None:
 
 def test_rows() -> None:
     """A path with two task rows, x and y, of a planar arm agrees with the reference."""
-    arm, checker = al.planar_arm([0.5, 0.4]), ref.planar_arm([0.5, 0.4])
+    arm, checker = models.TWO_LINKS, models.REFERENCE_TWO_LINKS
     ends, start = np.array([[0.6, 0.0], [0.3, 0.5]]), np.array([-0.5, 1.0])
     matrices = np.tile(np.eye(4), (2, 1, 1))
     matrices[:, :2, 3] = ends
@@ -114,7 +115,7 @@ LIMITED = """<robot name="two"><link name="base"/>
 
 def test_a_joint_at_its_limit() -> None:
     """The path ends where joint 2 of the reference passes its limit of 1.2 rad. With `limits=False` the path is feasible."""
-    arm, checker = al.load_urdf(LIMITED), ref.planar_arm([0.5, 0.4])
+    arm, checker = al.load_urdf(LIMITED), models.REFERENCE_TWO_LINKS
     ends, start = np.array([[0.8, 0.0], [0.4, 0.0]]), np.array([-0.3, 0.7])
     matrices = np.tile(np.eye(4), (2, 1, 1))
     matrices[:, :2, 3] = ends
@@ -127,7 +128,7 @@ def test_a_joint_at_its_limit() -> None:
 
 def test_out_of_reach() -> None:
     """Both paths end where the line crosses the circle of radius 0.9 m, the reach of the arm."""
-    arm, checker = al.planar_arm([0.5, 0.4]), ref.planar_arm([0.5, 0.4])
+    arm, checker = models.TWO_LINKS, models.REFERENCE_TWO_LINKS
     path = al.cartesian_path(arm, [[0.6, 0.0], [1.2, 0.0]], [-0.5, 1.0], frame="link2", axes="xy")
     assert not path.feasible and path.shortfall["kind"] == "unreachable"
     assert path.shortfall["s"] == pytest.approx(0.5, abs=1e-4) and path.shortfall["length"] == pytest.approx(0.3, abs=1e-4)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from typing import Any
 
+import models
 import numpy as np
 import pytest
 from loops import body, close
@@ -96,7 +97,7 @@ def test_run(n: int, axes: str) -> None:
 
 def test_rest_and_eigenvalues() -> None:
     rng = np.random.default_rng(11)
-    arms = al.planar_arm([0.5, 0.4, 0.3]), reference.planar_arm([0.5, 0.4, 0.3])
+    arms = models.THREE_LINKS, models.REFERENCE_THREE_LINKS
     K, B = [900.0, 700.0, 500.0], [0.4, 0.3, 0.2]
     for _ in range(3):
         q_d = rng.uniform([-1.0, 0.5, 0.3], [1.0, 1.2, 1.0])

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from typing import Any
 
+import models
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -32,7 +33,7 @@ def test_base_parameters(n: int, seed: int, options: dict[str, Any]) -> None:
 
 
 def test_base_parameters_of_arms_in_closed_form() -> None:
-    for arm, theirs in ((al.planar_pr(2.0, 0.5, 0.5), ref.planar_pr(2.0, 0.5, 0.5)),):
+    for arm, theirs in ((models.PR, models.REFERENCE_PR),):
         got, want = arm.base_parameters(), ref.base_parameters(theirs)
         np.testing.assert_array_equal(got.columns, want.columns)
         close(got.projection, want.projection)

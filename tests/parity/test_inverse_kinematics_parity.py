@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from typing import Any
 
+import models
 import numpy as np
 import pytest
 from trees import driven_tree
@@ -65,7 +66,7 @@ def test_a_conflict_is_settled_by_rank(tolerance: float) -> None:
 
     The arm reaches the position, and both libraries find the same least error of the posture.
     """
-    arm, theirs = al.planar_arm([0.5, 0.4, 0.3]), ref.planar_arm([0.5, 0.4, 0.3])
+    arm, theirs = models.THREE_LINKS, models.REFERENCE_THREE_LINKS
     given = ([0.6, 0.5], [1.5, -1.0, 0.3])
     tasks = [[lib.Task("link3", "xy", given[0]), lib.PostureTask(given[1])] for lib in (al, ref)]
     found = al.inverse_kinematics(arm, tasks[0], [0.3, 0.4, 0.5], tolerance=tolerance)
@@ -127,7 +128,7 @@ def test_many_targets(n: int) -> None:
 @pytest.mark.parametrize("count", [1, 2, 3])
 def test_several_solutions(count: int) -> None:
     """Both elbow solutions of a planar arm are found, the nearer one first. A third solution does not exist and is NaN."""
-    arm, theirs = al.planar_arm([0.5, 0.4]), ref.planar_arm([0.5, 0.4])
+    arm, theirs = models.TWO_LINKS, models.REFERENCE_TWO_LINKS
     points = np.array([[0.3, 0.5], [-0.2, 0.4], [2.0, 0.0]])
     found = al.inverse_kinematics(arm, [al.Task("link2", "xy", points)], [0.1, 0.2], solutions=count)
     want = ref.inverse_kinematics(theirs, [ref.Task("link2", "xy", points)], [0.1, 0.2], solutions=count)

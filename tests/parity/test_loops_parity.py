@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from typing import Any
 
+import models
 import numpy as np
 import pytest
 from loops import PIDS, close, law_pair, pair
@@ -87,7 +88,7 @@ def test_batch_rows_are_runs() -> None:
 
 
 def test_arms_of_different_geometry_share_a_batch() -> None:
-    arms = [al.planar_arm([0.5, 0.4]), al.planar_arm([0.3, 0.6])]
+    arms = [models.TWO_LINKS, al.planar_arm([0.3, 0.6])]
     laws = [al.PDGravity(arm, [0.5, -0.5], 20.0, 6.0) for arm in arms]
     plants = [al.RigidArm(arm) for arm in arms]
     options: dict[str, Any] = {"t_end": 0.2, "dt": 1e-3, "record_every": 50}

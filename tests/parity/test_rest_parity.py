@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from typing import Any
 
+import models
 import numpy as np
 import pytest
 from loops import close
@@ -42,7 +43,7 @@ def plants(name: str, **keywords: Any) -> list[tuple[Any, Any, Any]]:
     found = []
     for library in (al, reference):
         arm = library.planar_arm([0.5, 0.4, 0.3])
-        at = al.planar_arm([0.5, 0.4, 0.3]).position(Q, "link3")
+        at = models.THREE_LINKS.position(Q, "link3")
         rigid = name in ("PDGravity", "CartesianImpedance")
         made = {each: getattr(library, kind)(**given) for each, (kind, given) in keywords.items()}
         plant = library.RigidArm(arm, **made) if rigid else library.ElasticArm(arm, K, B, **made)

@@ -8,6 +8,7 @@ from __future__ import annotations
 import pickle
 from typing import Any
 
+import models
 import numpy as np
 import pytest
 from trees import driven_tree
@@ -66,7 +67,7 @@ def test_the_limit_of_the_sampled_loop(ratio: float, part: float) -> None:
 
 
 def test_text_and_attributes() -> None:
-    arm = al.planar_arm([0.5, 0.4])
+    arm = models.TWO_LINKS
     g = al.suggest_gains(arm, 20.0)
     assert g.limit is g.computed_torque_limit is g.sample_time is None
     assert g.computed_torque == (400.0, 40.0) and "PDGravity" in str(g) and "ComputedTorque" in str(g) and "held" not in str(g)
@@ -80,7 +81,7 @@ def test_text_and_attributes() -> None:
     run = al.simulate(al.RigidArm(arm), al.PDGravity(arm, [0.5, 0.3], g.kp, g.kd), [0.0, 0.0], t_end=3.0, dt=1e-3)
     # The slowest mode decays at 10 rad/s or faster, by exp(-30) in 3 s.
     assert np.abs(run.q[-1] - [0.5, 0.3]).max() < 1e-6
-    for kind in (al.planar_pr(2.0, 0.5, 0.5), al.pendulum(1.0, 2.0)):
+    for kind in (models.PR, al.pendulum(1.0, 2.0)):
         assert al.suggest_gains(kind, 5.0).kp.shape == (kind.n,)
 
 
@@ -99,4 +100,4 @@ BAD: list[tuple[Any, str]] = [
 @pytest.mark.parametrize(("call", "words"), BAD, ids=[words for _, words in BAD])
 def test_bad_input(call: Any, words: str) -> None:
     with pytest.raises(al.InputError, match=f"^suggest_gains: {words}"):
-        call(al.planar_arm([0.5, 0.4]))
+        call(models.TWO_LINKS)

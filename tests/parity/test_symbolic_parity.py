@@ -7,6 +7,7 @@ import subprocess
 import sys
 from typing import Any
 
+import models
 import numpy as np
 import pytest
 import sympy
@@ -119,7 +120,7 @@ def test_four_joints() -> None:
 
 
 def test_numbers_of_other_arms_go_into_the_same_formulas() -> None:
-    one, other = al.planar_arm([0.5, 0.4]), al.planar_arm([0.7, 0.4], masses=[2.0, 3.0])
+    one, other = models.TWO_LINKS, al.planar_arm([0.7, 0.4], masses=[2.0, 3.0])
     q = np.random.default_rng(0).uniform(-2.0, 2.0, (3, 4, 2))
     formulas = one.symbolic(lengths=True)
     close(formulas.function("M", other.symbolic(lengths=True).values)(q), other.mass_matrix(q))
@@ -127,7 +128,7 @@ def test_numbers_of_other_arms_go_into_the_same_formulas() -> None:
 
 
 def test_latex_and_repr() -> None:
-    formulas = al.planar_arm([0.5, 0.4]).symbolic(lengths=True)
+    formulas = models.TWO_LINKS.symbolic(lengths=True)
     text = formulas.latex()
     assert text.startswith("\\begin{aligned}\nM &= \\left[") and all(f"\n{name} &= " in text for name in "CgY")
     assert formulas.latex("M") == (

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from typing import Any
 
+import models
 import numpy as np
 import pytest
 
@@ -23,7 +24,7 @@ FINER = {"spline", "tip_speed", "v_max"}
 
 def durations(path: Any, points: int = 121, **options: Any) -> tuple[float, float]:
     """Return the durations in s that armlet and the reference compute."""
-    arms = al.planar_arm([0.5, 0.4]), reference.planar_arm([0.5, 0.4])
+    arms = models.TWO_LINKS, models.REFERENCE_TWO_LINKS
     if options.get("friction") is True:
         drives = {"damping": [0.8, 0.3], "friction": [0.4, 0.1]}
         arms = arms[0].with_drives(**drives), arms[1].with_drives(**drives)
@@ -108,7 +109,7 @@ def test_a_limited_rate_of_the_torque() -> None:
 
     The duration is longer than the optimum without this limit.
     """
-    arms = al.planar_arm([0.5, 0.4]), reference.planar_arm([0.5, 0.4])
+    arms = models.TWO_LINKS, models.REFERENCE_TWO_LINKS
     limits, rate = np.array([20.0, 8.0]), np.array([400.0, 200.0])
     p = al.time_path(arms[0], WAYPOINTS, tau_max=limits, torque_rate=rate)
     t = np.linspace(0.0, p.duration, 4001)
@@ -120,7 +121,7 @@ def test_a_limited_rate_of_the_torque() -> None:
 
 
 def test_position_limits() -> None:
-    arms = al.planar_arm([0.5, 0.4]), reference.planar_arm([0.5, 0.4])
+    arms = models.TWO_LINKS, models.REFERENCE_TWO_LINKS
     for keywords in ({"q_max": 1.2}, {"q_min": [-1.0, -0.5]}):
         assert not al.time_path(arms[0], WAYPOINTS, **LIMITS, **keywords).feasible
         assert np.isnan(reference.time_path(arms[1], WAYPOINTS, grid=31, **LIMITS, **keywords).duration)
@@ -129,7 +130,7 @@ def test_position_limits() -> None:
 
 
 def test_paths_that_the_arm_cannot_hold_are_infeasible() -> None:
-    arms = al.planar_arm([0.5, 0.4]), reference.planar_arm([0.5, 0.4])
+    arms = models.TWO_LINKS, models.REFERENCE_TWO_LINKS
     path = [[-np.pi / 2, 0.0], [np.pi / 4, 0.0]]
     assert not al.time_path(arms[0], path, tau_max=[2.0, 8.0]).feasible
     assert np.isnan(reference.time_path(arms[1], path, tau_max=[2.0, 8.0]).duration)

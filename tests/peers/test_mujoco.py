@@ -7,6 +7,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import models
 import mujoco
 import numpy as np
 import pytest
@@ -183,7 +184,7 @@ def test_a_world_without_joints_is_compared() -> None:
 
 def test_mujoco_reads_the_written_urdf() -> None:
     """MuJoCo reads a URDF from `to_urdf` and ignores the extra attributes, which store exact parameters."""
-    arm = al.load_urdf(al.example_urdf("six_axis")).with_frame("tool", "link6", rpy=[0.3, 0.4, 0.5])
+    arm = models.SIX_AXES.with_frame("tool", "link6", rpy=[0.3, 0.4, 0.5])
     text = arm.with_payload("tool", 1.0, [0.1, 0.2, 0.3]).to_urdf()[0]
     assert ' parameters="' in text
     options = '<mujoco><compiler fusestatic="false" balanceinertia="false" boundmass="0" boundinertia="0"/></mujoco>'

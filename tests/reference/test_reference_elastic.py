@@ -4,6 +4,7 @@ import json
 from pathlib import Path
 from typing import Any
 
+import models
 import numpy as np
 import pytest
 
@@ -119,7 +120,7 @@ def test_full_matrices_keep_the_reduced_motor() -> None:
         half = rng.normal(size=(2, 2))
         return scale * (half @ half.T + np.eye(2))
 
-    arm = ref.planar_arm([0.5, 0.4])
+    arm = models.REFERENCE_TWO_LINKS
     K_J, B, B0, K_m, D_m = positive(500.0), positive(0.3), positive(0.02), positive(200.0), positive(20.0)
     law = ref.ElasticImpedance(arm, [0.5, 0.3], K_m, D_m, K_J, B, B0, frame="link2", axes="xy", damping_ratio=0.7)
     q, v, theta, theta_dot = rng.normal(size=(4, 2))
@@ -136,7 +137,7 @@ def test_full_matrices_keep_the_reduced_motor() -> None:
 
 
 def test_relative_damping_balances_too() -> None:
-    arm = ref.planar_arm([0.5, 0.4])
+    arm = models.REFERENCE_TWO_LINKS
     law = ref.ElasticImpedance(
         arm, [0.5, 0.3], 200.0, 20.0, [800.0, 500.0], [0.4, 0.25], [0.04, 0.025], frame="link2", axes="xy", relative_damping=True
     )
@@ -155,7 +156,7 @@ def test_rotation_vector_is_the_logarithm() -> None:
 
 
 def test_indefinite_matrices_are_refused() -> None:
-    arm = ref.planar_arm([0.5, 0.4])
+    arm = models.REFERENCE_TWO_LINKS
     with pytest.raises(ValueError, match="positive definite"):
         ref.ElasticImpedance(arm, [0.5, 0.3], 200.0, 20.0, 800.0, 0.4, [0.04, -0.01], frame="link2", axes="xy")
     with pytest.raises(ValueError, match="axes"):

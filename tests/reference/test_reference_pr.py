@@ -4,6 +4,7 @@ import json
 from pathlib import Path
 from typing import Any
 
+import models
 import numpy as np
 import pytest
 
@@ -85,7 +86,7 @@ def test_fixed_steps_converge_at_their_order() -> None:
 
 def test_skewness_and_christoffel_choice() -> None:
     rng = np.random.default_rng(1)
-    arm = ref.planar_pr(2.0, 0.5, 0.5)
+    arm = models.REFERENCE_PR
     q, v = rng.uniform(-3, 3, (2, 50, 2))
     skew = arm.mass_matrix_rate(q, v) - 2 * arm.coriolis_matrix(q, v)
     # M_dot - 2 C is skew-symmetric, up to rounding.
@@ -95,7 +96,7 @@ def test_skewness_and_christoffel_choice() -> None:
 
 def test_broadcasting_equals_rows() -> None:
     rng = np.random.default_rng(2)
-    arm = ref.planar_pr(2.0, 0.5, 0.5)
+    arm = models.REFERENCE_PR
     q, v, a, r = rng.normal(size=(4, 3, 5, 2))
     for name, args in (
         ("mass_matrix", (q,)),

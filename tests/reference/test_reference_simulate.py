@@ -2,6 +2,7 @@
 
 from typing import Any
 
+import models
 import numpy as np
 import pytest
 
@@ -39,7 +40,7 @@ def test_a_sampled_loop_holds_its_input(method: str) -> None:
 
 
 def test_a_sampled_estimate_has_a_constant_rate() -> None:
-    arm = ref.planar_pr(2.0, 0.5, 0.5)
+    arm = models.REFERENCE_PR
     law = ref.Adaptive(arm, ref.Quintic([0.0, 0.0], [1.0, 1.5], 3.0), [40.0, 20.0], [20.0, 10.0], 5.0)
     run = ref.simulate(ref.RigidArm(arm), law, [0.1, 0.0], t_end=0.04, dt=0.01, sample_time=0.02)
     # Between samples the estimate changes at a constant rate. At a sample this rate changes.
@@ -90,7 +91,7 @@ def test_a_force_jump_inside_a_step_is_landed_on(dt: float) -> None:
 
 
 def test_a_constant_force_moves_the_impedance_to_its_equilibrium() -> None:
-    arm = ref.planar_arm([0.5, 0.4])
+    arm = models.REFERENCE_TWO_LINKS
     K, F = np.array([200.0, 100.0]), np.array([5.0, -4.0])
     law = ref.CartesianImpedance(arm, [0.5, 0.3], K, [40.0, 30.0], frame="link2", axes="xy")
     run = ref.simulate(ref.RigidArm(arm), law, [0.3, 1.2], t_end=4.0, dt=0.005, force=F, record_every=800)
