@@ -23,5 +23,6 @@ if component clippy clippy; then run cargo clippy --locked --workspace --all-tar
 run "$@" -m ruff format --check --quiet python tests tools examples benches docs
 run "$@" -m ruff check python tests tools examples benches docs
 run "$@" tools/words.py
+run sh tools/workflows.sh "$@"
 run "$@" -m mypy
 run "$@" -m mypy.stubtest armlet._core --allowlist tools/stubtest_allowlist.txt

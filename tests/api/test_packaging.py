@@ -73,7 +73,7 @@ def test_sdist_has_no_leftovers(sdist_names: list[str]) -> None:
 
 def test_sdist_is_complete(sdist_names: list[str]) -> None:
     """The sdist contains all tracked sources. So it is sufficient to build, test and read armlet."""
-    kinds = {"python": ".py", "rust": ".rs", "tests": ".py", "examples": ".py", "docs": ".md", "requirements": ".txt"}
+    kinds = {".github": ".yml", "python": ".py", "rust": ".rs", "tests": ".py", "examples": ".py", "docs": ".md", "requirements": ".txt"}
     wanted = [str(p.relative_to(ROOT)) for top, end in kinds.items() for p in (ROOT / top).rglob(f"*{end}") if "_build" not in p.parts]
     wanted += [str(p.relative_to(ROOT)) for p in (ROOT / "tests" / "vectors").glob("*.json")]
     wanted += ["Cargo.toml", "Cargo.lock", "pyproject.toml", "Makefile", "LICENSE", "README.md", "PKG-INFO"]
