@@ -90,6 +90,8 @@ REFUSED: dict[str, tuple[Callable[[], Any], str]] = {
     ),
     "loss of plain floats": (lambda: gradient(lambda r: float((r.q**2).sum().item())), r"makes real numbers of complex ones, as float\(\)"),
     "rows without records": (lambda: batch(keep="final"), r'sensitivity is not used: expected None with keep="final"'),
+    "no start": (lambda: al.simulate(PLANT, LAW, None, sensitivity="law.kp", **OPTIONS), r"simulate: q0 is not an array of real numbers"),
+    "no start of a gradient": (lambda: al.gradient("error_rms", PLANT, LAW, None, "law.kp", **OPTIONS), r"gradient: q0 is not an array"),
     "no rows": (lambda: batch(np.zeros((0, 2))), r"q0 has no rows: expected at least one with sensitivity"),
     "rows of laws and of starts": (lambda: batch(law=[LAW, LAW]), r"law has the wrong number of entries: expected 1 or 3, got 2"),
     "rows of gains of several shapes": (

@@ -119,8 +119,8 @@ def vary(function: str, plant: Any, law: Any, q0: Any, options: RunOptions, name
     if any(event.stop for event in watched(options.get("events"))):
         raise InputError(f"{function}: events that end the run have no derivatives: expected events without stop with sensitivity")
     n = law.arm.n
-    given = {"q0": q0, **starts(options)}
-    start = {name: None if x is None else _core.numbers(function, name, x, (n,)) for name, x in given.items()}
+    others = {name: None if x is None else _core.numbers(function, name, x, (n,)) for name, x in starts(options).items()}
+    start = {"q0": _core.numbers(function, "q0", q0, (n,)), **others}
     return varied(function, plant, law, start, names)
 
 
