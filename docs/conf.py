@@ -56,7 +56,6 @@ sphinx_gallery_conf = {
     "examples_dirs": "../examples",
     "gallery_dirs": "auto_examples",
     "filename_pattern": house.executed(Path(__file__).parents[1] / "examples"),
-    "ignore_pattern": r"readme_picture\.py$",  # draws what the README shows
     "reset_argv": "house.with_figure",
     "within_subsection_order": "FileNameSortKey",
     "abort_on_example_error": True,

@@ -61,14 +61,17 @@ def equations(tex: str) -> list[str]:
 
 
 def formulas_in_lines(app: object, doctree: nodes.document, name: str) -> None:
-    """Split equations of one line, so that a narrow page shows them below one another."""
+    """Split equations of one line, so that a narrow page shows them below one another. Their number `\\tag{..}` follows the last one."""
     for node in [*doctree.findall(nodes.math_block)]:
-        pieces = equations(node.astext())
+        tag = re.search(r"\\tag\{(\w+)\}", node.astext())
+        pieces = equations(re.sub(r"\\tag\{\w+\}", "", node.astext()))
         if len(pieces) > 1 and not node.get("number"):
             line = nodes.paragraph(classes=["equations"])
             for piece in pieces:
                 line += nodes.inline("", "", nodes.math("", rf"\displaystyle {piece}"), classes=["equation"])
                 line += nodes.Text(" ")
+            if tag:
+                line += nodes.inline("", f"({tag[1]})", classes=["equation"])
             node.replace_self(line)
 
 

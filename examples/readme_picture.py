@@ -3,13 +3,10 @@
 
 The picture has one result of each of four systems: adaptive tracking, task priority, elastic joints and minimum time.
 
-    python examples/readme_picture.py docs/images
-
-This command draws ``four_systems.png`` into the named folder, by default the current folder. It requires matplotlib.
+Run: ``python examples/readme_picture.py [figure.png]``
 """
 
 import sys
-from pathlib import Path
 
 import matplotlib
 
@@ -30,7 +27,7 @@ def adaptive(ax):
     e = np.array([motion(t)[0] for t in run.t]) - run.q
     ax.plot(run.t, e[:, 0], color=COLOURS[0], label="$e_1$ (m)")
     ax.plot(run.t, e[:, 1], color=COLOURS[1], label="$e_2$ (rad)")
-    ax.set(title="Adaptive tracking: parameters unknown", xlabel="time (s)", ylabel="tracking error (m, rad)")
+    ax.set(title="Adaptive tracking: parameters unknown", xlabel="time (s)", ylabel="tracking error (m or rad)")
     return f"adaptive: |e| = {np.abs(e[-1]).max():.1e} after 20 s"
 
 
@@ -78,7 +75,7 @@ def minimum_time(ax):
     return f"minimum time: {profile.t_min:.4f} s by the profile, {optimum.t:.4f} s at best"
 
 
-def main(folder):
+def main():
     figure, axes = plt.subplots(2, 2, figsize=(10.0, 6.2), layout="constrained")
     for ax, draw in zip(axes.flat, (adaptive, priority, elastic, minimum_time), strict=True):
         print(draw(ax))
@@ -86,8 +83,9 @@ def main(folder):
         ax.grid(alpha=0.3, linewidth=0.6)
         ax.spines[["top", "right"]].set_visible(False)
         ax.legend(fontsize=9, frameon=False)
-    folder.mkdir(parents=True, exist_ok=True)
-    figure.savefig(folder / "four_systems.png", dpi=110)
+    return figure
 
 
-main(Path(sys.argv[1] if len(sys.argv) > 1 else "."))
+figure = main()
+if len(sys.argv) > 1:
+    figure.savefig(sys.argv[1], dpi=150)

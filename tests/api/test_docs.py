@@ -176,7 +176,9 @@ def test_code_paths_exist() -> None:
 def test_index_links_to_every_page() -> None:
     """The index links to every page. The order of the links is the order of the built pages."""
     index = (ROOT / "docs/index.md").read_text()
-    assert [p.name for p in (ROOT / "docs").glob("*.md") if p.name not in ("index.md", "sources.md") and f"]({p.name})" not in index] == []
+    pages = [*(ROOT / "docs").glob("*.md"), *(ROOT / "docs/methods").glob("*.md")]
+    names = [page.relative_to(ROOT / "docs").as_posix() for page in pages if page.name not in ("index.md", "sources.md")]
+    assert [name for name in names if f"]({name})" not in index] == [] and "methods/adaptive.md" in names
 
 
 def test_reference_lists_every_name() -> None:
@@ -229,16 +231,21 @@ CONCEPTS = "adaptive arms batches elastic identification impedance integration m
 
 @pytest.mark.parametrize("concept", CONCEPTS)
 def test_concept_pages_are_complete(concept: str) -> None:
-    """A concept page has an equation, code that runs, a figure of an example, limits, and the paths of source and example."""
+    """A concept page has an equation, code that runs, a figure, limits, and the paths of source and example.
+
+    If it has a page of its method, both pages together have these parts.
+    """
     text = (ROOT / f"docs/{concept}.md").read_text()
+    method = ROOT / f"docs/methods/{concept}.md"
+    text += method.read_text() if method.exists() else ""
     wanted = {
         "equation": r"^    .*[=<]|^```math$",
         "code that runs": r"^```python$",
-        "figure": r"^```\{figure\} auto_examples/images/sphx_glr_\w+_001\.png$",
+        "figure": r"^```\{figure\} auto_examples/images/sphx_glr_\w+_001\.png$|^!\[.+\]\((?:\.\./)?images/[\w/]+\.(?:svg|png)\)$",
         "limits": r"^## Limits$",
         "code": r"`rust/core/src/[\w/.]+`",
         "example": r"`examples/\w+\.py`",
     }
     assert [what for what, pattern in wanted.items() if not re.search(pattern, text, re.MULTILINE)] == []
-    for example in re.findall(r"sphx_glr_(\w+)_001\.png", text):
+    for example in re.findall(r"(?:sphx_glr_|images/examples/)(\w+?)(?:_001)?\.png", text):
         assert "savefig(sys.argv[1]" in (ROOT / f"examples/{example}.py").read_text()

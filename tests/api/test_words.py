@@ -29,6 +29,8 @@ SHORT = "word " * 24 + "end."
     [
         ("a.md", f"{SHORT} {SHORT}\n", (0, 0)),
         ("a.md", f"{LONG}\n", (1, 0)),
+        ("a.md", f"It is so because {LONG}\n", (0, 0)),
+        ("a.md", f"It is so because of a very {LONG}\n", (1, 0)),
         ("a.md", f"{LONG[:60]}\n{LONG[60:]} {SHORT}\n", (1, 0)),
         ("a.md", f"- {SHORT[:-1]}\n- {SHORT}\n", (0, 0)),
         ("a.md", f"- {SHORT[:-1]}\n  {SHORT}\n", (1, 0)),
