@@ -86,6 +86,7 @@ from .friction_models import LuGre, StickSlip
 from .identification import BaseParameters, Identification, ParameterReport
 from .integration import DenseOutput, Integration, integrate
 from .interop import Verification, from_mujoco, from_pinocchio, scipy_method, to_control, verify
+from .logs import Log, LogReport, read_log
 from .null_space import NullSpace
 from .printed import export_c
 from .priority import PriorityDiagnosis, diagnose_priority
@@ -144,6 +145,8 @@ __all__ = [  # noqa: RUF022 - in the order of `dir`
     "JointStops",
     "JointTracking",
     "Law",
+    "Log",
+    "LogReport",
     "LoopProgram",
     "LuGre",
     "Metrics",
@@ -221,6 +224,7 @@ __all__ = [  # noqa: RUF022 - in the order of `dir`
     "planar_pr",
     "point_to_point",
     "project_parameters",
+    "read_log",
     "scipy_method",
     "select_samples",
     "simulate",

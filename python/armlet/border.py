@@ -26,7 +26,7 @@ PASS = (ArmletError, TypeError, MemoryError, OSError, ImportError, Warning)
 # Packages whose interfaces armlet implements. Their errors pass unchanged.
 THEIRS = {"gymnasium"}
 # Packages that armlet calls. If one of them raises an error that is not in `PASS`, armlet called it with invalid arguments.
-OURS = sys.stdlib_module_names | {"armlet", "numpy", "matplotlib", "scipy", "pandas", "pyarrow", "xarray", "control"}
+OURS = sys.stdlib_module_names | {"armlet", "numpy", "matplotlib", "scipy", "pandas", "pyarrow", "xarray", "control", "rosbags"}
 
 
 def border(function: Callable[P, R]) -> Callable[P, R]:
