@@ -16,10 +16,10 @@ from numpy.typing import NDArray
 
 from armlet.figures import COLOURS
 
-__all__ = ["BLUE", "GREEN", "GREY", "INK", "RED", "Sketch", "direction"]
+__all__ = ["BLUE", "DARK", "GREEN", "GREY", "INK", "RED", "Sketch", "direction"]
 
 BLUE, RED, GREEN = COLOURS[0], COLOURS[1], COLOURS[2]
-INK, GREY = "0.15", "0.5"
+INK, GREY, DARK = "0.15", "0.5", "#444444"
 Point = Sequence[float] | NDArray[np.float64]
 
 
@@ -115,6 +115,19 @@ class Sketch:
         self.line([right + across, left + across, left - across, right - across], colour)
         self.line([piston + 0.8 * across, piston - 0.8 * across], colour)
         self.line([piston, b], colour)
+
+    def spring_and_damper(self, start: Point, end: Point, colour: str = INK, gap: float = 0.17) -> None:
+        """A spring above a damper between two points."""
+        a, b = np.asarray(start, dtype=float), np.asarray(end, dtype=float)
+        along = (b - a) / np.linalg.norm(b - a)
+        across = gap * np.array([-along[1], along[0]])
+        left, right = a + 0.12 * (b - a), b - 0.12 * (b - a)
+        self.line([a, left], colour)
+        self.line([right, b], colour)
+        for fork in (left, right):
+            self.line([fork + across, fork - across], colour)
+        self.spring(left + across, right + across, colour=colour)
+        self.damper(left - across, right - across, colour=colour)
 
     def block(self, corner: Point, width: float, height: float, label: str = "", colour: str = BLUE, size: float = 11.0) -> None:
         """A box of a diagram with its label."""

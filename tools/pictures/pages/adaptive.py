@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from panels import panels, thin
 from registry import drawing, result
-from sketch import BLUE, GREEN, GREY, INK, RED, Sketch, direction
+from sketch import BLUE, DARK, GREEN, GREY, INK, RED, Sketch, direction
 
 PAGE = "adaptive.md"
 
@@ -40,7 +40,7 @@ def robot(figure: Figure) -> None:
     sketch.text((4.25, 3.3), "masses, centre of\nmass and inertia\nare unknown", GREY, 9.5)
     # The loop.
     sketch.block((0.95, 0.85), 1.45, 0.6, r"$\tau = Y\hat\pi + K_d s$", BLUE, 10.5)
-    sketch.block((3.2, 0.85), 0.9, 0.6, "arm", INK_HEX, 10.5)
+    sketch.block((3.2, 0.85), 0.9, 0.6, "arm", DARK, 10.5)
     sketch.block((1.55, 0.12), 1.75, 0.52, r"$\dot{\hat\pi} = \Gamma\, Y^\mathsf{T} s$", GREEN, 10.5)
     sketch.arrow((0.2, 1.15), (0.95, 1.15))
     sketch.text((0.45, 1.32), r"$q_d(t)$", RED)
@@ -55,9 +55,6 @@ def robot(figure: Figure) -> None:
     sketch.text((1.08, 0.55), r"$\hat\pi$", GREEN)
     sketch.line([(4.7, 1.15), (4.7, 1.66), (1.67, 1.66)], INK, 1.4)
     sketch.arrow((1.67, 1.66), (1.67, 1.45))
-
-
-INK_HEX = "#444444"
 
 
 def errors(ax: Axes, t: Any, e: Any, names: tuple[str, ...], units: str, colours: tuple[str, ...]) -> None:
