@@ -112,8 +112,8 @@ def result(name: str, title: str, page: str) -> Callable[[Callable[..., None]], 
 def example(name: str, script: Path) -> None:
     """Register the figure of an example. Its title is the first line of the example's docstring."""
     source = script.read_text(encoding="utf-8")
-    figures = sorted((ROOT / "python/armlet/figures").glob("*.py")) if ".plot(" in source else []
-    inputs = tuple(path.relative_to(ROOT).as_posix() for path in (script, *figures))
+    used = {*re.findall(r"armlet\.figures\.(\w+)", source), *(("run", "panels", "estimates") if ".plot(" in source else ())}
+    inputs = (script.relative_to(ROOT).as_posix(), *(f"python/armlet/figures/{module}.py" for module in sorted(used)))
     PICTURES[name] = Picture(name, source.split('"""')[1].splitlines()[0], inputs)
 
 
