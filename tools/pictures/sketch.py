@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from armlet.figures import COLOURS
 
-__all__ = ["BLUE", "DARK", "GREEN", "GREY", "INK", "RED", "Sketch", "direction"]
+__all__ = ["BLUE", "DARK", "GREEN", "GREY", "INK", "RED", "Point", "Sketch", "direction"]
 
 BLUE, RED, GREEN = COLOURS[0], COLOURS[1], COLOURS[2]
 INK, GREY, DARK = "0.15", "0.5", "#444444"
