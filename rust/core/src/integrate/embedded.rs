@@ -14,7 +14,7 @@
 use super::accuracy::{Accuracy, Tolerance, Work};
 use super::adaptive::Adaptive;
 use super::chatter::Chatter;
-use super::scheme::{Attempt, Scheme, argument, combine};
+use super::scheme::{Attempt, Scheme};
 use super::step_controller::{StepController, finite, step_controlled};
 use super::{Buffer, System};
 use crate::scalar::Real;
@@ -86,18 +86,17 @@ impl<C: Scheme, B: Clone, U: Clone, T: Accuracy> Embedded<C, B, U, T> {
         }
     }
 
-    /// Try a step of size `h`. Write the new state to `y` and its slope to the last stage. Return the error.
-    fn attempt<S, F>(&mut self, system: &mut F, h: f64) -> f64
+    /// Compute an attempt of size `h`, s: the new state `y`, its slope, which is the last one of the stages, and the error estimates.
+    fn attempt<S, F>(&mut self, system: &mut F, h: f64)
     where
         S: Real,
         F: System<S, Input = U>,
         B: Buffer<S>,
     {
-        let Embedded { controller, k, estimates, times, y, x, u, u_time, .. } = self;
-        for (time, c) in times.iter_mut().zip(&C::C[1..]) {
-            *time = controller.input_time(controller.t + c * h);
-        }
-        let mut attempt = Attempt { h: S::splat(h), times, x: x.as_ref(), slopes: k, y: y.as_mut(), estimates };
+        let mut times = std::mem::take(&mut self.times);
+        self.stage_times(h, &mut times);
+        let Embedded { k, estimates, y, x, u, u_time, .. } = self;
+        let mut attempt = Attempt { h: S::splat(h), times: &times, x: x.as_ref(), slopes: k, y: y.as_mut(), estimates };
         if system.attempt::<C, B>(&mut attempt) {
             *u_time = f64::NAN;
         } else {
@@ -109,11 +108,93 @@ impl<C: Scheme, B: Clone, U: Clone, T: Accuracy> Embedded<C, B, U, T> {
                 system.rhs(u, y, dx);
             });
         }
-        controller.work.evaluations += C::STAGES as u64;
-        if !finite(y.as_ref()) || !finite(k[C::STAGES].as_ref()) {
-            return f64::NAN;
+        self.times = times;
+    }
+
+    /// Whether the last step reached the end of the segment.
+    pub fn is_done(&self) -> bool {
+        self.controller.done()
+    }
+
+    /// Begin a step from the state `x`, before its first attempt. Error: [`Status::Stalled`] if the slope jumps along the solution.
+    pub fn open<S, F>(&mut self, system: &mut F) -> Result<(), Status>
+    where
+        S: Real,
+        F: System<S, Input = U>,
+        B: Buffer<S>,
+    {
+        if self.chatter.due(&self.controller.work) {
+            self.u_time = f64::NAN;
+            self.chatter.check(system, &mut self.controller, &mut self.u, &self.x)?;
         }
-        C::error(controller, h, x.as_ref(), y.as_ref(), estimates)
+        // From here on, the new step replaces the slopes of the last step, which its dense output uses.
+        if self.controller.t > self.controller.t_old {
+            self.k.swap(0, C::STAGES);
+            self.controller.t_old = self.controller.t;
+        }
+        self.dense_ready = false;
+        self.controller.open();
+        Ok(())
+    }
+
+    /// Return the size of the next attempt of the step, s, and the time at its end, s. Error: the reason why no attempt is possible.
+    pub fn propose(&mut self) -> Result<(f64, f64), Status> {
+        self.controller.propose()
+    }
+
+    /// Write the times of the inputs of all stages after the first one of an attempt of size `h` to `times`, all in s.
+    pub fn stage_times(&self, h: f64, times: &mut [f64]) {
+        for (time, c) in times.iter_mut().zip(&C::C[1..]) {
+            *time = self.controller.input_time(self.controller.t + c * h);
+        }
+    }
+
+    /// The slope at the start of the present step.
+    pub fn slope(&self) -> &B {
+        &self.k[0]
+    }
+
+    /// The memory of the results of an attempt: the new state, its slope, and the error estimates divided by the size of the attempt.
+    pub fn results(&mut self) -> (&mut B, &mut B, &mut [B]) {
+        (&mut self.y, &mut self.k[C::STAGES], &mut self.estimates)
+    }
+
+    /// Return whether the attempt of size `h`, s, to time `t_new`, s, is accepted. Its results are in [`Embedded::results`]. An accepted
+    /// attempt is the last step.
+    pub fn judge<S>(&mut self, h: f64, t_new: f64) -> bool
+    where
+        S: Real,
+        B: Buffer<S>,
+    {
+        self.controller.work.evaluations += C::STAGES as u64;
+        let Embedded { controller, k, estimates, y, x, .. } = self;
+        let finite = finite(y.as_ref()) && finite(k[C::STAGES].as_ref());
+        let error = if finite { C::error(controller, h, x.as_ref(), y.as_ref(), estimates) } else { f64::NAN };
+        let accepted = self.controller.judge(error, h, t_new, &C::CONTROL);
+        if accepted {
+            std::mem::swap(&mut self.x_old, &mut self.x);
+            std::mem::swap(&mut self.x, &mut self.y);
+        }
+        accepted
+    }
+
+    /// The size of the last step, s, for its dense output. `times` receives the times of the additional stages, s.
+    pub fn dense_times(&self, times: &mut [f64]) -> f64 {
+        let StepController { t, t_old, .. } = self.controller;
+        for (time, c) in times.iter_mut().zip(&C::C[C::STAGES + 1..]) {
+            *time = self.controller.input_time(t_old + c * (t - t_old));
+        }
+        t - t_old
+    }
+
+    /// Receive the rows of the dense output of the last step, which the caller has computed. `write(i, row)` writes row `i`.
+    pub fn receive_dense<S>(&mut self, mut write: impl FnMut(usize, &mut [S]))
+    where
+        B: Buffer<S>,
+    {
+        self.rows.iter_mut().enumerate().for_each(|(i, row)| write(i, row.as_mut()));
+        self.controller.work.evaluations += (C::A.len() - C::STAGES - 1) as u64;
+        self.dense_ready = true;
     }
 
     /// Compute the slopes and rows of the dense output for the last step, of size `h`.
@@ -124,17 +205,13 @@ impl<C: Scheme, B: Clone, U: Clone, T: Accuracy> Embedded<C, B, U, T> {
         B: Buffer<S>,
     {
         for i in C::STAGES + 1..C::A.len() {
-            argument(C::A[i], S::splat(h), self.x_old.as_ref(), &self.k, self.y.as_mut());
+            C::argument(i, S::splat(h), self.x_old.as_ref(), &self.k, self.y.as_mut());
             system.input(self.controller.input_time(self.controller.t_old + C::C[i] * h), &mut self.u);
             system.rhs(&self.u, self.y.as_ref(), self.k[i].as_mut());
             self.controller.work.evaluations += 1;
             self.u_time = f64::NAN;
         }
-        for (row, weights) in self.rows.iter_mut().zip(C::D) {
-            let row = row.as_mut();
-            combine(weights, &self.k, row);
-            row.iter_mut().for_each(|sum| *sum = S::splat(h) * *sum);
-        }
+        C::rows(S::splat(h), &self.k, &mut self.rows);
         self.dense_ready = true;
     }
 }
@@ -170,23 +247,11 @@ where
         if self.controller.done() {
             return Ok(true);
         }
-        if self.chatter.due(&self.controller.work) {
-            self.u_time = f64::NAN;
-            self.chatter.check(system, &mut self.controller, &mut self.u, &self.x)?;
-        }
-        // From here on, the new step replaces the slopes of the last step, which its dense output uses.
-        if self.controller.t > self.controller.t_old {
-            self.k.swap(0, C::STAGES);
-            self.controller.t_old = self.controller.t;
-        }
-        self.dense_ready = false;
-        self.controller.open();
+        self.open(system)?;
         loop {
-            let (h, t_new) = self.controller.propose()?;
-            let error = self.attempt::<S, F>(system, h);
-            if self.controller.judge(error, h, t_new, &C::CONTROL) {
-                std::mem::swap(&mut self.x_old, &mut self.x);
-                std::mem::swap(&mut self.x, &mut self.y);
+            let (h, t_new) = self.propose()?;
+            self.attempt::<S, F>(system, h);
+            if self.judge::<S>(h, t_new) {
                 return Ok(self.controller.done());
             }
         }

@@ -73,17 +73,39 @@ pub trait Scheme {
     fn stages<S: Real, B: Buffer<S>>(attempt: &mut Attempt<S, B>, mut slope: impl FnMut(usize, &[S], &mut [S])) {
         let Attempt { h, x, slopes, y, estimates, .. } = attempt;
         for i in 1..=Self::STAGES {
-            argument(Self::A[i], *h, x, slopes, y);
+            Self::argument(i, *h, x, slopes, y);
             slope(i - 1, y, slopes[i].as_mut());
         }
+        Self::estimates(slopes, estimates);
+    }
+
+    /// Compute the argument of stage `i`: `y = x + h sum_j a_ij k_j`, where `k` are the `slopes`.
+    fn argument<S: Real, B: Buffer<S>>(i: usize, h: S, x: &[S], slopes: &[B], y: &mut [S]) {
+        combine(Self::A[i], slopes, y);
+        for (y, &x) in y.iter_mut().zip(x) {
+            *y = h.mul_add(*y, x);
+        }
+    }
+
+    /// Compute the error estimates divided by `h`: `sum_j e_j k_j`, one buffer per estimate.
+    fn estimates<S: Real, B: Buffer<S>>(slopes: &[B], estimates: &mut [B]) {
         for (estimate, weights) in estimates.iter_mut().zip(Self::E) {
             combine(weights, slopes, estimate.as_mut());
+        }
+    }
+
+    /// Compute the rows of the dense output over a step of size `h`: `h sum_j d_j k_j`, one buffer per row.
+    fn rows<S: Real, B: Buffer<S>>(h: S, slopes: &[B], rows: &mut [B]) {
+        for (row, weights) in rows.iter_mut().zip(Self::D) {
+            let row = row.as_mut();
+            combine(weights, slopes, row);
+            row.iter_mut().for_each(|sum| *sum = h * *sum);
         }
     }
 }
 
 /// Compute `out = sum_j w_j k_j`.
-pub(super) fn combine<S: Real, B: Buffer<S>>(weights: &[f64], k: &[B], out: &mut [S]) {
+fn combine<S: Real, B: Buffer<S>>(weights: &[f64], k: &[B], out: &mut [S]) {
     let first = S::splat(weights[0]);
     for (out, &k) in out.iter_mut().zip(k[0].as_ref()) {
         *out = first * k;
@@ -93,13 +115,5 @@ pub(super) fn combine<S: Real, B: Buffer<S>>(weights: &[f64], k: &[B], out: &mut
         for (out, &k) in out.iter_mut().zip(k.as_ref()) {
             *out = weight.mul_add(k, *out);
         }
-    }
-}
-
-/// Compute the argument `y = x + h sum_j w_j k_j` of a stage.
-pub(super) fn argument<S: Real, B: Buffer<S>>(weights: &[f64], h: S, x: &[S], k: &[B], y: &mut [S]) {
-    combine(weights, k, y);
-    for (y, &x) in y.iter_mut().zip(x) {
-        *y = h.mul_add(*y, x);
     }
 }

@@ -70,6 +70,13 @@ impl Frame {
         }
     }
 
+    /// Write `values` to lane `lane` of the first slots of a group.
+    pub fn write_lane(&mut self, slots: Slots, lane: usize, values: &[f64]) {
+        let lanes = self.lanes;
+        let slots = self.group_mut(slots)[lane.min(slots.count * lanes)..].iter_mut().step_by(lanes);
+        slots.zip(values).for_each(|(to, &from)| *to = from);
+    }
+
     /// Read `values` from lane `lane` of the first slots of a group.
     pub fn read<'a>(&self, slots: Slots, lane: usize, values: impl Iterator<Item = &'a mut f64>) {
         let slots = self.group(slots)[lane..].iter().step_by(self.lanes);

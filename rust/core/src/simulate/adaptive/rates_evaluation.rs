@@ -81,6 +81,11 @@ impl RatesEvaluation {
         }
     }
 
+    /// The held results of the law, and the modes of contacts and joints.
+    pub fn held(&self) -> &[f64] {
+        self.frame.group(self.recorded.slots.held())
+    }
+
     /// Hold the input `tau` of the plant and the rate `dz` of the law's state.
     pub fn hold(&mut self, tau: &[f64], dz: &[f64]) {
         self.write_all(self.recorded.slots.tau, tau);

@@ -16,7 +16,7 @@ use crate::simulate::loops::simulated_loop::SimulatedLoop;
 use crate::simulate::problem::Problem;
 use crate::simulate::problem::force::Wrench;
 use crate::simulate::record::key::Common;
-use crate::simulate::record::rates::{self, Rates};
+use crate::simulate::record::rates::{self, Rates, RatesOfRun};
 use crate::simulate::sampled::control::Control;
 use crate::simulate::world::{Exogenous, World};
 use crate::trace::{Engine, engine};
@@ -90,6 +90,20 @@ impl<'a> RatesLoop<'a> {
             closed.stop_waiting();
         }
         (closed, x)
+    }
+
+    /// Return the loop of run `run` of a problem with the recorded rates `of_run`, and the initial state. Programs in lanes compute its
+    /// attempts, and machine code computes the other evaluations.
+    pub fn in_lane(problem: &'a Problem, run: usize, (recorded, values): &RatesOfRun) -> (Self, Vec<f64>) {
+        let (mut closed, x) = Self::without_programs(problem, run);
+        let which = closed.which();
+        closed.evaluations[which] = Some(RatesEvaluation::new(recorded.clone(), values, engine()));
+        (closed, x)
+    }
+
+    /// The held results of the law, and the modes of contacts and joints.
+    pub fn held(&self) -> &[f64] {
+        self.evaluations[self.which()].as_ref().map_or(&[], RatesEvaluation::held)
     }
 
     /// Return the loop of the one run of a problem for a stepper, and the initial state. The caller can replace the input.

@@ -2,6 +2,8 @@
 //!
 //! Each group writes only its own rows of the results. So the bits do not depend on the number of threads or on the order of the groups. In
 //! a group that is not full, the unused lanes repeat the last run.
+//!
+//! With an adaptive explicit method, a group is one run. Each lane of a thread takes the next group when its run ends.
 
 pub mod measuring;
 pub mod priority;
@@ -19,13 +21,15 @@ use crate::simulate::problem::Problem;
 use crate::simulate::problem::measures::Measures;
 use crate::simulate::problem::times::Times;
 use crate::simulate::record::rates::Rates;
-use crate::simulate::runs::division::Division;
+use crate::simulate::runs::adaptive_lanes::AdaptiveLanes;
+use crate::simulate::runs::division::{Division, Ended};
 use crate::simulate::runs::run_group::RunGroup;
 use crate::simulate::runs::structures::{self, Structures};
 use crate::status::Status;
 use crate::trace::pages::in_large_pages;
 use rows::{BatchRuns, GroupRecorder};
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Mutex, PoisonError};
 
 /// The results of each run that a batch stores.
 ///
@@ -127,6 +131,20 @@ pub fn simulate_batch(problem: Problem, keep: Keep, threads: usize, poll: &mut d
     let mut groups = rows::split(&problem, &mut out, lanes)?;
     let interrupted = parallel::run(threads, groups.len(), poll, |stop| {
         let stop: &AtomicBool = stop;
+        if let Some(method) = problem.in_lanes(&division) {
+            let groups = Mutex::new(groups.iter_mut().enumerate());
+            let waiting = || {
+                let (run, rows) = groups.lock().unwrap_or_else(PoisonError::into_inner).next()?;
+                rows.watch(&plans);
+                Some((run, rows))
+            };
+            let finish = |rows: &mut GroupRecorder, ended: &Ended| rows.finish(ended, problem.options.t_end);
+            let on_thread = |_, _: &mut ()| {
+                let (problem, division, rates) = (&problem, &division, &rates);
+                AdaptiveLanes { problem, division, rates, stop, waiting: &waiting, finish: &finish }.run(method)
+            };
+            return parallel::any(&mut vec![(); threads.min(runs)], on_thread) | stop.load(Ordering::Relaxed);
+        }
         let go = |g: usize, rows: &mut GroupRecorder| {
             let (problem, first) = (&problem, g * lanes);
             if stop.load(Ordering::Relaxed) {

@@ -10,13 +10,14 @@ use crate::integrate::{Attempt, Buffer, MethodKind, Scheme, WithScheme};
 use crate::scalar::Real;
 use crate::scalar::trig::REDUCTION_LIMIT;
 use crate::simulate::assembly::assemble;
+use crate::simulate::closed_loop::ClosedLoop;
 use crate::simulate::problem::Problem;
 use crate::simulate::world::Exogenous;
 use crate::trace::{Frame, Part, Program, Signature, SlotTable, Slots, Sym, engine, form, sym};
 
 /// An attempt has no program if the rates of all its stages have more operations than this limit. The code of a larger attempt might exceed
 /// the instruction cache.
-const LARGE: usize = 3000;
+pub const LARGE: usize = 3000;
 
 /// The program of an attempt, for loops with the same structure.
 pub struct AttemptProgram {
@@ -77,6 +78,17 @@ impl WithScheme for Attempts<'_> {
     }
 }
 
+/// Compute all stages of an attempt of size `h` from the state `x`, whose slope is `first`. `instants` are the exogenous inputs of all
+/// stages but the first. Return the new state, the slopes of these stages, and the error estimates, one after another.
+pub fn record_stages<C: Scheme>(mut closed: ClosedLoop, instants: &[Exogenous<Sym>], (x, first, h): (&[Sym], &[Sym], Sym)) -> Vec<Sym> {
+    let zeros = vec![Sym::zero(); x.len()];
+    let (mut slopes, mut y, mut estimates) = (vec![zeros.clone(); C::STAGES + 1], zeros.clone(), vec![zeros; C::E.len()]);
+    slopes[0] = first.to_vec();
+    let mut attempt = Attempt { h, times: &[], x, slopes: &mut slopes, y: &mut y, estimates: &mut estimates };
+    C::stages(&mut attempt, |k, y, dx| closed.rhs(&instants[k], y, dx));
+    y.into_iter().chain(slopes.into_iter().skip(1).flatten()).chain(estimates.into_iter().flatten()).collect()
+}
+
 impl AttemptProgram {
     /// Return the program for the method of the problem. The result is `None` if the method is not explicit and adaptive. It is also `None`
     /// if the loop has too many `operations`, or if its code branches on data.
@@ -99,18 +111,12 @@ impl AttemptProgram {
             closed.hold_input(&tau, &answer);
         }
         modes_as_inputs(&mut closed, rates);
-        let zeros = vec![Sym::zero(); x.len()];
-        let (mut slopes, mut y, mut estimates) = (vec![zeros.clone(); C::STAGES + 1], zeros.clone(), vec![zeros; C::E.len()]);
-        slopes[0] = first;
-        let mut attempt = Attempt { h, times: &[], x: &x, slopes: &mut slopes, y: &mut y, estimates: &mut estimates };
-        C::stages(&mut attempt, |k, y, dx| closed.rhs(&instants[k], y, dx));
-        drop(closed);
+        let results = record_stages::<C>(closed, &instants, (&x, &first, h));
         let recording = sym::finish();
         if recording.failed {
             return None;
         }
-        let results = y.iter().chain(slopes[1..].iter().flatten()).chain(estimates.iter().flatten());
-        let outputs = slots.results.outputs(&entries(results.copied().collect()));
+        let outputs = slots.results.outputs(&entries(results));
         let part = Part { ops: &recording.ops, start: 0, outputs: &outputs, places: &SlotTable::default() };
         let program = Program::new(part, None, slots.signature.scratch(slots.signature.slots()), form(false), engine());
         Some(AttemptProgram { program, slots, stages: C::STAGES })

@@ -11,9 +11,11 @@
 
 use super::attempt::AttemptProgram;
 use super::key::Common;
+use super::lane_attempt::{LaneAttempts, LanePrograms};
 use super::slots::RatesSlots;
 use super::step_programs::Watch;
 use super::structure::{self, Seen, instant, modes_as_inputs};
+use crate::integrate::ExplicitAdaptive;
 use crate::motion::Motion;
 use crate::simulate::assembly::assemble;
 use crate::simulate::problem::Problem;
@@ -122,6 +124,7 @@ pub struct RecordedRates {
     required: RequiredDerivatives,
     pub programs: ByEngine<RatesPrograms>,
     attempt: MadeOnce<Option<AttemptProgram>>,
+    in_lanes: MadeOnce<LanePrograms>,
 }
 
 impl RecordedRates {
@@ -134,6 +137,19 @@ impl RecordedRates {
     pub fn attempt(&self, problem: &Problem, run: usize, common: Common) -> Arc<Option<AttemptProgram>> {
         let operations = self.programs_for(engine()).rates.program.operations();
         self.attempt.get(|| AttemptProgram::of(problem, run, common, self.held, (&self.slots, operations)))
+    }
+
+    /// Return the programs of attempts in lanes, for run `run` of a problem whose method is `method`.
+    pub fn in_lanes(&self, method: ExplicitAdaptive, problem: &Problem, run: usize, common: Common) -> Arc<LanePrograms> {
+        let (held, slots, rates) = (self.held, &self.slots, &|free| self.rates_in_lanes(free));
+        self.in_lanes.get(|| method.scheme(LaneAttempts { problem, run, common, held, slots, rates }))
+    }
+
+    /// Return the program of the rates for lanes, which may use the slots from `free` on for intermediate values.
+    fn rates_in_lanes(&self, free: usize) -> Program {
+        let outputs = self.slots.results[0].outputs(&self.tape.rates);
+        let part = Part { ops: &self.tape.ops, start: 0, outputs: &outputs, places: &SlotTable::default() };
+        Program::new(part, None, self.slots.signature.scratch(free), form(true), engine())
     }
 }
 
@@ -157,7 +173,15 @@ pub fn of_run(problem: &Problem, run: usize, common: Common, held: bool) -> Rate
     let (parameters, required) = (structure::loop_parameters(problem, run, common), RequiredDerivatives::of(problem, run));
     let record = || {
         let (tape, slots) = record(problem, run, common, held, true);
-        RecordedRates { slots, held, tape, required, programs: ByEngine::default(), attempt: MadeOnce::default() }
+        RecordedRates {
+            slots,
+            held,
+            tape,
+            required,
+            programs: ByEngine::default(),
+            attempt: MadeOnce::default(),
+            in_lanes: MadeOnce::default(),
+        }
     };
     let seen = Seen::of_run(&KNOWN, (problem, run, common), &parameters, (held, required), record);
     (seen.recorded.clone(), parameters.values)

@@ -105,9 +105,14 @@ pub fn inputs(count: usize) -> Vec<Sym> {
 }
 
 /// Declare new inputs for the exogenous input at one instant: the desired motions, then the wrench.
-pub fn instant([desired, wrench]: [usize; 2]) -> Exogenous<Sym> {
-    let mut instant = Exogenous { t: 0.0, desired: inputs(desired), wrench: [Sym::zero(); 6] };
-    instant.wrench[..wrench].copy_from_slice(&inputs(wrench));
+pub fn instant(sizes: [usize; 2]) -> Exogenous<Sym> {
+    instant_of(&inputs(sizes[0] + sizes[1]), sizes)
+}
+
+/// Return the exogenous input whose numbers are `values`: the desired motions, then the wrench.
+pub fn instant_of(values: &[Sym], [desired, wrench]: [usize; 2]) -> Exogenous<Sym> {
+    let mut instant = Exogenous { t: 0.0, desired: values[..desired].to_vec(), wrench: [Sym::zero(); 6] };
+    instant.wrench[..wrench].copy_from_slice(&values[desired..]);
     instant
 }
 

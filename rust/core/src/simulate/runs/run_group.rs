@@ -16,6 +16,7 @@ use crate::simulate::observer::run_observer::RunObserver;
 use crate::simulate::problem::Problem;
 use crate::simulate::record::rates::Rates;
 use crate::simulate::stop::Stop;
+use std::borrow::Cow;
 
 /// The runs `first .. first + LANES` of a problem. If the problem has fewer runs, the remaining lanes repeat the last run.
 pub struct RunGroup<'a> {
@@ -30,17 +31,28 @@ pub struct RunGroup<'a> {
 
 /// Passes records to the sink, lane by lane. Negative zeros become zeros, because signs of zeros may differ between recordings
 /// of a loop.
-struct LaneRecorder<'a> {
-    sink: &'a mut dyn Sink,
+pub(super) struct LaneRecorder<'a, 't, K: Sink + ?Sized> {
+    pub sink: &'a mut K,
     /// Returns the time of each step.
-    time: &'a dyn Fn(usize) -> f64,
+    time: &'t dyn Fn(usize) -> f64,
     /// The number of states. The numbers after them in `x` are metrics.
     size: usize,
     x: Vec<f64>,
     tau: Vec<f64>,
 }
 
-impl LaneRecorder<'_> {
+impl<'a, 't, K: Sink + ?Sized> LaneRecorder<'a, 't, K> {
+    /// Return a recorder for states with `all` numbers.
+    pub fn new(problem: &Problem, sink: &'a mut K, time: &'t dyn Fn(usize) -> f64, all: usize) -> Self {
+        LaneRecorder { sink, time, size: problem.state_size(), x: vec![0.0; all], tau: vec![0.0; problem.plant(0).n()] }
+    }
+
+    /// Record time `t` and state `x` of an adaptive run as record `i`, and increase `i`.
+    pub fn write_next(&mut self, i: &mut usize, t: f64, closed: &mut RatesLoop, x: &[f64]) {
+        self.write(*i, t, x, closed.input_at(t, x));
+        *i += 1;
+    }
+
     #[inline(never)]
     fn write<S: Real>(&mut self, i: usize, t: f64, x: &[S], tau: &[S]) {
         for lane in 0..S::LANES {
@@ -59,7 +71,7 @@ impl LaneRecorder<'_> {
     }
 }
 
-impl<S: Real, F: SimulatedLoop<S>> Record<S, F> for LaneRecorder<'_> {
+impl<S: Real, F: SimulatedLoop<S>> Record<S, F> for LaneRecorder<'_, '_, dyn Sink + '_> {
     fn record(&mut self, i: usize, t: f64, closed: &mut F, x: &[S]) {
         let tau = closed.input_at(t, x);
         self.write(i, t, x, tau);
@@ -70,11 +82,6 @@ impl<S: Real, F: SimulatedLoop<S>> Record<S, F> for LaneRecorder<'_> {
 }
 
 impl<'a> RunGroup<'a> {
-    /// Return a recorder for states with `all` numbers.
-    fn recorder<'b>(problem: &Problem, sink: &'b mut dyn Sink, time: &'b dyn Fn(usize) -> f64, all: usize) -> LaneRecorder<'b> {
-        LaneRecorder { sink, time, size: problem.state_size(), x: vec![0.0; all], tau: vec![0.0; problem.plant(0).n()] }
-    }
-
     /// Run `closed` with fixed steps of `method`.
     pub fn fixed<S, F, M>(self, fixed: &Fixed, closed: &mut F, x: Vec<S>, mut method: M) -> Ended
     where
@@ -83,7 +90,7 @@ impl<'a> RunGroup<'a> {
         M: FixedStep<S, F, Vec<S>>,
     {
         let time = |step: usize| fixed.schedule.time(step);
-        let mut recorder = Self::recorder(self.problem, self.sink, &time, x.len());
+        let mut recorder = LaneRecorder::new(self.problem, self.sink, &time, x.len());
         Ended::Fixed(fixed::steps::run(closed, &mut method, x, &fixed.schedule, fixed.hold, self.stop, &mut recorder))
     }
 }
@@ -113,25 +120,29 @@ impl<'a> WithAdaptive<f64, RatesLoop<'a>> for AdaptiveRun<'a, '_> {
 
     fn with<M: Adaptive<f64, RatesLoop<'a>, Vec<f64>>>(self, mut closed: RatesLoop<'a>, mut method: M) -> Ended {
         let RunGroup { problem, first, stop, sink, observer, .. } = self.general;
-        // The samples of a controller also end segments. With random jitter, they differ between runs.
-        let instants = closed.instants(problem.options.t_end);
-        let segments = problem.limit_by_own_tables(self.segments.with_breaks(&instants), first);
+        let segments = problem.segments_of(self.segments, &closed, first);
         let size = method.x().len();
-        let mut recorder = RunGroup::recorder(problem, sink, &|_| f64::NAN, size);
+        let mut recorder = LaneRecorder::new(problem, sink, &|_| f64::NAN, size);
         let mut i = 0;
         let states = size - monitors::integrals(problem.options.monitors).count();
         let mut watch = StepChecks::new(problem.plant(first), observer, states, method.x());
-        let record = |t: f64, closed: &mut RatesLoop, x: &[f64]| {
-            let tau = closed.input_at(t, x);
-            recorder.write(i, t, x, tau);
-            i += 1;
-        };
+        let record = |t: f64, closed: &mut RatesLoop, x: &[f64]| recorder.write_next(&mut i, t, closed, x);
         Ended::Adaptive(adaptive::steps::run(&mut closed, &mut method, &segments, stop, &mut watch, record))
     }
 }
 
 impl Problem<'_> {
-    fn tolerance(&self, controlled: usize) -> Tolerance {
+    /// Return the segments of run `run`, whose loop is `closed`. The samples of a controller also end segments. With random jitter, they
+    /// differ between runs.
+    pub(super) fn segments_of<'b>(&self, segments: &'b Segments, closed: &RatesLoop, run: usize) -> Cow<'b, Segments> {
+        let instants = closed.instants(self.options.t_end);
+        if instants.is_empty() && self.shares_exogenous() {
+            return Cow::Borrowed(segments);
+        }
+        Cow::Owned(self.limit_by_own_tables(segments.with_breaks(&instants), run))
+    }
+
+    pub(super) fn tolerance(&self, controlled: usize) -> Tolerance {
         Tolerance { rtol: self.options.rtol, atol: self.options.atol, controlled }
     }
 }

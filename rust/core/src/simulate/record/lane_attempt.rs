@@ -1,0 +1,280 @@
+//! Programs of attempts of adaptive explicit methods in lanes. Each lane computes an attempt of another run, with its own step size, times
+//! and state. A *program* is a recorded and compiled computation, and a *frame* is its memory.
+//!
+//! One program computes all stages of a small loop. For a large loop, the program of the rates alternates with programs of the arguments
+//! of the stages. The dense output of a step needs further stages. Their programs run only if a lane requests a state within its step.
+
+use super::attempt::{LARGE, record_stages};
+use super::key::Common;
+use super::slots::{Instant, RatesSlots};
+use super::structure::{entries, instant_of, modes_as_inputs};
+use crate::integrate::{Scheme, WithScheme};
+use crate::scalar::Real;
+use crate::scalar::trig::REDUCTION_LIMIT;
+use crate::simulate::assembly::assemble;
+use crate::simulate::problem::Problem;
+use crate::simulate::world::Exogenous;
+use crate::trace::{Frame, Part, Program, SlotTable, Slots, Sym, engine, form, sym};
+
+/// The slots of attempts in lanes. The slots of the rates are first, so that the program of the rates uses the same frame. Its state is the
+/// argument of the present stage, and after the last stage the new state.
+struct LaneSlots {
+    rates: RatesSlots,
+    /// The exogenous inputs of all stages but the first, one after another.
+    instants: Slots,
+    /// The state at the start of the step.
+    state: Slots,
+    /// The slopes of all stages.
+    slopes: Slots,
+    step: Slots,
+    /// The error estimates, divided by the step size.
+    estimates: Slots,
+    /// The rows of the dense output.
+    rows: Slots,
+}
+
+impl LaneSlots {
+    fn new<C: Scheme>(rates: &RatesSlots) -> Self {
+        let (n, mut end) = (rates.state.count, rates.signature.slots());
+        let mut add = |count: usize| {
+            let slots = Slots { first: end, count };
+            end = slots.end();
+            slots
+        };
+        let later = C::A.len() - 1;
+        let (instants, state, slopes, step) = (add(later * rates.exogenous.slots.count), add(n), add(C::A.len() * n), add(1));
+        LaneSlots { rates: rates.clone(), instants, state, slopes, step, estimates: add(C::E.len() * n), rows: add(C::D.len() * n) }
+    }
+
+    /// The slots of the exogenous input of stage `stage`, which is not the first one.
+    fn instant(&self, stage: usize) -> Slots {
+        let count = self.rates.exogenous.slots.count;
+        self.instants.part((stage - 1) * count, count)
+    }
+
+    fn slope(&self, stage: usize) -> Slots {
+        let n = self.state.count;
+        self.slopes.part(stage * n, n)
+    }
+
+    fn end(&self) -> usize {
+        self.rows.end()
+    }
+}
+
+/// Declare the inputs `slots` after unused inputs for the slots before them.
+fn declare(slots: Slots) -> Vec<Sym> {
+    (sym::recorded().1..slots.first as u32).for_each(|_| _ = sym::input());
+    slots.declare()
+}
+
+/// How the stages of an attempt are computed.
+enum Stages {
+    Single(Program),
+    /// The arguments of the stages after the first one, and the error estimates.
+    Divided {
+        arguments: Vec<Program>,
+        estimates: Program,
+    },
+}
+
+/// The programs of all loops with the same structure.
+pub struct LanePrograms {
+    slots: LaneSlots,
+    stages: Stages,
+    rates: Program,
+    /// The arguments of the stages of the dense output, and its rows.
+    dense: Vec<Program>,
+    rows: Program,
+    /// The index of the last stage of an attempt.
+    last: usize,
+}
+
+/// Makes the programs for run `run` of a problem, with the recorded rates.
+pub struct LaneAttempts<'a> {
+    pub problem: &'a Problem<'a>,
+    pub run: usize,
+    pub common: Common,
+    /// Whether the input is held.
+    pub held: bool,
+    pub slots: &'a RatesSlots,
+    /// Returns the program of the rates, which may use the slots from its argument on for intermediate values.
+    pub rates: &'a dyn Fn(usize) -> Program,
+}
+
+/// A function of the state at the start of a step, the slopes of its stages and the step size. It returns groups of results with their slots.
+type OfSlopes<'a> = &'a dyn Fn(&[Sym], &[Vec<Sym>], Sym) -> Vec<(Slots, Vec<Sym>)>;
+
+impl WithScheme for LaneAttempts<'_> {
+    type Output = LanePrograms;
+
+    fn with<C: Scheme>(self) -> LanePrograms {
+        let slots = LaneSlots::new::<C>(self.slots);
+        let rates = (self.rates)(slots.end());
+        let mut free = rates.slots();
+        let mut program = |ops: &[_], outputs: &[(u32, u32)]| {
+            let part = Part { ops, start: 0, outputs, places: &SlotTable::default() };
+            let made = Program::new(part, None, slots.rates.signature.scratch(free), form(true), engine());
+            free = made.slots();
+            made
+        };
+        let mut function = |of: OfSlopes| {
+            sym::begin();
+            sym::end_set_up();
+            let (x, slopes) = (declare(slots.state), declare(slots.slopes));
+            let h = declare(slots.step)[0];
+            let slopes: Vec<Vec<Sym>> = slopes.chunks(x.len()).map(<[Sym]>::to_vec).collect();
+            let outputs: Vec<_> = of(&x, &slopes, h).into_iter().flat_map(|(slots, values)| slots.outputs(&entries(values))).collect();
+            program(&sym::finish().ops, &outputs)
+        };
+        let n = slots.state.count;
+        let groups = |count: usize| vec![vec![Sym::zero(); n]; count];
+        let mut argument = |stage: usize| {
+            function(&|x, slopes, h| {
+                let mut y = vec![Sym::zero(); n];
+                C::argument(stage, h, x, slopes, &mut y);
+                vec![(slots.rates.state, y)]
+            })
+        };
+        let dense = (C::STAGES + 1..C::A.len()).map(&mut argument).collect();
+        let operations = C::STAGES * rates.operations();
+        let single = if operations > LARGE { None } else { self.all_stages::<C>(&slots) };
+        let arguments = if single.is_none() { (1..=C::STAGES).map(&mut argument).collect() } else { Vec::new() };
+        let rows = function(&|_, slopes, h| {
+            let mut rows = groups(C::D.len());
+            C::rows(h, slopes, &mut rows);
+            vec![(slots.rows, rows.concat())]
+        });
+        let stages = match single {
+            Some((ops, outputs)) => Stages::Single(program(&ops, &outputs)),
+            None => {
+                let estimates = function(&|_, slopes, _| {
+                    let mut estimates = groups(C::E.len());
+                    C::estimates(slopes, &mut estimates);
+                    vec![(slots.estimates, estimates.concat())]
+                });
+                Stages::Divided { arguments, estimates }
+            }
+        };
+        LanePrograms { stages, rates, dense, rows, last: C::STAGES, slots }
+    }
+}
+
+/// Recorded operations, and the slots of their results.
+type Recorded = (Vec<crate::trace::tape::Op>, Vec<(u32, u32)>);
+
+impl LaneAttempts<'_> {
+    /// Record all stages of an attempt. The result is `None` if the code branches on data.
+    fn all_stages<C: Scheme>(&self, slots: &LaneSlots) -> Option<Recorded> {
+        sym::begin();
+        let mut closed = assemble(self.problem, self.run, self.common.monitored.storage);
+        assert_eq!(sym::end_set_up(), slots.rates.exogenous.slots.first, "another structure");
+        let (tau, answer) = (declare(slots.rates.tau), declare(slots.rates.law_rate));
+        if self.held {
+            closed.hold_input(&tau, &answer);
+        }
+        modes_as_inputs(&mut closed, &slots.rates);
+        let sizes = slots.rates.exogenous.sizes();
+        let instants: Vec<_> = (1..=C::STAGES).map(|stage| instant_of(&declare(slots.instant(stage)), sizes)).collect();
+        let (x, slopes) = (declare(slots.state), declare(slots.slopes));
+        let h = declare(slots.step)[0];
+        let results = record_stages::<C>(closed, &instants, (&x, &slopes[..x.len()], h));
+        let recording = sym::finish();
+        let n = x.len();
+        let places = [slots.rates.state, slots.slopes.part(n, C::STAGES * n), slots.estimates];
+        let places = places.into_iter().flat_map(|slots| slots.first as u32..slots.end() as u32);
+        let outputs = places.zip(entries(results)).collect();
+        (!recording.failed).then_some((recording.ops, outputs))
+    }
+}
+
+impl LanePrograms {
+    /// Return a frame of the programs.
+    pub fn frame(&self) -> Frame {
+        let (parts, last): (&[Program], &Program) = match &self.stages {
+            Stages::Single(program) => (&[], program),
+            Stages::Divided { arguments, estimates } => (arguments, estimates),
+        };
+        let all = || parts.iter().chain([last, &self.rates, &self.rows]).chain(&self.dense);
+        let mut frame = Frame::new(all().map(Program::slots).max().unwrap_or(0), form(true).lanes());
+        all().for_each(|program| program.prepare(&mut frame));
+        frame
+    }
+
+    /// Write the loop parameters of the run in lane `lane`.
+    pub fn set_parameters(&self, frame: &mut Frame, lane: usize, values: &[f64]) {
+        frame.write_lane(Slots { first: 0, count: values.len() }, lane, values);
+    }
+
+    /// Write the held results of the law, and the modes of contacts and joints.
+    pub fn hold(&self, frame: &mut Frame, lane: usize, held: &[f64]) {
+        frame.write_lane(self.slots.rates.held(), lane, held);
+    }
+
+    /// Write the exogenous input of stage `stage`, which is not the first one.
+    pub fn set_input(&self, frame: &mut Frame, lane: usize, stage: usize, u: &Exogenous<f64>) {
+        let (slots, Instant { desired, .. }) = (self.slots.instant(stage), self.slots.rates.exogenous);
+        frame.write_lane(slots.part(0, desired), lane, &u.desired);
+        frame.write_lane(slots.part(desired, slots.count - desired), lane, &u.wrench);
+    }
+
+    /// Write the state at the start of a step, and its slope.
+    pub fn set_start(&self, frame: &mut Frame, lane: usize, x: &[f64], slope: &[f64]) {
+        frame.write_lane(self.slots.state, lane, x);
+        frame.write_lane(self.slots.slope(0), lane, slope);
+    }
+
+    /// Write the step size, s.
+    pub fn set_step(&self, frame: &mut Frame, lane: usize, h: f64) {
+        frame.write_lane(self.slots.step, lane, &[h]);
+    }
+
+    /// Compute the rates of the argument of stage `stage`.
+    fn slope(&self, frame: &mut Frame, stage: usize) {
+        let (lanes, rates) = (frame.lanes(), &self.slots.rates);
+        frame.numbers_mut().copy_within(self.slots.instant(stage).numbers(lanes), rates.exogenous.slots.first * lanes);
+        self.rates.run(frame);
+        frame.numbers_mut().copy_within(rates.results[0].numbers(lanes), self.slots.slope(stage).first * lanes);
+    }
+
+    /// Compute an attempt in all lanes.
+    pub fn attempt(&self, frame: &mut Frame) {
+        frame.fill(self.slots.rates.signature.angle(), 0.0);
+        match &self.stages {
+            Stages::Single(program) => program.run(frame),
+            Stages::Divided { arguments, estimates } => {
+                for (argument, stage) in arguments.iter().zip(1..) {
+                    argument.run(frame);
+                    self.slope(frame, stage);
+                }
+                estimates.run(frame);
+            }
+        }
+    }
+
+    /// Compute the dense output of the last attempt in all lanes. The step size must be that of the accepted step.
+    pub fn dense(&self, frame: &mut Frame) {
+        for (argument, stage) in self.dense.iter().zip(self.last + 1..) {
+            argument.run(frame);
+            self.slope(frame, stage);
+        }
+        self.rows.run(frame);
+    }
+
+    /// Whether all angles of lane `lane` are in the range of the programs' sines. Otherwise its results are not valid.
+    pub fn is_near(&self, frame: &Frame, lane: usize) -> bool {
+        frame.group(Slots { first: self.slots.rates.signature.angle(), count: 1 })[lane] < REDUCTION_LIMIT
+    }
+
+    /// Read the results of an attempt: the new state, its slope, and the error estimates divided by the step size.
+    pub fn read_attempt(&self, frame: &Frame, lane: usize, (y, slope, estimates): (&mut Vec<f64>, &mut Vec<f64>, &mut [Vec<f64>])) {
+        frame.read(self.slots.rates.state, lane, y.iter_mut());
+        frame.read(self.slots.slope(self.last), lane, slope.iter_mut());
+        frame.read(self.slots.estimates, lane, estimates.iter_mut().flatten());
+    }
+
+    /// Read row `i` of the dense output.
+    pub fn read_row(&self, frame: &Frame, lane: usize, i: usize, row: &mut [f64]) {
+        frame.read(self.slots.rows.part(i * row.len(), row.len()), lane, row.iter_mut());
+    }
+}

@@ -1,0 +1,199 @@
+//! One run with adaptive steps in a lane. A program computes its attempts together with those of the other lanes. All decisions are those
+//! of a single run: step sizes, acceptance, segments, records, contacts and modes of joints.
+
+use super::run_group::LaneRecorder;
+use crate::integrate::{Adaptive, Embedded, Scheme};
+use crate::simulate::adaptive::rates_loop::RatesLoop;
+use crate::simulate::adaptive::segments::{Outcome, Segments};
+use crate::simulate::adaptive::step_checks::StepChecks;
+use crate::simulate::adaptive::steps::{Next, Walk};
+use crate::simulate::loops::sink::Sink;
+use crate::simulate::monitors;
+use crate::simulate::problem::Problem;
+use crate::simulate::record::lane_attempt::LanePrograms;
+use crate::simulate::record::rates::RatesOfRun;
+use crate::simulate::stop::Stop;
+use crate::simulate::world::Exogenous;
+use crate::status::Status;
+use crate::trace::Frame;
+
+/// One lane of a frame, with the programs of the frame.
+pub struct LaneFrame<'a> {
+    pub programs: &'a LanePrograms,
+    pub frame: &'a mut Frame,
+    pub lane: usize,
+}
+
+/// The result of an attempt.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Judged {
+    Rejected,
+    Accepted,
+    /// The attempt is accepted, and the run requires states within the step.
+    Interpolated,
+}
+
+/// The next action of a run in a lane.
+enum Action {
+    /// Compute an attempt of the present step.
+    Attempt,
+    Walk(Next),
+}
+
+/// A run in a lane. `K` is the receiver of its records.
+pub struct AdaptiveLane<'a, 'r, C: Scheme, K: Sink> {
+    pub run: usize,
+    closed: RatesLoop<'a>,
+    method: Embedded<C, Vec<f64>, Exogenous<f64>>,
+    walk: Walk<'a>,
+    watch: StepChecks<'static>,
+    recorder: LaneRecorder<'r, 'static, K>,
+    /// The number of records so far.
+    records: usize,
+    action: Action,
+    /// The size of the present attempt, and the time at its end, s.
+    attempt: (f64, f64),
+    /// Whether the start of the present step is not in the frame yet.
+    moved: bool,
+    /// Whether the exogenous input is constant.
+    still: bool,
+    /// The exogenous input of a stage, and the times of the stages of an attempt, s.
+    input: Exogenous<f64>,
+    times: Vec<f64>,
+}
+
+impl<'a, 'r, C: Scheme, K: Sink> AdaptiveLane<'a, 'r, C, K> {
+    /// Prepare run `run` of a problem, and write its parameters to the lane.
+    pub fn new(problem: &'a Problem<'a>, run: usize, of_run: &RatesOfRun, segments: &'a Segments, sink: &'r mut K, at: LaneFrame) -> Self {
+        let (mut closed, x) = RatesLoop::in_lane(problem, run, of_run);
+        let mut input = closed.instant();
+        at.programs.set_parameters(at.frame, at.lane, &of_run.1);
+        let still = closed.world.is_still();
+        if still {
+            closed.world.sample(0.0, &mut input);
+            (1..C::A.len()).for_each(|stage| at.programs.set_input(at.frame, at.lane, stage, &input));
+        }
+        let walk = Walk::new(problem.segments_of(segments, &closed, run), x.len());
+        let states = x.len() - monitors::integrals(problem.options.monitors).count();
+        let watch = StepChecks::new(problem.plant(run), None, states, &x);
+        let recorder = LaneRecorder::new(problem, sink, &|_| f64::NAN, x.len());
+        let method = Embedded::new(problem.tolerance(closed.controlled()), x, closed.instant());
+        let mut lane = AdaptiveLane {
+            run,
+            action: Action::Attempt,
+            attempt: (0.0, 0.0),
+            moved: true,
+            still,
+            input,
+            times: vec![0.0; C::STAGES],
+            records: 0,
+            recorder,
+            walk,
+            closed,
+            method,
+            watch,
+        };
+        lane.action = Action::Walk(lane.walk.begin(&mut lane.closed, &lane.method, &mut lane.watch));
+        lane
+    }
+
+    /// Continue the run to its next attempt. Return the end of the run if it has no further attempt.
+    pub fn advance(&mut self, stop: &dyn Stop) -> Option<Outcome> {
+        loop {
+            let next = match std::mem::replace(&mut self.action, Action::Attempt) {
+                Action::Walk(Next::End(outcome)) => return Some(outcome),
+                Action::Walk(Next::Segment) => self.begin_segment(),
+                Action::Walk(Next::Step) => match self.walk.begin_step(&mut self.method, stop, &self.watch) {
+                    Some(outcome) => return Some(outcome),
+                    None if self.method.is_done() => self.end_step(),
+                    None => {
+                        self.moved = true;
+                        match self.method.open(&mut self.closed) {
+                            Ok(()) => continue,
+                            Err(status) => return Some(self.outcome(status)),
+                        }
+                    }
+                },
+                Action::Attempt => match self.method.propose() {
+                    Ok(attempt) => {
+                        self.attempt = attempt;
+                        return None;
+                    }
+                    Err(status) => return Some(self.outcome(status)),
+                },
+            };
+            self.action = Action::Walk(next);
+        }
+    }
+
+    fn outcome(&self, status: Status) -> Outcome {
+        let method: &dyn Adaptive<f64, RatesLoop<'a>, Vec<f64>> = &self.method;
+        Outcome { status, t: method.t(), work: method.work() }
+    }
+
+    fn begin_segment(&mut self) -> Next {
+        let AdaptiveLane { walk, closed, method, recorder, records, .. } = self;
+        walk.begin_segment(closed, method, &mut |t, closed, x| recorder.write_next(records, t, closed, x))
+    }
+
+    fn end_step(&mut self) -> Next {
+        let AdaptiveLane { walk, closed, method, recorder, records, watch, .. } = self;
+        let done = method.is_done();
+        walk.end_step(closed, method, done, watch, &mut |t, closed, x| recorder.write_next(records, t, closed, x))
+    }
+
+    /// Write the present attempt to the lane.
+    pub fn write_attempt(&mut self, at: &mut LaneFrame) {
+        let LaneFrame { programs, frame, lane } = at;
+        if std::mem::take(&mut self.moved) {
+            let method: &dyn Adaptive<f64, RatesLoop<'a>, Vec<f64>> = &self.method;
+            programs.set_start(frame, *lane, method.x(), self.method.slope());
+            programs.hold(frame, *lane, self.closed.held());
+        }
+        programs.set_step(frame, *lane, self.attempt.0);
+        self.method.stage_times(self.attempt.0, &mut self.times);
+        self.write_inputs(1, C::STAGES, at);
+    }
+
+    /// Write the exogenous inputs of `count` stages from stage `first` on, at the times `self.times`.
+    fn write_inputs(&mut self, first: usize, count: usize, at: &mut LaneFrame) {
+        if self.still {
+            return;
+        }
+        for k in 0..count {
+            if k == 0 || self.times[k] != self.times[k - 1] {
+                self.closed.world.sample(self.times[k], &mut self.input);
+            }
+            at.programs.set_input(at.frame, at.lane, first + k, &self.input);
+        }
+    }
+
+    /// Receive the results of the attempt, and judge it. If the dense output of the step is required, write its step size and inputs to the
+    /// lane.
+    pub fn judge(&mut self, at: &mut LaneFrame) -> Judged {
+        at.programs.read_attempt(at.frame, at.lane, self.method.results());
+        if !self.method.judge::<f64>(self.attempt.0, self.attempt.1) {
+            return Judged::Rejected;
+        }
+        if !self.walk.interpolates(&self.method, &self.watch) {
+            return Judged::Accepted;
+        }
+        let h = self.method.dense_times(&mut self.times);
+        at.programs.set_step(at.frame, at.lane, h);
+        self.write_inputs(C::STAGES + 1, C::A.len() - C::STAGES - 1, at);
+        Judged::Interpolated
+    }
+
+    /// Process the accepted step. If it is interpolated, the lane has its dense output.
+    pub fn accept(&mut self, judged: Judged, at: &LaneFrame) {
+        if judged == Judged::Interpolated {
+            self.method.receive_dense(|i, row| at.programs.read_row(at.frame, at.lane, i, row));
+        }
+        self.action = Action::Walk(self.end_step());
+    }
+
+    /// The receiver of the records.
+    pub fn into_sink(self) -> &'r mut K {
+        self.recorder.sink
+    }
+}
