@@ -11,8 +11,10 @@ import inspect
 import re
 import tomllib
 from collections.abc import Callable
+from contextlib import redirect_stdout
 from dataclasses import dataclass
 from functools import cache
+from io import StringIO
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -81,7 +83,8 @@ def names(blocks: tuple[str, ...]) -> dict[str, Any]:
     if not blocks:
         return {}
     bound = dict(names(blocks[:-1]))
-    exec(compile(blocks[-1], "block of a page", "exec"), bound)
+    with redirect_stdout(StringIO()):
+        exec(compile(blocks[-1], "block of a page", "exec"), bound)
     return {name: value for name, value in bound.items() if name != "__builtins__"}
 
 
