@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -28,8 +29,9 @@ class Visit:
         self.page.screenshot(path=PICTURES / f"{name}.png", timeout=120_000)
 
     def entry(self, label: str) -> Locator:
-        """The field with the number of the slider that has this label."""
-        row = self.page.get_by_text(label, exact=True).locator("xpath=ancestor::*[.//input[@type='text']][1]")
+        """The field with the number of the slider that has this label. The label of a slider over powers of ten ends with its number."""
+        named = re.compile(rf"^{re.escape(label)}(: \S+ = 10\^)?$")
+        row = self.page.get_by_text(named).locator("xpath=ancestor::*[.//input[@type='text']][1]")
         return row.locator("input[type='text']")
 
     def turn(self, label: str, value: float) -> None:
