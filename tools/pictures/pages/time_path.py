@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from panels import panels, thin
+from panels import panels
 from registry import drawing, result
 from sketch import BLUE, GREEN, GREY, INK, RED, Sketch, direction
 
@@ -40,7 +40,7 @@ def curve(figure: Figure) -> None:
     sketch.joint(elbow)
     ahead = joints(path.path(0.5)[0])[1] - tip
     sketch.arrow(tip, tip + 0.75 * ahead / np.linalg.norm(ahead), GREEN, 2.0)
-    sketch.text(tip + (0.42, 0.42), r"$\dot s$ = ?", GREEN, 12.0)
+    sketch.text(np.add(tip, (0.42, 0.42)), r"$\dot s$ = ?", GREEN, 12.0)
     sketch.point(tip)
     sketch.text(np.add(base, (0.42, -0.02)), r"$\tau_1$", INK)
     sketch.text(np.add(elbow, (0.3, -0.08)), r"$\tau_2$", INK)
