@@ -1,25 +1,22 @@
-//! The functions of an arm, for any number of threads. Each function is first evaluated directly. After a number of single calls, or of
-//! rows announced with [`Functions::prepare`], it is recorded and compiled to a *program*. Functions whose program would be too long are
-//! never compiled.
+//! The functions of an arm, for any number of threads. Each function is first evaluated directly. After a number of single calls
+//! (`single`), or of rows announced with [`Functions::prepare`], it is recorded and compiled to a *program*. Functions whose program would
+//! be too long are never compiled.
 //!
 //! A program and the direct evaluation have the same bits.
 
 use super::Query;
 use super::evaluate::{Evaluator, check};
-use super::recorded::{ArmCall, ArmFunction};
+use super::recorded::ArmFunction;
+use super::single::Single;
 use crate::arm::Arm;
 use crate::error::Result;
 use crate::trace::cache::free;
-use crate::trace::function::CALLS;
 use std::sync::{Arc, Mutex};
 
 /// Number of announced rows of a query after which its program is made.
 const ROWS_BEFORE_PROGRAM: usize = 256;
 
-/// Largest number of operations of a program for single calls. It limits the time to make the program.
-const LONGEST_SINGLE: f64 = 20_000.0;
-
-/// Number of queries of one arm whose programs are kept. It applies separately to single calls and to rows.
+/// Number of queries of one arm whose programs for rows are kept.
 const KEPT_QUERIES: usize = 64;
 
 /// Largest number of operations of a program for rows. It limits the time to make the program.
@@ -34,62 +31,6 @@ struct Known {
     /// Number of rows that [`Functions::prepare`] announced.
     rows: usize,
     function: Option<Arc<ArmFunction>>,
-}
-
-/// A query, and its program for one configuration.
-struct CachedQuery {
-    query: Query,
-    /// Number of calls without the program.
-    calls: usize,
-    program: Option<ArmCall>,
-}
-
-/// The evaluator and the programs for single calls.
-struct Single {
-    /// The evaluator; `None` for an arm of more than `FEW_JOINTS` joints before its first call.
-    evaluator: Option<Evaluator>,
-    cached: Vec<CachedQuery>,
-}
-
-impl Single {
-    fn new(evaluator: Option<Evaluator>) -> Mutex<Self> {
-        Mutex::new(Single { evaluator, cached: Vec::new() })
-    }
-
-    #[inline]
-    fn one(&mut self, arm: &Arm, query: &Query, inputs: &[&[f64]], out: &mut [f64]) -> Result<bool> {
-        let found = self.cached.iter().position(|cached| cached.query == *query);
-        if let Some(at) = found
-            && let Some(program) = &mut self.cached[at].program
-            && program.answer(inputs, out)
-        {
-            return Ok(true);
-        }
-        self.direct(arm, found, query, inputs, out)
-    }
-
-    /// Evaluate without a program. `found` is the index of the query in `cached`.
-    #[inline(never)]
-    fn direct(&mut self, arm: &Arm, found: Option<usize>, query: &Query, inputs: &[&[f64]], out: &mut [f64]) -> Result<bool> {
-        let at = found.unwrap_or_else(|| {
-            if self.cached.len() == KEPT_QUERIES {
-                self.cached.remove(0);
-            }
-            self.cached.push(CachedQuery { query: *query, calls: 0, program: None });
-            self.cached.len() - 1
-        });
-        let evaluator = match &mut self.evaluator {
-            Some(evaluator) => evaluator,
-            none => none.insert(Evaluator::large(arm)?),
-        };
-        let answer = evaluator.one(query, inputs, out)?;
-        let cached = &mut self.cached[at];
-        cached.calls = cached.calls.saturating_add(1);
-        if cached.calls == CALLS && query.operations(arm.size()) <= LONGEST_SINGLE {
-            cached.program = Some(ArmCall::new(arm, query)?);
-        }
-        Ok(answer)
-    }
 }
 
 /// The quantities of an arm at one configuration ([`Functions::one`]) and at many ([`Functions::rows`]).
@@ -141,7 +82,7 @@ impl Functions {
         let waiting = |known: &Known| if known.function.is_some() { usize::MAX } else { known.rows };
         let Some(known) = free(&self.known) else { return false };
         let rows = known.iter().find(|known| known.query == *query).map_or(0, waiting);
-        rows < usize::MAX && rows + count >= ROWS_BEFORE_PROGRAM && query.operations(self.arm.size()) <= LONGEST
+        rows < usize::MAX && rows + count >= ROWS_BEFORE_PROGRAM && query.operations(self.arm.size(), self.arm.pairs()) <= LONGEST
     }
 
     /// Announce `count` more rows of the query, and make its program if [`Functions::is_due`] is true. Errors: `Memory`.

@@ -44,6 +44,7 @@ mod query;
 mod recorded;
 #[doc(hidden)]
 pub mod regressor;
+mod single;
 mod tree;
 #[cfg(feature = "urdf")]
 mod urdf;

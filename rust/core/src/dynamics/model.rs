@@ -3,7 +3,7 @@
 //! Each quantity is a function that is not inlined. So laws and plants share one copy of the code, and each use costs one call.
 
 use super::workspace::Workspace;
-use super::{Dynamics, PlanarPr, Size, newton_euler};
+use super::{Dynamics, PlanarPr, Query, Size, newton_euler};
 use crate::arm::{Arm, Joint, Tree};
 use crate::error::{Error, Result};
 use crate::kinematics::{self, Coordinates};
@@ -41,6 +41,15 @@ impl Model {
             Model::PlanarPr(_) => Size { n: 2, bodies: 2 },
             Model::Tree(arm) => arm.size(),
         }
+    }
+
+    /// Approximate number of operations of a query.
+    pub(crate) fn operations(&self, query: &Query) -> f64 {
+        let pairs = match self {
+            Model::PlanarPr(_) => 3,
+            Model::Tree(arm) => arm.pairs(),
+        };
+        query.operations(self.size(), pairs)
     }
 
     /// Number of inertial parameters `p`.

@@ -161,7 +161,7 @@ return {prefix}_refuse({upper}_NOT_FINITE, {answers}, out);\n{calls}    return {
     /// Record the operations of a query.
     fn recorded(&self, query: &Query) -> Result<Recorded> {
         let n = self.n();
-        if query.operations(self.size()) > LONGEST {
+        if self.operations(query) > LONGEST {
             let problem =
                 format!("has a function that is too long to be printed: expected fewer joints or another function, got {n} joints");
             return Err(Error::input("arm", problem));

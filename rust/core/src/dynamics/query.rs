@@ -90,6 +90,15 @@ impl Arm {
     pub fn size(&self) -> Size {
         Size { n: self.n(), bodies: self.joints.len() }
     }
+
+    /// Number of pairs of a body and one of its ancestors, or itself. So many entries of `M` on and below its diagonal do not vanish.
+    pub(crate) fn pairs(&self) -> usize {
+        let mut depths = Vec::with_capacity(self.joints.len());
+        for joint in &self.joints {
+            depths.push(1 + joint.parent.map_or(0, |parent| depths[parent]));
+        }
+        depths.iter().sum()
+    }
 }
 
 impl<S: Real> Tree<S> {
@@ -207,17 +216,18 @@ impl Query {
         fits && (!self.is_framed() || self.frame < frames) && self.wrench.is_none_or(|frame| frame < frames)
     }
 
-    /// Approximate number of operations for one configuration. The estimate does not account for vanishing terms and common terms.
-    pub(crate) fn operations(&self, Size { n, bodies }: Size) -> f64 {
+    /// Approximate number of operations for one configuration of an arm with these [`Arm::pairs`]. The estimate does not account for
+    /// vanishing terms and common terms.
+    pub(crate) fn operations(&self, Size { n, bodies }: Size, pairs: usize) -> f64 {
         use Quantity::*;
         let (joint, pair) = match self.quantity {
             ForwardDynamics => (350.0, 0.0),
-            ForwardDynamicsDerivatives => (350.0, 55.0),
-            InverseDynamicsDerivatives => (200.0, 55.0),
-            CoriolisMatrix | Christoffel => (200.0, 25.0),
+            ForwardDynamicsDerivatives => (350.0, 110.0),
+            InverseDynamicsDerivatives => (200.0, 110.0),
+            CoriolisMatrix | Christoffel => (200.0, 50.0),
             PathDynamics => (300.0, 0.0),
-            MassMatrix => (130.0, 10.0),
-            Regressor => (130.0, 30.0),
+            MassMatrix => (130.0, 20.0),
+            Regressor => (130.0, 60.0),
             Gravity | Bias | InverseDynamics | Energy | Pose | PoseVector | Position | JointPoses => (130.0, 0.0),
             Jacobian | JacobianDot | Com | ComJacobian => (130.0, 0.0),
         };
@@ -227,17 +237,18 @@ impl Query {
         let (n, bodies) = (n as f64, bodies as f64);
         // The mass matrix of an arm with joints that follow others has no vanishing entries.
         let joined = if bodies > n && matches!(self.quantity, ForwardDynamics | ForwardDynamicsDerivatives) { n * n * n } else { 0.0 };
-        times * (bodies * (joint + bodies * pair) + n * n * n * solved + joined)
+        times * (bodies * joint + pairs as f64 * pair + n * n * n * solved + joined)
     }
 
-    /// Approximate time per configuration in a batch, ns, with the instruction set of this machine. Callers use it to divide the work among
-    /// threads.
+    /// Approximate time per configuration in a batch, ns, with the instruction set of this machine, for a chain. Callers use it to divide
+    /// the work among threads.
     pub fn nanoseconds(&self, size: Size) -> f64 {
         let slower = match isa() {
             Isa::Baseline => 4.0,
             Isa::Avx2 => 2.0,
             Isa::Avx512 => 1.0,
         };
-        10.0 + slower * (0.05 * self.operations(size) + 0.1 * self.length(size) as f64)
+        let pairs = size.bodies * (size.bodies + 1) / 2;
+        10.0 + slower * (0.05 * self.operations(size, pairs) + 0.1 * self.length(size) as f64)
     }
 }

@@ -11,7 +11,7 @@ mod motion;
 
 pub use c_loop::CLoop;
 
-use crate::dynamics::{Quantity, Query, given};
+use crate::dynamics::{Quantity, given};
 use crate::error::{Error, Result};
 use crate::law::evaluator::{recording, start_recording};
 use crate::law::{LawSpec, Route};
@@ -104,7 +104,7 @@ impl LawSpec {
     fn require_short(&self) -> Result<()> {
         let (model, p) = (self.model(), self.initial_state().len() as f64);
         let query = if self.adaptive().is_some() { Quantity::Regressor } else { Quantity::CoriolisMatrix };
-        if Query::from(query).operations(model.size()) + p * p > LONGEST {
+        if model.operations(&query.into()) + p * p > LONGEST {
             let problem = format!("is too long to be printed: expected an arm with fewer joints, got {} joints", model.n());
             return Err(Error::input("law", problem));
         }
