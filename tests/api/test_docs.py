@@ -11,12 +11,13 @@ import ast
 import inspect
 import re
 import subprocess
-import sys
+from collections.abc import Callable, Iterator
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
 import pytest
+from program_runner import ProgramRunner
 
 import armlet as al
 
@@ -26,6 +27,7 @@ EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
 # Examples that need a package that `make test` does not install. `make test-peers` installs it and runs them.
 NEEDS = {"mujoco_loop.py": "mujoco"}
 ACTIONS = "../../actions/"
+Run = Callable[[str, str, Path], subprocess.CompletedProcess[str]]
 FENCE = re.compile(r"^```python\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 
 
@@ -73,9 +75,13 @@ def inline(code: str, bound: dict[str, Any]) -> str:
     return "looked up" if known else ""
 
 
-def run(source: str, name: str, folder: Path) -> subprocess.CompletedProcess[str]:
-    """Run a program in a new interpreter and in `folder`, without a display. Warnings are errors."""
-    code = f"""
+@pytest.fixture(scope="module")
+def run() -> Iterator[Run]:
+    """A function that runs a page's or an example's code in a separate process and in a folder."""
+    with ProgramRunner() as runner:
+
+        def run(source: str, name: str, folder: Path) -> subprocess.CompletedProcess[str]:
+            code = f"""
 import ast, re
 from typing import Any
 import matplotlib
@@ -87,24 +93,27 @@ exec(compile({source!r}, {name!r}, "exec"), bound)
 for code in left:
     inline(code, bound)
 """
-    command = [sys.executable, "-P", "-W", "error", "-c", code]
-    return subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=120)
+            return runner(code, folder)
+
+        yield run
 
 
 def name_of(path: Path) -> str:
     return str(path.relative_to(ROOT))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("page", [page for page in PAGES if "```python" in page.read_text()], ids=name_of)
-def test_page(page: Path, tmp_path: Path) -> None:
+def test_page(page: Path, tmp_path: Path, run: Run) -> None:
     source = program(page.read_text())
     assert source.strip()
     result = run(source, name_of(page), tmp_path)
     assert result.returncode == 0, result.stderr
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("example", EXAMPLES, ids=name_of)
-def test_example(example: Path, tmp_path: Path) -> None:
+def test_example(example: Path, tmp_path: Path, run: Run) -> None:
     result = run(example.read_text(), name_of(example), tmp_path)
     needed = NEEDS.get(example.name)
     if needed is not None and find_spec(needed) is None:
@@ -120,7 +129,7 @@ def test_pages_have_code_and_examples_exist() -> None:
     assert [page.name for page in PAGES if "```python" in page.read_text()] and EXAMPLES
 
 
-def test_a_broken_block_is_detected(tmp_path: Path) -> None:
+def test_a_broken_block_is_detected(tmp_path: Path, run: Run) -> None:
     page = "# Title\n\n```python\nx = 1\n```\n\ntext\n\n```python\nassert x == 2\n```\n"
     result = run(program(page), "page.md", tmp_path)
     assert result.returncode != 0
@@ -136,7 +145,7 @@ def test_a_broken_block_is_detected(tmp_path: Path) -> None:
         ("x(1).y", 7),
     ],
 )
-def test_broken_code_in_prose_is_detected(code: str, line: int | None, tmp_path: Path) -> None:
+def test_broken_code_in_prose_is_detected(code: str, line: int | None, tmp_path: Path, run: Run) -> None:
     page = f"# Title\n\n```python\nimport armlet as al; x = 1\n```\n\nCall `{code}`.\n\n```python\nlater = 2\n```\n"
     result = run(program(page), "page.md", tmp_path)
     assert result.returncode != 0 and ("AttributeError" in result.stderr or "TypeError" in result.stderr)
@@ -146,7 +155,7 @@ def test_broken_code_in_prose_is_detected(code: str, line: int | None, tmp_path:
 @pytest.mark.parametrize(
     "code", ["x.real", "sin(q)", "[[law.tasks]]", "a x = b", "al.simulate(plant, law)", "my.toml", "True", "examples/a.py"]
 )
-def test_sound_code_in_prose_passes(code: str, tmp_path: Path) -> None:
+def test_sound_code_in_prose_passes(code: str, tmp_path: Path, run: Run) -> None:
     page = f"```python\nimport armlet as al; x = 1; law = 2\n```\n\nText `{code}`.\n"
     result = run(program(page), "page.md", tmp_path)
     assert result.returncode == 0, result.stderr
