@@ -80,7 +80,8 @@ def base_parameters(arm: Mechanism, *, armature: bool = False, friction: bool = 
     W = _traces(arm, armature, friction)
     lengths = np.linalg.norm(W, axis=0)
     lengths[lengths <= 1e-12 * lengths.max()] = np.inf  # a column without effect becomes zero
-    _, sigma, V = np.linalg.svd(W / lengths, full_matrices=True)
+    # V is square; the other factor of a tall matrix, with a column for each row, is not needed.
+    _, sigma, V = np.linalg.svd(W / lengths, full_matrices=W.shape[0] < W.shape[1])
     null = V[np.count_nonzero(sigma > DEPENDENT) :]
     p = null.shape[1]
     ranks = [_rank(null[:, j:]) for j in range(p + 1)]
