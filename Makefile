@@ -23,7 +23,7 @@ unexport PYTHONPATH PYTHONHOME
 SOURCES := $(shell find rust python tests examples docs requirements -type f -not -name '*.so' -not -path '*/__pycache__/*' 2>/dev/null) \
 	$(wildcard Cargo.toml Cargo.lock pyproject.toml Makefile README.md LICENSE)
 
-.PHONY: help demo test test-aarch64 test-latency test-peers test-sweep-kill test-stacks test-paths test-browser test-mutants test-scipy fuzz check bench docs audit wheels lock clean tools
+.PHONY: help demo test quick test-aarch64 test-latency test-peers test-sweep-kill test-stacks test-paths test-browser test-mutants test-scipy fuzz check bench docs audit wheels lock clean tools
 
 help: ## this list
 	@awk -F ':.*## ' '/^[a-z0-9-]+:.*## / { printf "make %-15s %s\n", $$1, $$2 }' Makefile
@@ -37,6 +37,9 @@ test: $(BUILD)/installed $(BUILD)/requirements ## everything: formatting, lints,
 	@rm -rf $(BUILD)/elsewhere && mkdir -p $(BUILD)/elsewhere
 	cd $(BUILD)/elsewhere && ARMLET_MAKE_TEST=1 ARMLET_SDIST="$$(cat $(BUILD)/sdist.path)" ARMLET_WHEEL="$$(cat $(BUILD)/wheel.path)" \
 		sh $(ROOT)/tools/pytest.sh $(ROOT) $(VENV)/bin/python $(PYTEST)
+
+quick: $(BUILD)/requirements ## the tests of the changed files (FILES=), with a build in seconds: one or two minutes
+	@$(PY) tools/quick.py $(FILES)
 
 test-peers: $(BUILD)/installed $(BUILD)/requirements ## arms against Pinocchio and MuJoCo on public robots (installs half a gigabyte)
 	@sh tools/pip.sh "$(VENV)" "$(BUILD)" -r requirements/peers.txt -c requirements/test.txt

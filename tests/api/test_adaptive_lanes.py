@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+import models
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -87,7 +88,7 @@ def test_rows_of_different_loops(method: str) -> None:
 @pytest.mark.parametrize("sampling", [0.05, al.Sampling(0.04, delay=0.02)], ids=["held", "late"])
 def test_rows_of_sampled_loops(method: str, sampling: Any) -> None:
     rng = np.random.default_rng(8)
-    arm = al.planar_arm([0.5, 0.4])
+    arm = models.TWO_LINKS
     q0, v0 = start(rng, 10, 2)
     law = al.ComputedTorque(arm, moving(rng, 2), 100.0, 20.0)
     options: dict[str, Any] = {"t_end": T_END, "method": method, "t_eval": [0.1, 0.23, 0.6], "sample_time": sampling}
@@ -110,7 +111,7 @@ def test_rows_with_stops_and_friction(method: str) -> None:
 def test_rows_of_elastic_arms(method: str) -> None:
     """Rows with their own forces. The force jumps, and every jump begins a segment."""
     rng = np.random.default_rng(12)
-    arm = al.planar_arm([0.5, 0.4])
+    arm = models.TWO_LINKS
     law = al.ElasticImpedance(arm, [0.6, 0.3], 200.0, 30.0, 500.0, 0.5, 0.2, frame="link2", axes="xy")
     q0, v0 = start(rng, 6, 2)
     options: dict[str, Any] = {"t_end": T_END, "method": method, "t_eval": [0.2, 0.5], "force": [(0.1, [3.0, 1.0]), (0.35, [0.0, -2.0])]}
@@ -120,7 +121,7 @@ def test_rows_of_elastic_arms(method: str) -> None:
 @pytest.mark.parametrize("method", METHODS)
 def test_rows_that_fail(method: str) -> None:
     """A row that diverges, and a row whose angle exceeds the range of the programs' sines. The other rows keep their bits."""
-    arm = al.planar_arm([0.5, 0.4])
+    arm = models.TWO_LINKS
     rng = np.random.default_rng(10)
     q0, v0 = start(rng, 12, 2)
     q0[4], v0[7, 0], q0[9, 1] = 9.999e5, 1e7, 1.2e6

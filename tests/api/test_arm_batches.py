@@ -40,6 +40,7 @@ def digest(threads: int) -> str:
     return subprocess.run(command, env=environment, check=True, capture_output=True, text=True).stdout
 
 
+@pytest.mark.slow
 def test_every_number_of_threads_gives_the_same_bits() -> None:
     assert len({digest(threads) for threads in (1, 2, 5)}) == 1
 

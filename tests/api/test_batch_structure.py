@@ -111,6 +111,7 @@ def same_row(row: al.Run, run: al.Run, fields: tuple[str, ...] = FIELDS) -> None
         np.testing.assert_allclose(found[name], values, rtol=1e-6, atol=1e-8, err_msg=name)
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore")  # some rows start outside of limits or fall below their observer's noise
 @pytest.mark.parametrize("monitors", [True, False])
 @pytest.mark.parametrize("kind", KINDS)

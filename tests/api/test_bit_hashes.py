@@ -40,6 +40,7 @@ def hashes() -> dict[str, Any]:
         return dict(zip(names, pool.map(lambda name: bits.of(name, True), names), strict=True))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", bits.available())
 def test_the_bits_are_those_of_the_file_however_the_work_is_divided(name: str, hashes: dict[str, Any]) -> None:
     found = hashes[name]
@@ -51,6 +52,7 @@ def test_the_bits_are_those_of_the_file_however_the_work_is_divided(name: str, h
     assert not wrong, "\n".join([*wrong, bits.ADVICE])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", bits.available())
 def test_the_interpreter_has_the_bits_of_machine_code(name: str, hashes: dict[str, Any]) -> None:
     found = bits.of(name, False, ARMLET_PROGRAMS="interpreter")

@@ -181,6 +181,7 @@ def test_info(tmp_path: Path) -> None:
         assert word in result.stdout
 
 
+@pytest.mark.slow
 def test_the_demonstration_holds(tmp_path: Path) -> None:
     """All checks of the demonstration pass, and all figures exist."""
     result = armlet("demo", "--out", str(tmp_path / "out"), cwd=tmp_path)

@@ -16,6 +16,8 @@ from compiled_c import COMPILERS, Functions, build
 
 import armlet as al
 
+pytestmark = pytest.mark.compile
+
 PAIRS = ["mass_matrix", "coriolis_matrix", "gravity", "bias", "inverse_dynamics", "forward_dynamics", "regressor"]
 INPUTS = {
     "mass_matrix": 1,

@@ -13,7 +13,10 @@ from compiled_c import COMPILERS, Controller
 
 import armlet as al
 
-pytestmark = pytest.mark.filterwarnings("ignore:.*balance does not close:UserWarning", "ignore:.*close to unstable:UserWarning")
+pytestmark = [
+    pytest.mark.compile,
+    pytest.mark.filterwarnings("ignore:.*balance does not close:UserWarning", "ignore:.*close to unstable:UserWarning"),
+]
 
 BODY = [1.0, 0.1, 0.02, 0.1, 0.3, 0.01, 0.3, 0.02, 0.01, 0.2]
 PLANAR = models.TWO_LINKS

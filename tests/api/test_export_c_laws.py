@@ -20,7 +20,10 @@ from test_export_c_arms import ARMS, branched
 import armlet as al
 
 # Only the laws are compared, so the runs need not be accurate.
-pytestmark = pytest.mark.filterwarnings("ignore:.*balance does not close:UserWarning", "ignore:.*close to unstable:UserWarning")
+pytestmark = [
+    pytest.mark.compile,
+    pytest.mark.filterwarnings("ignore:.*balance does not close:UserWarning", "ignore:.*close to unstable:UserWarning"),
+]
 
 SIX, SEVEN = (al.load_urdf(al.example_urdf(name)) for name in ("six_axis", "seven_axis"))
 PLANAR = al.planar_arm([0.5, 0.4, 0.3], masses=[3.0, 2.0, 1.0])

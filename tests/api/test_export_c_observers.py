@@ -13,6 +13,8 @@ from test_export_c_arms import branched
 
 import armlet as al
 
+pytestmark = pytest.mark.compile
+
 SIX = models.SIX_AXES
 PLANAR = models.THREE_LINKS
 FULL = 40.0 * np.eye(3) + 3.0

@@ -18,6 +18,8 @@ from compiled_c import COMPILERS, Controller
 
 import armlet as al
 
+pytestmark = pytest.mark.compile
+
 ARM = models.TWO_HEAVY_LINKS.with_drives(armature=[0.1, 0.2], damping=[0.7, 0.3], friction=[0.2, 0.4])
 SIX = models.SIX_AXES
 N, P = ARM.n, len(ARM.parameters)

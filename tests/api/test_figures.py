@@ -181,6 +181,7 @@ def test_without_matplotlib_nothing_is_drawn(name: str, monkeypatch: pytest.Monk
     assert not style.available()
 
 
+@pytest.mark.slow
 def test_no_text_of_the_demonstration_is_cut_off(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Titles and axis labels are within their figures."""
     drawn: list[str] = []

@@ -44,6 +44,7 @@ def test_joint_names_in_figures(name: str) -> None:
     assert one_line(name) in drawn(figure)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", NAMES)
 def test_units_and_laws_of_a_stored_run_in_figures(name: str, tmp_path: Path) -> None:
     arm = models.PR
@@ -56,6 +57,7 @@ def test_units_and_laws_of_a_stored_run_in_figures(name: str, tmp_path: Path) ->
         assert any(one_line(name) in text for text in drawn(figure))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", NAMES)
 def test_titles_of_scenarios(name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     import json

@@ -85,6 +85,7 @@ def test_the_list_of_examples_is_complete() -> None:
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", EXAMPLES)
 def test_examples_run(name: str) -> None:
     text = inspect.getdoc(EXAMPLES[name])

@@ -66,6 +66,7 @@ LONG = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", LONG)
 def test_ctrl_c_ends_a_long_call(name: str, interrupted: Callable[[str], tuple[list[str], float]]) -> None:
     setup, call = LONG[name]

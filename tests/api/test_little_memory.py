@@ -110,6 +110,7 @@ except (MemoryError, al.InputError, TypeError) as error:
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", CASES)
 def test_a_large_request_is_an_error(case: str) -> None:
     before, call = CASES[case]

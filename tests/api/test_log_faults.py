@@ -5,13 +5,14 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import models
 import numpy as np
 import pytest
 
 import armlet as al
 from armlet import InputError
 
-ARM = al.planar_arm([0.5, 0.4])
+ARM = models.TWO_LINKS
 
 
 def read(tmp_path: Path, text: str | bytes, **options: Any) -> al.Log:

@@ -8,13 +8,14 @@ from copy import deepcopy
 from pathlib import Path
 from typing import Any
 
+import models
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
 import armlet as al
 
-ARM = al.planar_arm([0.5, 0.4])
+ARM = models.TWO_LINKS
 MOTION = al.Quintic([0.0, 0.0], [0.5, -0.3], 0.4)
 
 

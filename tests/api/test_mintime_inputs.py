@@ -153,6 +153,7 @@ def test_texts() -> None:
         assert repr(good).endswith('reason="")') and repr(bad).endswith(f'reason="{bad.reason}")')
 
 
+@pytest.mark.slow
 def test_an_infeasible_motion_of_many_turns_takes_similar_time() -> None:
     def spent(gravity_moment: float) -> float:
         begun = time.process_time()

@@ -57,6 +57,7 @@ def code(page: str) -> str:
     return "\n".join(line for line in lines if not line.startswith("Path("))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ROBOTS)
 def test_the_page_holds_for_other_robots(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any) -> None:
     monkeypatch.chdir(tmp_path)

@@ -10,6 +10,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
 import test_figures
 
 import armlet
@@ -41,6 +42,7 @@ for name, (_, draw) in DRAWN.items():
 """
 
 
+@pytest.mark.slow
 def test_the_first_figure_keeps_the_settings_of_the_notebook(tmp_path: Path) -> None:
     Path(tmp_path, "notebook_backend.py").write_text(BACKEND)
     tests = [str(folder) for folder in Path(__file__).parents[:2]]

@@ -102,6 +102,7 @@ def test_the_tables_have_every_option() -> None:
     assert len(CASES) > 100 and sum(len(case.options) for case in CASES.values()) > 500
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", CASES)
 def test_options_have_an_effect_or_are_refused(name: str) -> None:
     case = CASES[name]

@@ -342,6 +342,7 @@ print(b"".join(part.tobytes() for part in parts).hex())
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("isa", [None, "baseline"])
 def test_the_interpreter_gives_the_bits_of_machine_code(isa: str | None) -> None:
     held = {"ARMLET_ISA": isa} if isa else {}

@@ -234,6 +234,7 @@ def gone(pid: int) -> bool:
         return True
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("victim", ["worker", "client"])
 def test_sigkill(victim: str, tmp_path: Path) -> None:
     """A sweep that is killed repeatedly and then completed equals an undisturbed sweep to the last bit.

@@ -71,6 +71,7 @@ def test_arguments_of_metrics_are_refused() -> None:
         al.sweep(SCENARIO, VARY, bend=0.1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("chunk", [1, 4, 100])
 def test_a_cell_that_aborts(chunk: int, tmp_path: Path) -> None:
     """The worker of an aborting cell ends. The pool is replaced, with the caller's start method and initializer."""

@@ -7,6 +7,7 @@ import shutil
 import threading
 import time
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -18,6 +19,12 @@ from armlet.live.server import address, close_server
 NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
 # A message of Chromium when viser's page starts a drag: its passive event listener calls a function that needs an active one.
 OF_VISER = "Unable to preventDefault inside passive event listener invocation."
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    for item in items:
+        if item.path.is_relative_to(Path(__file__).parent):
+            item.add_marker(pytest.mark.browser)
 
 
 @pytest.fixture(scope="session")

@@ -65,6 +65,7 @@ def test_limits_hold_at_every_time(name: str) -> None:
     assert np.allclose(m(0.0), m(5.0), rtol=0.0, atol=1e-11)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [name for name in ARMS if name != "1R"])
 def test_deviations_are_smaller_than_with_random_sines(name: str) -> None:
     """The geometric mean of the deviations is at most half of that of one random sine per joint (median of 20)."""

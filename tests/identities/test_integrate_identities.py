@@ -28,6 +28,7 @@ def solve(problem: Problem, method: str, tol: float, **more: Any) -> al.Integrat
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "method"), pairs())
 def test_errors_fall_with_the_tolerance(name: str, method: str) -> None:
     problem = PROBLEMS[name]

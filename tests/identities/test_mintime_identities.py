@@ -175,6 +175,7 @@ def test_friction() -> None:
 TURNS = 32
 
 
+@pytest.mark.slow
 def test_swings_with_friction() -> None:
     """The time of the best swing is the sum of the times of its two legs. No turning angle of a grid gives a faster motion."""
     rows = problems(50, 10)

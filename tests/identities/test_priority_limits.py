@@ -82,6 +82,7 @@ def test_limits_are_refused_where_they_mean_nothing() -> None:
         al.PriorityVelocity(ARM, [task], "sns", q_min=float("nan"))
 
 
+@pytest.mark.slow
 def test_a_run_that_chatters_ends_soon_with_advice() -> None:
     tasks = [al.Task("link3", "xy", [2.0, 0.7], 5.0), al.Task("link1", "y", [-0.4], 5.0)]
     law, plant = al.PriorityVelocity(ARM, tasks, "sns", v_max=1.0), al.VelocityArm(ARM)

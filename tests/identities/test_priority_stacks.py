@@ -115,6 +115,7 @@ def check(b: Block, method: str) -> None:
         assert same[prefixes[-1].status == al.Status.SUCCESS].all()
 
 
+@pytest.mark.slow
 def test_no_lower_level_disturbs_a_higher_one(capsys: pytest.CaptureFixture[str]) -> None:
     rng, seen = np.random.default_rng(SEED), Counter[str]()
     for _ in range(max(1, COUNT // SIZE)):

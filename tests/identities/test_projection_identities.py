@@ -111,6 +111,7 @@ def test_inside_the_projection_changes_nothing() -> None:
     np.testing.assert_array_equal(np.asarray(runs[0].estimate), np.asarray(runs[1].estimate))
 
 
+@pytest.mark.slow
 def test_rows_of_a_batch_are_the_single_runs() -> None:
     """A batch has rows inside and outside of the boundary layer, and laws with different bounds."""
     rng = np.random.default_rng(33)

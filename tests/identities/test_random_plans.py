@@ -41,6 +41,7 @@ def progress(done: int, total: int, failed: int, started: float) -> None:
     sys.stderr.write(f"  {done:,} of {total:,} in {spent:.0f} s, {failed} failed, {left:.0f} s to go\n")
 
 
+@pytest.mark.slow
 def test_random_paths(capsys: pytest.CaptureFixture[str]) -> None:
     blocks, started, said = max(len(path_trials.STRATA), PATHS // path_trials.SIZE), time.monotonic(), time.monotonic()
     counts, points, worst = Counter[str](), Counter[str](), dict.fromkeys(path_trials.STRATA, -1.0)
@@ -77,6 +78,7 @@ class _Here:
         return map(function, items)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("stratum", link_trials.STRATA + friction_trials.STRATA)
 def test_random_links(stratum: str, capsys: pytest.CaptureFixture[str]) -> None:
     # Problems with friction are solved and checked by integration. There are fewer of them, to save time.

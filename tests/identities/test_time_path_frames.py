@@ -45,6 +45,7 @@ def origin(p: al.TimedPath, t: np.ndarray, frame: str) -> tuple[np.ndarray, np.n
     return np.einsum("kij,kj->ki", jacobian, v), np.einsum("kij,kj->ki", jacobian, a) + np.einsum("kij,kj->ki", change, v)
 
 
+@pytest.mark.slow
 def test_random_paths_keep_to_the_limits_of_a_frame() -> None:
     """The limits are respected at random times and near grid points."""
     rng = np.random.default_rng(24)

@@ -118,6 +118,7 @@ def problem(stratum: str, rng: np.random.Generator) -> tuple[Any, Any, np.ndarra
     return arm, checker, q, limits
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("stratum", ["nominal", "tiny", "limits", "repeated", "reversed", "end speed", "idle"])
 def test_random_paths(stratum: str, capsys: pytest.CaptureFixture[str]) -> None:
     rng = np.random.default_rng(sum(map(ord, stratum)))

@@ -58,6 +58,7 @@ def pair(n: int, form: str, option: str, start: str = "inside") -> tuple[Any, An
 CASES = [("natural", "scalar"), ("natural", "diagonal"), ("base", "scalar"), ("base", "full"), ("projection", "full"), ("mass", "diagonal")]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("start", ["inside", "near", "negative"])
 @pytest.mark.parametrize("n", [1, 2, 3, 5, 8])
 @pytest.mark.parametrize(("option", "form"), CASES)

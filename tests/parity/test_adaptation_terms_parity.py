@@ -60,6 +60,7 @@ def pair(option: str, n: int) -> tuple[Any, Any, tuple[Any, Any]]:
     return ours, expected, (arm, theirs)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("n", range(1, 9))
 @pytest.mark.parametrize("option", OPTIONS)
 def test_torques_and_rates(option: str, n: int) -> None:

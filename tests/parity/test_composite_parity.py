@@ -75,6 +75,7 @@ def reached(law: Any) -> NDArray[np.bool_]:
     return found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("n", range(1, 9))
 @pytest.mark.parametrize("option", OPTIONS)
 def test_terms(option: str, n: int) -> None:

@@ -48,6 +48,7 @@ def pair(option: str, n: int) -> tuple[Any, Any, tuple[Any, Any], dict[str, Any]
     return ours, expected, (arm, theirs), {"W": W, "tau": tau}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("n", range(1, 9))
 @pytest.mark.parametrize("option", [name for name in OPTIONS if name != "composite"])
 def test_terms(option: str, n: int) -> None:

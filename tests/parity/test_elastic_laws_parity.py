@@ -79,6 +79,7 @@ def test_torques(name: str, options: dict[str, Any], n: int, form: str) -> None:
             close(np.asarray(got[key]), want[key], 1e3, 1e-11)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "options"), [NAMES[1], NAMES[2], NAMES[3], NAMES[5], NAMES[-1]], ids=str)
 def test_runs(name: str, options: dict[str, Any]) -> None:
     """Runs with equal steps of the same method agree. Stiff springs damp the differences that rounding makes."""

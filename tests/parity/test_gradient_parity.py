@@ -46,6 +46,7 @@ CASES = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("sample_time", [None, 6e-3], ids=["continuous", "sampled"])
 @pytest.mark.parametrize(("law", "name", "value"), CASES, ids=[f"{law}.{name}" for law, name, _ in CASES])
 def test_sensitivities(law: str, name: str, value: Any, sample_time: float | None) -> None:

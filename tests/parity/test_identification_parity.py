@@ -21,6 +21,7 @@ Array = NDArray[np.float64]
 OPTIONS: list[dict[str, Any]] = [{}, {"armature": True}, {"friction": True}, {"armature": True, "friction": True}]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("options", OPTIONS, ids=str)
 @pytest.mark.parametrize(("n", "seed"), [(n, seed) for n in range(1, 9) for seed in range(2)])
 def test_base_parameters(n: int, seed: int, options: dict[str, Any]) -> None:
@@ -84,6 +85,7 @@ def compare(got: Any, want: Any, rounding: float) -> None:
     close(got.parameters, want.parameters, tolerance=rounding)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("options", OPTIONS, ids=str)
 @pytest.mark.parametrize("n", [1, 2, 4, 6])
 def test_identification(n: int, options: dict[str, Any]) -> None:

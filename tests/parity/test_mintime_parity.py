@@ -70,6 +70,7 @@ def test_two_limits() -> None:
         assert got.a_max == pytest.approx(expected.a_max, abs=scale) and got.a_min == pytest.approx(expected.a_min, abs=scale), row
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("shape", ["trapezoid_time", "minimum_jerk_time"])
 def test_shapes(shape: str) -> None:
     """Times of trapezoidal and minimum-jerk profiles agree.
@@ -152,6 +153,7 @@ def agree(got: al.TorqueOptimum, expected: Any, row: Any, tolerance: float = 1e-
         assert got.best.kind == expected.best.kind, row
 
 
+@pytest.mark.slow
 def test_torque_optimal_time() -> None:
     """Minimum times agree. For every second problem the torque limits differ in both directions."""
     kinds = []
@@ -164,6 +166,7 @@ def test_torque_optimal_time() -> None:
     assert {"monotone", "back-swing", "overshoot"} <= {*kinds} and len(kinds) >= 8
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rubs", [False, True], ids=["smooth", "rough"])
 def test_equal_ends(rubs: bool) -> None:
     """With equal start and end, the time is zero if the torque, with Coulomb friction, holds the pose.

@@ -145,6 +145,7 @@ def fall(library: Any, stop: int = 0, **options: Any) -> Any:
     return library.simulate(plant, law, [-0.5, -0.1], **options)
 
 
+@pytest.mark.slow
 def test_events() -> None:
     """DOP853 and Gragg-Bulirsch-Stoer at 1e-9 locate the same events within 1e-6 s.
 

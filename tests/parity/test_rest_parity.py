@@ -84,6 +84,7 @@ def test_rest(name: str, contact: str) -> None:
     assert np.abs(still.q - ours.q).max() > 1e-4
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("bandwidth", [None, 2000.0])
 @pytest.mark.parametrize("name", ["ElasticImpedance", "JointImpedance"])
 def test_elastic_limits(name: str, bandwidth: float | None) -> None:

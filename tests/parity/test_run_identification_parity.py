@@ -30,6 +30,7 @@ def records(run: Any) -> Array:
     return np.concatenate([q, v], axis=1)
 
 
+@pytest.mark.slow
 def test_joint_friction() -> None:
     """Damping and Coulomb friction of two joints from a noisy record: values and standard deviations agree."""
     ours, theirs = pair(np.random.default_rng(3), 2)
@@ -59,6 +60,7 @@ def test_joint_friction() -> None:
     assert np.all(np.abs(values - true) < 5.0 * deviations)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("known", [False, True], ids=["noise estimated", "noise known"])
 def test_stiffness(known: bool) -> None:
     """The stiffness of two joints from two noisy records: values and standard deviations agree."""
@@ -97,6 +99,7 @@ def test_stiffness(known: bool) -> None:
     np.testing.assert_array_equal(again.q, found.runs[0].q)
 
 
+@pytest.mark.slow
 def test_stiffness_and_starts() -> None:
     """The initial states of two records are unknown, too. Each record has its own."""
     ours, theirs = pair(np.random.default_rng(3), 2)

@@ -17,6 +17,7 @@ import armlet as al
 from armlet import reference as ref
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ratio", [0.3, 1.0, 2.5])
 @pytest.mark.parametrize("n", range(1, 9))
 def test_suggested_gains(n: int, ratio: float) -> None:

@@ -89,6 +89,7 @@ def shares(theirs: Any, p: al.TimedPath, t: np.ndarray, knots: np.ndarray, limit
     return used
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("n", [2, 3, 6])
 def test_no_limit_is_exceeded_between_grid_points(n: int) -> None:
     active: dict[str, float] = dict.fromkeys(KINDS, 0.0)
@@ -112,6 +113,7 @@ def test_no_limit_is_exceeded_between_grid_points(n: int) -> None:
     assert CASES < len(KINDS) or min(active.values()) > 0.99, active
 
 
+@pytest.mark.slow
 def test_the_judge_sees_a_motion_that_is_too_fast() -> None:
     """The check detects a violation: against a limit that is lower by 1e-6, each timing exceeds it."""
     arm, theirs = driven_tree(6, 0)
