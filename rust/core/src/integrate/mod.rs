@@ -218,8 +218,8 @@ pub trait FixedStep<S: Real, F: System<S>, B: Buffer<S>> {
     /// Advance `x` from `t` to `t + h`, s. `end` is the time at which the last input is evaluated. It is `t + h`, or just before `t + h` if
     /// the input jumps there.
     fn step(&mut self, system: &mut F, t: f64, h: f64, end: f64, x: &mut B);
-    /// Advance `x` by `count` steps of size `h`, s, starting at time `first * h`. Return false, without a change of `x`, if the steps must
-    /// be computed one by one.
+    /// Advance `x` by `count` steps of size `h`, s, starting at time `first * h`, with the samples of a sampled system. Return false, without
+    /// a change of `x`, if the steps must be computed one by one.
     fn stride(&mut self, _system: &mut F, _first: usize, _count: usize, _h: f64, _x: &mut B) -> bool {
         false
     }

@@ -124,9 +124,9 @@ impl BatchStepper {
             frame.fill(slots.signature.angle(), 0.0);
             rows::read(&mut frame, slots.state.first, &[Rows { numbers: x, width: states }], 0);
             rows::read(&mut frame, slots.tau.first, &[Rows { numbers: tau, width: n }], 0);
-            match programs.whole_step() {
-                Some(program) => program.run_along(&mut frame, &[], steps),
-                None => (0..steps).for_each(|_| programs.advance(&mut frame, |_, _| ())),
+            match programs.whole_steps() {
+                Some(whole) => whole.plain().run_along(&mut frame, &[], steps),
+                None => (0..steps).for_each(|_| programs.advance(&mut frame, false, |_, _| ())),
             }
             if engine == Engine::Interpreter || frame.slot_mut(slots.signature.angle()).iter().all(|&reach| reach < REDUCTION_LIMIT) {
                 rows::write(&frame, slots.state.first, states, x);

@@ -25,6 +25,8 @@ pub struct StepLoop<'a, S: Real> {
     pub(in crate::simulate) frames: Vec<Frame>,
     now: Exogenous<S>,
     control: Control<S>,
+    /// The number of steps between two samples that programs take. It is 0 if programs take no samples.
+    pub(in crate::simulate) hold: usize,
     /// The exogenous inputs of all whole steps from step 0 on, if they were evaluated before the run.
     pub(in crate::simulate) table: Option<&'a [f64]>,
     /// The log of the records that programs compute. `None` if programs compute no records.
@@ -36,7 +38,7 @@ impl<'a, S: Real> StepLoop<'a, S> {
     pub fn new<'b>(
         (recorded, engine): (Arc<Recorded>, Engine),
         world: World<'a>,
-        held: bool,
+        hold: usize,
         sampler: Option<Sampler<S>>,
         table: Option<&'a [f64]>,
         given: impl Fn(usize) -> &'b [f64],
@@ -58,7 +60,8 @@ impl<'a, S: Real> StepLoop<'a, S> {
         let (n, p) = (recorded.slots.tau.count, recorded.slots.law_rate.count);
         let now = world.instant();
         let states = [recorded.plant_states, recorded.slots.carried().count];
-        StepLoop { frames, now, control: Control::new(sampler, held, [n, p], states), recorded, programs, world, table, log: None }
+        let (held, hold) = (hold > 0, if sampler.is_some() { 0 } else { hold });
+        StepLoop { frames, now, control: Control::new(sampler, held, [n, p], states), hold, recorded, programs, world, table, log: None }
     }
 
     /// Let the programs compute and store a record every `steps` steps.
@@ -125,13 +128,24 @@ fn read<S: Real>(frames: &[Frame], slots: Slots, values: &mut [S]) {
 impl<S: Real> StepLoop<'_, S> {
     /// Advance the state `x` by some steps of size `h`, s. `run(frame, k)` runs a program in frame `k`.
     pub(in crate::simulate) fn advance(&mut self, h: f64, x: &mut [S], mut run: impl FnMut(&mut Frame, usize)) {
-        let (state, step) = (self.recorded.slots.carried(), self.recorded.slots.step);
+        let slots = &self.recorded.slots;
+        let (state, step) = (slots.carried(), slots.step);
         write(&mut self.frames, state, x);
         for (k, frame) in self.frames.iter_mut().enumerate() {
             frame.fill(step, h);
             run(frame, k);
         }
         read(&self.frames, state, x);
+        if self.control.held {
+            self.read_law();
+        }
+    }
+
+    /// Copy the results of the law from the frames to the control.
+    fn read_law(&mut self) {
+        let slots = &self.recorded.slots;
+        read(&self.frames, slots.tau, &mut self.control.tau);
+        read(&self.frames, slots.law_rate, &mut self.control.dz);
     }
 }
 
@@ -155,9 +169,7 @@ impl<S: Real> SimulatedLoop<S> for StepLoop<'_, S> {
         for frame in &mut self.frames {
             self.programs.answer(frame);
         }
-        let slots = &self.recorded.slots;
-        read(&self.frames, slots.tau, &mut self.control.tau);
-        read(&self.frames, slots.law_rate, &mut self.control.dz);
+        self.read_law();
     }
     fn hold(&mut self) {
         let slots = &self.recorded.slots;

@@ -12,8 +12,9 @@ use crate::memory;
 use crate::motion::Table;
 use crate::scalar::Real;
 use crate::simulate::loops::log::Log;
+use crate::simulate::loops::simulated_loop::SimulatedLoop;
 use crate::simulate::record::slots::StepSlots;
-use crate::simulate::record::step_programs::Programs;
+use crate::simulate::record::step_programs::{Programs, WholeSteps};
 use crate::simulate::world::World;
 use crate::trace::Frame;
 use std::marker::PhantomData;
@@ -126,60 +127,92 @@ impl<S: Real> StepMethod<S> {
     }
 }
 
-impl<S: Real> StepMethod<S> {
-    /// Compute several steps in parts, while the state remains in the frames.
-    fn stride_in_parts(&mut self, system: &mut StepLoop<'_, S>, first: usize, count: usize, h: f64, x: &mut [S]) {
-        let (recorded, all) = (system.recorded.clone(), system.programs.clone());
-        let slots = &recorded.slots;
-        for from in (first..first + count).step_by(STREAM_STEPS) {
-            let turns = STREAM_STEPS.min(first + count - from);
-            self.sample(slots, &system.world, equal(from, from + turns, h));
-            let mut log = system.log.take();
-            system.advance(h, x, |frame, k| {
-                for turn in 0..turns {
-                    self.place(slots, frame, k, turn);
-                    let step = from + turn;
-                    let mut due = log.as_mut().filter(|log| step.is_multiple_of(log.every));
-                    all.advance(frame, |programs, frame| match &mut due {
-                        Some(log) => {
-                            let i = step / log.every;
-                            programs.note(frame);
-                            log.note_state(i, k, frame);
-                            log.note_rest(i, k, frame);
-                        }
-                        None => programs.sum_up_later(frame),
-                    });
-                }
-            });
-            system.log = log;
-        }
+/// Consecutive steps of one frame: the first step, their number, and the number of steps between two samples, or 0.
+#[derive(Clone, Copy)]
+struct Steps {
+    from: usize,
+    turns: usize,
+    hold: usize,
+}
+
+impl Steps {
+    /// Whether step `step` begins with a sample.
+    fn is_sampled(self, step: usize) -> bool {
+        self.hold > 0 && step.is_multiple_of(self.hold)
+    }
+
+    /// Return the number of steps from `step` on that one program computes: all begin with a sample, or none. If steps store records,
+    /// every `every`-th step, which begins with a record, is computed alone.
+    fn alike(self, step: usize, every: Option<usize>) -> usize {
+        let samples = match self.hold {
+            0 | 1 => self.turns,
+            hold if step.is_multiple_of(hold) => 1,
+            hold => hold - step % hold,
+        };
+        let records = every.map_or(self.turns, |every| if step.is_multiple_of(every) { 1 } else { every - step % every });
+        samples.min(records).min(self.from + self.turns - step)
     }
 }
 
-/// Compute whole steps of frame `k` from step `from` on, with the records that are due.
-fn run_noting(
-    programs: &Programs,
-    width: usize,
-    log: &mut Log,
-    (frame, k): (&mut Frame, usize),
-    stream: &[f64],
-    (from, turns): (usize, usize),
-) {
-    let (Some(plain), Some(noting)) = (programs.whole_step(), programs.noted_step()) else { unreachable!("the steps are whole and noted") };
-    let mut turn = 0;
-    while turn < turns {
-        let since = (from + turn) % log.every;
-        if since > 0 {
-            let count = (log.every - since).min(turns - turn);
-            plain.run_along(frame, &stream[turn * width..], count);
-            turn += count;
-            continue;
+/// Compute whole steps of frame `k`, with the samples and records that are due. `width` is the size of the inputs of a step in the stream.
+fn run_whole(whole: &WholeSteps, steps: Steps, mut log: Option<&mut Log>, (frame, k): (&mut Frame, usize), stream: &[f64], width: usize) {
+    let mut step = steps.from;
+    while step < steps.from + steps.turns {
+        let count = steps.alike(step, log.as_ref().map(|log| log.every));
+        let mut record = log.as_deref_mut().filter(|log| step.is_multiple_of(log.every)).map(|log| (step / log.every, log));
+        let program = whole.of_run(steps.is_sampled(step), record.is_some());
+        if let Some((i, log)) = &mut record {
+            log.note_state(*i, k, frame);
         }
-        let i = (from + turn) / log.every;
-        log.note_state(i, k, frame);
-        noting.run_along(frame, &stream[turn * width..], 1);
-        log.note_rest(i, k, frame);
-        turn += 1;
+        program.run_along(frame, &stream[(step - steps.from) * width..], count);
+        if let Some((i, log)) = record {
+            log.note_rest(i, k, frame);
+        }
+        step += count;
+    }
+}
+
+impl<S: Real> StepMethod<S> {
+    /// Compute steps of frame `k` in parts, with the samples and records that are due.
+    fn run_parts(&self, (slots, programs): (&StepSlots, &Programs), steps: Steps, mut log: Option<&mut Log>, frame: &mut Frame, k: usize) {
+        for (turn, step) in (steps.from..steps.from + steps.turns).enumerate() {
+            self.place(slots, frame, k, turn);
+            let mut due = log.as_deref_mut().filter(|log| step.is_multiple_of(log.every));
+            programs.advance(frame, steps.is_sampled(step), |programs, frame| match &mut due {
+                Some(log) => {
+                    let i = step / log.every;
+                    programs.note(frame);
+                    log.note_state(i, k, frame);
+                    log.note_rest(i, k, frame);
+                }
+                None => programs.sum_up_later(frame),
+            });
+        }
+    }
+
+    /// Compute several steps, while the state remains in the frames.
+    fn run_steps(&mut self, system: &mut StepLoop<'_, S>, (first, count): (usize, usize), h: f64, x: &mut [S]) {
+        let (recorded, programs) = (system.recorded.clone(), system.programs.clone());
+        let (slots, hold) = (&recorded.slots, system.hold);
+        // The inputs of a step in parts are copied to the frame, so that no table is used.
+        let table = system.table.filter(|_| programs.whole_steps().is_some());
+        let (most, width) = (if table.is_some() { count } else { STREAM_STEPS }, slots.new_instants() * slots.exogenous.slots.count);
+        for from in (first..first + count).step_by(most) {
+            let steps = Steps { from, turns: most.min(first + count - from), hold };
+            if table.is_none() {
+                self.sample(slots, &system.world, equal(from, from + steps.turns, h));
+            }
+            let mut log = system.log.take();
+            system.advance(h, x, |frame, k| match programs.whole_steps() {
+                Some(whole) => {
+                    let stream = table.map_or_else(|| self.stream(k), |table| &table[from * width..]);
+                    let lanes = if slots.shared { 1 } else { frame.lanes() };
+                    run_whole(whole, steps, log.as_mut(), (frame, k), stream, width * lanes);
+                }
+                None => self.run_parts((slots, &programs), steps, log.as_mut(), frame, k),
+            });
+            system.log = log;
+        }
     }
 }
 
@@ -189,7 +222,7 @@ pub fn tabulate(slots: &StepSlots, programs: &Programs, world: &World, schedule:
     let (steps, h) = (schedule.steps, schedule.dt);
     let (width, new) = (slots.exogenous.slots.count, slots.new_instants());
     let numbers = width.checked_mul(new)?.checked_mul(steps)?.checked_add(width)?;
-    if !slots.shared || programs.whole_step().is_none() || numbers > LARGEST_TABLE {
+    if !slots.shared || programs.whole_steps().is_none() || numbers > LARGEST_TABLE {
         return None;
     }
     let (mut table, mut times) = (memory::zeros(numbers).ok()?, Vec::new());
@@ -206,40 +239,23 @@ impl<S: Real> FixedStep<S, StepLoop<'_, S>, Vec<S>> for StepMethod<S> {
         let (recorded, programs) = (system.recorded.clone(), system.programs.clone());
         self.sample(&recorded.slots, &system.world, std::iter::once([t, h, end]));
         let slots = &recorded.slots;
-        system.advance(h, x, |frame, k| match programs.whole_step() {
-            Some(program) => program.run_along(frame, self.stream(k), 1),
+        system.advance(h, x, |frame, k| match programs.whole_steps() {
+            Some(whole) => whole.plain().run_along(frame, self.stream(k), 1),
             None => {
                 self.place(slots, frame, k, 0);
-                programs.advance(frame, |_, _| ());
+                programs.advance(frame, false, |_, _| ());
             }
         });
     }
 
     fn stride(&mut self, system: &mut StepLoop<'_, S>, first: usize, count: usize, h: f64, x: &mut Vec<S>) -> bool {
-        let (recorded, programs) = (system.recorded.clone(), system.programs.clone());
-        let Some(program) = programs.repeated() else {
-            self.stride_in_parts(system, first, count, h, x);
+        if system.control().sampler.is_none() {
+            self.run_steps(system, (first, count), h, x);
             return true;
-        };
-        let (table, mut done) = (system.table, 0);
-        let most = if table.is_some() { count } else { STREAM_STEPS };
-        while done < count {
-            let (turns, from) = ((count - done).min(most), first + done);
-            if table.is_none() {
-                self.sample(&recorded.slots, &system.world, equal(from, from + turns, h));
-            }
-            let width = recorded.slots.new_instants() * recorded.slots.exogenous.slots.count;
-            let mut log = system.log.take();
-            system.advance(h, x, |frame, k| {
-                let stream = table.map_or_else(|| self.stream(k), |table| &table[from * width..]);
-                let lanes = if recorded.slots.shared { 1 } else { frame.lanes() };
-                match &mut log {
-                    Some(log) => run_noting(&programs, width * lanes, log, (frame, k), stream, (from, turns)),
-                    None => program.run_along(frame, stream, turns),
-                }
-            });
-            system.log = log;
-            done += turns;
+        }
+        for step in first..first + count {
+            system.sample(step as f64 * h, x);
+            self.run_steps(system, (step, 1), h, x);
         }
         true
     }

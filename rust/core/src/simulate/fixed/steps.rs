@@ -129,14 +129,14 @@ fn run_block<S, F, M>(
         let mut k = step;
         while k < to {
             let t = after_jump(&schedule.breaks[..*next_break], schedule.time(k));
-            if hold != 0 && k.is_multiple_of(hold) {
-                system.sample(t, x);
-                method.restart();
-            }
-            let smooth = if careful || offset > 0.0 { 0 } else { smooth_steps(schedule, k, to, hold, *next_break) };
+            let smooth = if careful || offset > 0.0 { 0 } else { smooth_steps(schedule, k, to, *next_break) };
             if smooth > 0 && method.stride(system, k, smooth, schedule.dt, x) {
                 k += smooth;
                 continue;
+            }
+            if hold != 0 && k.is_multiple_of(hold) {
+                system.sample(t, x);
+                method.restart();
             }
             if let Some(i) = schedule.noted(k) {
                 system.note(i, t, x);
@@ -173,9 +173,8 @@ fn block(step: usize, hold: usize) -> usize {
     if inside > 0 { (hold - inside).min(BLOCK) } else { BLOCK / hold.min(BLOCK) * hold.min(BLOCK) }
 }
 
-/// Return the number of equal steps from `step` on, up to `to` at most. In these steps the input does not jump, and no sample is taken
-/// between two of them.
-fn smooth_steps(schedule: &Schedule, step: usize, to: usize, hold: usize, next_break: usize) -> usize {
+/// Return the number of equal steps from `step` on, up to `to` at most. In these steps the exogenous input does not jump.
+fn smooth_steps(schedule: &Schedule, step: usize, to: usize, next_break: usize) -> usize {
     // If the system computes metrics or records within steps, the first step is computed separately. A step is also computed separately if
     // the last jump equals its start up to rounding, but is later.
     let start = schedule.time(step);
@@ -184,9 +183,6 @@ fn smooth_steps(schedule: &Schedule, step: usize, to: usize, hold: usize, next_b
     }
     // The last step is excluded, because it may be shorter. A step in which the input jumps, or at whose end it jumps, is excluded, too.
     let mut end = to.min(schedule.steps - 1);
-    if hold != 0 {
-        end = end.min(step - step % hold + hold);
-    }
     if let Some(jump) = schedule.breaks.get(next_break) {
         end = end.min(((jump / schedule.dt) as usize).saturating_sub(1));
     }

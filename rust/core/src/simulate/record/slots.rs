@@ -110,6 +110,11 @@ impl StepSlots {
         self.state.part(0, self.state.count + self.metrics.count)
     }
 
+    /// The results of the law: the plant's input, then the others.
+    pub fn law(&self) -> Slots {
+        self.tau.part(0, self.tau.count + self.law_rate.count)
+    }
+
     /// The number of instants of a step that are not also instants of the previous step.
     pub fn new_instants(&self) -> usize {
         self.instants.len() - usize::from(self.ends_at_last())

@@ -12,12 +12,13 @@
 
 use super::key::Common;
 use super::metrics::Sums;
-use super::records::Notes;
+use super::records::{Noted, Notes};
 use super::slots::{Instant, StepSlots};
-use super::step_programs::{self, Noting, Programs, Summing, Tracing, Watch};
+use super::step_programs::{self, Noting, Programs, Stages, StepResults, Summing, Tracing, Watch};
 use super::structure::{LoopParameters, MetricsAndRecords, Seen, entries, instant, set_up};
 use crate::integrate::{Advance, ExplicitSteps, MethodKind, System, WithExplicitSteps};
 use crate::linalg::Pairs;
+use crate::scalar::Real;
 use crate::simulate::closed_loop::ClosedLoop;
 use crate::simulate::metrics::gauge::Start;
 use crate::simulate::problem::Problem;
@@ -110,7 +111,7 @@ fn record(problem: &Problem, run: usize, common: Common, plain: Option<bool>) ->
 /// Record the rates and the step, and the law if `with_law` is true. `in_parts` selects whether the step is divided into parts. If it is
 /// `None`, the size of the rates decides.
 fn trace(
-    closed: ClosedLoop,
+    mut closed: ClosedLoop,
     extras: MetricsAndRecords,
     (method, with_law, in_parts): (ExplicitSteps, bool, Option<bool>),
     slots: &StepSlots,
@@ -119,40 +120,93 @@ fn trace(
     let u: Vec<Exogenous<Sym>> = slots.instants.iter().map(|_| one()).collect();
     let (x, stored, h) = (slots.state.declare(), slots.metrics.declare(), sym::input());
     let (tau, dz, firsts) = (slots.tau.declare(), slots.law_rate.declare(), slots.reference.declare());
-    let (stage, stage_input, mut rates) = (slots.stage.declare(), one(), slots.rates.declare());
-    let mut closed = RecordedLoop { closed, slots, cuts: None };
+    let (stage, stage_input) = (slots.stage.declare(), one());
+    slots.rates.declare();
     if with_law {
-        closed.closed.answer(&u[0], &x);
+        closed.answer(&u[0], &x);
     }
-    let law: Vec<Sym> = closed.closed.tau.iter().chain(closed.closed.law_rate()).copied().collect();
-    let mut acting = closed.closed.tau.clone();
-    if closed.closed.is_held() {
-        closed.closed.hold_input(&tau, &dz);
-        acting.clone_from(&tau);
+    let law = closed.results();
+    let is_sampled = closed.is_held() && with_law;
+    if closed.is_held() {
+        closed.hold_input(&tau, &dz);
     }
-    // The metrics are recorded at this point, so that they share the law's result at this state with the step.
-    let sums = extras.sums.map(|mut sums| {
-        let mut sum_up = |tau: &[Sym], start: Start| {
-            let mut stored = stored.clone();
-            sums.add(&u[0].desired, &x, tau, h, start, &mut stored);
-            entries(stored)
-        };
-        let [along, stage] = [&acting, &tau].map(|tau| sum_up(tau, Start::Known));
-        Summing { along, stage, alone: sum_up(&tau, Start::Requested) }
-    });
-    let notes = extras.notes.map(|notes| [&acting, &tau].map(|tau| notes.take(&u[0], &x, tau, &firsts)));
+    // The metrics and records are recorded at this point, so that they share the law's result at this state with the step.
+    let mut start = StepStart { extras, u: &u[0], x: &x, h, stored: &stored, firsts: &firsts };
+    let (sums, notes) = (start.summing(&tau), start.noting(&tau));
+    let (along, sampled) = (start.along(&closed.tau), is_sampled.then(|| start.along(&law[..tau.len()])));
     let before = sym::recorded().0;
-    closed.rhs(&stage_input, &stage, &mut rates);
-    let stage_tau = if closed.closed.is_held() { Vec::new() } else { entries(closed.closed.tau.clone()) };
-    if in_parts.unwrap_or(sym::recorded().0 - before > LARGE) {
-        closed.cuts = Some(Vec::new());
+    let all = stage_results(&mut closed, &stage_input, &stage);
+    let stages = in_parts.unwrap_or(sym::recorded().0 - before > LARGE).then(|| {
+        let sampled = is_sampled.then(|| {
+            closed.answer(&stage_input, &stage);
+            let law = closed.results();
+            closed.hold_results(&law);
+            (stage_results(&mut closed, &stage_input, &stage).0, entries(law))
+        });
+        if is_sampled {
+            closed.hold_input(&tau, &dz);
+        }
+        Stages { all, sampled }
+    });
+    let step = |closed: &mut ClosedLoop, along: StepResults| {
+        let system = RecordedLoop { closed, slots, cuts: stages.as_ref().map(|_| Vec::new()) };
+        let task = OneStep { u: u.clone(), h };
+        let Ok((next, cuts)) = method.apply(system, x.clone(), u[0].clone(), task) else {
+            unreachable!("plants without velocities were refused")
+        };
+        (StepResults { next: entries(next), ..along }, cuts)
+    };
+    let (held, cuts) = step(&mut closed, along);
+    let sampled = sampled.filter(|_| stages.is_none()).map(|along| {
+        closed.hold_results(&law);
+        step(&mut closed, along).0
+    });
+    Tracing { law: entries(law), stages, cuts: cuts.unwrap_or_default(), step: held, sampled, sums, notes }
+}
+
+/// Record the rates of a stage. Return them, and the input of the plant if the law is in every stage.
+fn stage_results(closed: &mut ClosedLoop, u: &Exogenous<Sym>, x: &[Sym]) -> (Vec<u32>, Vec<u32>) {
+    let mut rates = vec![Sym::zero(); x.len()];
+    closed.rhs(u, x, &mut rates);
+    (entries(rates), if closed.is_held() { Vec::new() } else { entries(closed.tau.clone()) })
+}
+
+/// Records the metrics and records at the start of a step.
+struct StepStart<'a> {
+    extras: MetricsAndRecords<'a>,
+    u: &'a Exogenous<Sym>,
+    x: &'a [Sym],
+    h: Sym,
+    /// The stored numbers of the metrics, and the reference values of the monitors.
+    stored: &'a [Sym],
+    firsts: &'a [Sym],
+}
+
+impl StepStart<'_> {
+    /// Record the updates of the metrics with the plant's input `tau`.
+    fn sum_up(&mut self, tau: &[Sym], start: Start) -> Option<Vec<u32>> {
+        let mut stored = self.stored.to_vec();
+        self.extras.sums.as_mut()?.add(&self.u.desired, self.x, tau, self.h, start, &mut stored);
+        Some(entries(stored))
     }
-    let first = u[0].clone();
-    let Ok((next, cuts)) = method.apply(closed, x, first, OneStep { u, h }) else { unreachable!("plants without velocities were refused") };
-    let rates = cuts.is_some().then(|| (entries(rates), stage_tau));
-    let notes =
-        notes.map(|[along, alone]| Noting { along: entries(along.numbers), alone: entries(alone.numbers), firsts: entries(alone.firsts) });
-    Tracing { law: entries(law), rates, cuts: cuts.unwrap_or_default(), next: entries(next), sums, notes }
+
+    /// Record the numbers of a record with the plant's input `tau`.
+    fn note(&self, tau: &[Sym]) -> Option<Noted> {
+        Some(self.extras.notes.as_ref()?.take(self.u, self.x, tau, self.firsts))
+    }
+
+    fn summing(&mut self, tau: &[Sym]) -> Option<Summing> {
+        Some(Summing { stage: self.sum_up(tau, Start::Known)?, alone: self.sum_up(tau, Start::Requested)? })
+    }
+
+    fn noting(&self, tau: &[Sym]) -> Option<Noting> {
+        self.note(tau).map(|noted| Noting { alone: entries(noted.numbers), firsts: entries(noted.firsts) })
+    }
+
+    /// Record what a step with the plant's input `tau` computes in addition to the next state.
+    fn along(&mut self, tau: &[Sym]) -> StepResults {
+        StepResults { next: Vec::new(), sums: self.sum_up(tau, Start::Known), notes: self.note(tau).map(|noted| entries(noted.numbers)) }
+    }
 }
 
 /// Records a step of size `h` with the exogenous inputs `u`.
@@ -161,31 +215,31 @@ struct OneStep {
     h: Sym,
 }
 
-impl<'a> WithExplicitSteps<Sym, RecordedLoop<'a>> for OneStep {
+impl<'a, 'b> WithExplicitSteps<Sym, RecordedLoop<'a, 'b>> for OneStep {
     /// The next state, and the cuts of a step that is divided into parts.
     type Output = (Vec<Sym>, Option<Vec<Cut>>);
 
-    fn with_explicit<M>(self, mut closed: RecordedLoop<'a>, mut x: Vec<Sym>, mut method: M) -> Self::Output
+    fn with_explicit<M>(self, mut system: RecordedLoop<'a, 'b>, mut x: Vec<Sym>, mut method: M) -> Self::Output
     where
-        M: Advance<Sym, RecordedLoop<'a>, Vec<Sym>>,
+        M: Advance<Sym, RecordedLoop<'a, 'b>, Vec<Sym>>,
     {
         for (k, u) in self.u.into_iter().enumerate() {
             *method.input(k) = u;
         }
-        method.advance(&mut closed, self.h, &mut x);
-        (x, closed.cuts)
+        method.advance(&mut system, self.h, &mut x);
+        (x, system.cuts)
     }
 }
 
 /// A loop that records its evaluations.
-struct RecordedLoop<'a> {
-    closed: ClosedLoop<'a>,
-    slots: &'a StepSlots,
+struct RecordedLoop<'a, 'b> {
+    closed: &'b mut ClosedLoop<'a>,
+    slots: &'b StepSlots,
     /// The cuts before each evaluation of the rates. `None` if the step is not divided.
     cuts: Option<Vec<Cut>>,
 }
 
-impl System<Sym> for RecordedLoop<'_> {
+impl System<Sym> for RecordedLoop<'_, '_> {
     type Input = Exogenous<Sym>;
     /// Does nothing, because the inputs are already set.
     fn input(&mut self, _: f64, _: &mut Exogenous<Sym>) {}

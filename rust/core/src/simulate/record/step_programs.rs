@@ -9,36 +9,51 @@ use crate::trace::{Cut, Engine, Frame, Part, Program, Scratch, SlotTable, Slots,
 pub struct Tracing {
     /// The results of the law: the plant's input and the rate of the law's state.
     pub law: Vec<u32>,
-    /// The rates and the plant's input in a stage, if the rates are a separate program.
-    pub rates: Option<(Vec<u32>, Vec<u32>)>,
+    /// The stages, if their rates are separate programs.
+    pub stages: Option<Stages>,
     /// The cuts that divide the recording of a step, one before each evaluation of the rates. Empty if the step is not divided.
     pub cuts: Vec<Cut>,
-    /// The next state.
-    pub next: Vec<u32>,
+    /// A step with the law in every stage, or with the held input.
+    pub step: StepResults,
+    /// A step that begins with a sample of the law and holds its results. `None` if the law is in every stage, and for a divided step.
+    pub sampled: Option<StepResults>,
     /// The results of the program that updates the metrics.
     pub sums: Option<Summing>,
     /// The results of the program that computes records.
     pub notes: Option<Noting>,
 }
 
+/// The results of a step.
+pub struct StepResults {
+    /// The next state.
+    pub next: Vec<u32>,
+    /// The updates of the metrics at the start of a step, for records after the first one.
+    pub sums: Option<Vec<u32>>,
+    /// The numbers of a record at the start of the step.
+    pub notes: Option<Vec<u32>>,
+}
+
+/// The rates of one stage, and the results of the law that the stage evaluates.
+pub struct Stages {
+    pub all: (Vec<u32>, Vec<u32>),
+    /// The first stage of a step that begins with a sample. `None` if the law is in every stage.
+    pub sampled: Option<(Vec<u32>, Vec<u32>)>,
+}
+
 /// The results of the program that computes records. A record is the state, the input and the monitors.
 pub struct Noting {
     /// The results, with the plant's input that is stored in the program's frame.
     pub alone: Vec<u32>,
-    /// The results, with the plant's input that the same step uses.
-    pub along: Vec<u32>,
     /// The reference values of the monitors at the first record.
     pub firsts: Vec<u32>,
 }
 
-/// The results of an update of the metrics.
+/// The results of an update of the metrics, with the plant's input that is stored in the program's frame.
 pub struct Summing {
-    /// The results at any record, with the plant's input that is stored in the program's frame.
+    /// The results at any record.
     pub alone: Vec<u32>,
-    /// The results at records after the first one, with the plant's input that is stored in the program's frame.
+    /// The results at records after the first one.
     pub stage: Vec<u32>,
-    /// The results at records after the first one, with the plant's input that the same step uses.
-    pub along: Vec<u32>,
 }
 
 /// A callback for each part of a recording that becomes a program. It receives the name of the program, and whether it computes lanes.
@@ -51,34 +66,73 @@ pub struct Programs {
     step: Step,
     /// Updates the metrics from the state, the first instant, the input and the step size.
     sums: Option<Program>,
-    /// Updates the metrics at records after the first one. If one program computes a whole step, this program computes the update and the
-    /// step. Otherwise it computes only the update, after the first stage of a step.
-    along: Option<Program>,
+    /// Updates the metrics at records after the first one, after the first stage of a step that is divided into parts.
+    later_sums: Option<Program>,
     /// Computes the input and the monitors of a record, from the state, the first instant and the input.
     notes: Option<Program>,
-    /// Computes a whole step that begins with a record.
-    noted_step: Option<Program>,
 }
 
 /// Computes the next state from the state, the exogenous inputs and the step size.
 enum Step {
-    Single(Program),
+    Single(Box<WholeSteps>),
     /// The parts of the step before, between and after the stages, and the rates of one stage.
     Stages {
         segments: Vec<Program>,
         rates: Program,
+        /// The rates of the first stage of a step that begins with a sample.
+        sampled: Option<Program>,
         /// The slots of the rates of a stage. The stored rates of every stage follow.
         slots: Slots,
     },
 }
 
+/// Programs of whole steps, which compute consecutive steps from a stream of exogenous inputs.
+pub struct WholeSteps {
+    /// Steps with the law in every stage, or with the held input.
+    held: WholeStep,
+    /// Steps that begin with a sample of the law. `None` if the law is in every stage.
+    sampled: Option<WholeStep>,
+}
+
+/// The programs of one kind of step.
+struct WholeStep {
+    /// The step alone.
+    plain: Program,
+    /// A step that begins with an update of the metrics.
+    summed: Option<Program>,
+    /// A step that begins with a record.
+    noted: Option<Program>,
+}
+
+impl WholeStep {
+    fn all(&self) -> impl Iterator<Item = &Program> {
+        [&self.plain].into_iter().chain(&self.summed).chain(&self.noted)
+    }
+}
+
+impl WholeSteps {
+    /// The step alone, with the law in every stage or with the held input.
+    pub fn plain(&self) -> &Program {
+        &self.held.plain
+    }
+
+    /// The program of steps in a run. `sampled`: whether they begin with a sample, if the law is sampled. `noted`: whether they begin with
+    /// a record. If the loop has metrics, they begin with an update of the metrics.
+    pub fn of_run(&self, sampled: bool, noted: bool) -> &Program {
+        let step = self.sampled.as_ref().filter(|_| sampled).unwrap_or(&self.held);
+        step.noted.as_ref().filter(|_| noted).or(step.summed.as_ref()).unwrap_or(&step.plain)
+    }
+}
+
 impl Programs {
     fn all(&self) -> impl Iterator<Item = &Program> {
-        let (parts, rates) = match &self.step {
-            Step::Single(program) => (std::slice::from_ref(program), None),
-            Step::Stages { segments, rates, .. } => (segments.as_slice(), Some(rates)),
+        let (segments, stages, whole) = match &self.step {
+            Step::Single(whole) => (&[][..], None, Some(whole)),
+            Step::Stages { segments, rates, sampled, .. } => (&segments[..], Some((rates, sampled)), None),
         };
-        parts.iter().chain(rates).chain([&self.law]).chain(&self.sums).chain(&self.along).chain(&self.notes).chain(&self.noted_step)
+        let stages = stages.into_iter().flat_map(|(rates, sampled)| [rates].into_iter().chain(sampled));
+        let whole = whole.into_iter().flat_map(|whole| [&whole.held].into_iter().chain(&whole.sampled)).flat_map(WholeStep::all);
+        segments.iter().chain(stages).chain(whole).chain([&self.law]).chain(&self.sums).chain(&self.later_sums).chain(&self.notes)
     }
 
     /// The number of slots of a frame for all programs.
@@ -106,8 +160,8 @@ impl Programs {
     /// Update the metrics with a record after the first one, if the step is divided into parts. Requires the plant's input in the program's
     /// frame.
     pub fn sum_up_later(&self, frame: &mut Frame) {
-        if let Some(along) = &self.along {
-            along.run(frame);
+        if let Some(sums) = &self.later_sums {
+            sums.run(frame);
         }
     }
 
@@ -118,35 +172,23 @@ impl Programs {
         }
     }
 
-    /// The program that computes consecutive steps from a stream of exogenous inputs, where each step begins with a record. It is `None` if
-    /// the step is divided into parts, or if records are not computed.
-    pub fn noted_step(&self) -> Option<&Program> {
-        self.noted_step.as_ref()
+    /// The programs of whole steps. The result is `None` if the step is divided into parts.
+    pub fn whole_steps(&self) -> Option<&WholeSteps> {
+        if let Step::Single(whole) = &self.step { Some(whole) } else { None }
     }
 
-    /// The program that computes consecutive steps from a stream of exogenous inputs. Each step begins with an update of the metrics, if
-    /// the loop has metrics. It is `None` if the step is divided into parts.
-    pub fn repeated(&self) -> Option<&Program> {
-        Some(self.along.as_ref().unwrap_or(self.whole_step()?))
-    }
-
-    /// The program that computes consecutive steps from a stream of exogenous inputs, without metrics and records. It is `None` if the step
-    /// is divided into parts.
-    pub fn whole_step(&self) -> Option<&Program> {
-        if let Step::Single(program) = &self.step { Some(program) } else { None }
-    }
-
-    /// Compute one step that is divided into parts, from the state, inputs and step size in the program's frame. Unless the input is held,
-    /// the first stage writes the plant's input to this frame. Then `first_stage` is called.
-    pub fn advance(&self, frame: &mut Frame, mut first_stage: impl FnMut(&Self, &mut Frame)) {
-        let Step::Stages { segments, rates, slots } = &self.step else { unreachable!("the step has no parts") };
+    /// Compute one step that is divided into parts, from the state, inputs and step size in the program's frame. `is_sampled`: whether the
+    /// step begins with a sample of the law. The first stage then writes the law's results to this frame, as every stage does if the law is
+    /// in every stage. After the first stage, `first_stage` is called.
+    pub fn advance(&self, frame: &mut Frame, is_sampled: bool, mut first_stage: impl FnMut(&Self, &mut Frame)) {
+        let Step::Stages { segments, rates, sampled, slots } = &self.step else { unreachable!("the step has no parts") };
         let lanes = frame.lanes();
         for (k, segment) in segments.iter().enumerate() {
             segment.run(frame);
             if k + 1 == segments.len() {
                 return;
             }
-            rates.run(frame);
+            sampled.as_ref().filter(|_| is_sampled && k == 0).unwrap_or(rates).run(frame);
             if k == 0 {
                 first_stage(self, frame);
             }
@@ -155,61 +197,98 @@ impl Programs {
     }
 }
 
-/// Make the programs of a recording for an engine, for one run or for lanes.
-pub fn make(ops: &[Op], slots: &StepSlots, tracing: &Tracing, (lanes, engine): (bool, Engine), watch: Watch) -> Programs {
-    let mut cuts = tracing.cuts.clone();
-    let outputs = slots.state.outputs(&tracing.next);
-    let next = outputs.clone();
-    cuts.push(Cut { end: ops.len() as u32, outputs });
-    let (places, mut free) = segments::join(ops, &mut cuts, slots.signature.slots() as u32);
+/// Makes the programs of one recording.
+struct Making<'a, 'b> {
+    ops: &'a [Op],
+    slots: &'a StepSlots,
+    lanes: bool,
+    engine: Engine,
+    /// The first slot that no program uses yet.
+    free: usize,
+    watch: Watch<'b>,
+}
+
+impl Making<'_, '_> {
+    /// Make a program that computes `outputs` from entry `start` on. `places` are the slots of the values before this entry.
+    fn part(&mut self, name: &str, start: u32, outputs: &[(u32, u32)], places: &SlotTable, stream: Option<Stream>) -> Program {
+        let (part, scratch) = (Part { ops: self.ops, start, outputs, places }, self.slots.signature.scratch(self.free));
+        (self.watch)(name.to_owned(), part, stream, scratch, self.lanes);
+        let made = Program::new(part, stream, scratch, form(self.lanes), self.engine);
+        self.free = made.slots();
+        made
+    }
+
+    fn program(&mut self, name: &str, outputs: &[(u32, u32)]) -> Program {
+        self.part(name, 0, outputs, &SlotTable::default(), None)
+    }
+
+    /// Make the programs of a whole step. A sampled step also writes the results of the law `law`.
+    fn whole_step(&mut self, [plain, summed, noted]: [&str; 3], results: &StepResults, law: &[u32]) -> WholeStep {
+        let slots = self.slots;
+        let next = [slots.state.outputs(&results.next), slots.law().outputs(law)].concat();
+        let mut program =
+            |name, more: Vec<(u32, u32)>| self.part(name, 0, &[next.clone(), more].concat(), &SlotTable::default(), Some(stream(slots)));
+        WholeStep {
+            plain: program(plain, Vec::new()),
+            summed: results.sums.as_ref().map(|sums| program(summed, slots.metrics.outputs(&sums[..slots.lasting]))),
+            noted: results.notes.as_ref().map(|notes| program(noted, slots.record.outputs(notes))),
+        }
+    }
+
+    /// Make the programs of a step that is divided into parts. `cuts` are the ends of its segments.
+    fn stages(&mut self, stages: &Stages, cuts: &[Cut], places: &SlotTable) -> Step {
+        let (slots, mut start) = (self.slots, 0);
+        let mut segments = Vec::new();
+        for (k, cut) in cuts.iter().enumerate() {
+            segments.push(self.part(&format!("segment{}", k + 1), start, &cut.outputs, places, None));
+            start = cut.end;
+        }
+        let mut stage = |name, (rates, law): &(Vec<u32>, Vec<u32>)| {
+            self.program(name, &[slots.law().outputs(law), slots.rates.outputs(rates)].concat())
+        };
+        let rates = stage("rates", &stages.all);
+        Step::Stages { segments, rates, sampled: stages.sampled.as_ref().map(|first| stage("sampled_rates", first)), slots: slots.rates }
+    }
+}
+
+/// Return the stream of the exogenous inputs of whole steps.
+fn stream(slots: &StepSlots) -> Stream {
     let Slots { first, count: width } = slots.exogenous.slots;
-    let stream = Stream {
+    Stream {
         first: first as u32,
         count: (width * slots.instants.len()) as u32,
         advance: (width * slots.new_instants()) as u32,
         spread: slots.shared,
+    }
+}
+
+/// Make the programs of a recording for an engine, for one run or for lanes.
+pub fn make(ops: &[Op], slots: &StepSlots, tracing: &Tracing, (lanes, engine): (bool, Engine), watch: Watch) -> Programs {
+    let mut cuts = tracing.cuts.clone();
+    cuts.push(Cut { end: ops.len() as u32, outputs: slots.state.outputs(&tracing.step.next) });
+    let (places, free) = segments::join(ops, &mut cuts, slots.signature.slots() as u32);
+    let mut making = Making { ops, slots, lanes, engine, free: free as usize, watch };
+    let step = match &tracing.stages {
+        Some(stages) => making.stages(stages, &cuts, &places),
+        None => Step::Single(Box::new(WholeSteps {
+            held: making.whole_step(["step", "summed_step", "noted_step"], &tracing.step, &[]),
+            sampled: tracing
+                .sampled
+                .as_ref()
+                .map(|results| making.whole_step(["sampled_step", "summed_sampled_step", "noted_sampled_step"], results, &tracing.law)),
+        })),
     };
-    let repeats = tracing.rates.is_none();
-    let mut program = |name: String, start: u32, outputs: &[(u32, u32)], places: &SlotTable, stream: Option<Stream>| {
-        let (part, scratch) = (Part { ops, start, outputs, places }, slots.signature.scratch(free as usize));
-        watch(name, part, stream, scratch, lanes);
-        let made = Program::new(part, stream, scratch, form(lanes), engine);
-        free = made.slots() as u32;
-        made
-    };
-    let none = SlotTable::default();
-    let mut starts: Vec<u32> = cuts.iter().map(|cut| cut.end).collect();
-    starts.insert(0, 0);
-    let name = |k: usize| if repeats { "step".into() } else { format!("segment{}", k + 1) };
-    let segments = cuts.iter().zip(&starts).enumerate();
-    let mut segments: Vec<Program> =
-        segments.map(|(k, (cut, &start))| program(name(k), start, &cut.outputs, &places, repeats.then_some(stream))).collect();
-    let law = program("law".into(), 0, &slots.tau.outputs(&tracing.law), &none, None);
-    let step = match &tracing.rates {
-        Some((rates, tau)) => {
-            let outputs = [slots.tau.outputs(tau), slots.rates.outputs(rates)].concat();
-            Step::Stages { segments, rates: program("rates".into(), 0, &outputs, &none, None), slots: slots.rates }
-        }
-        None => Step::Single(segments.remove(0)),
-    };
-    let (mut sums, mut along) = (None, None);
+    let law = making.program("law", &slots.law().outputs(&tracing.law));
+    let (mut sums, mut later_sums) = (None, None);
     if let Some(summing) = &tracing.sums {
-        sums = Some(program("sums".into(), 0, &slots.metrics.outputs(&summing.alone), &none, None));
-        let lasting = |entries: &[u32]| slots.metrics.outputs(&entries[..slots.lasting]);
-        along = Some(match step {
-            Step::Single(_) => program("summed_step".into(), 0, &[next.clone(), lasting(&summing.along)].concat(), &none, Some(stream)),
-            // The frame already contains the plant's input. The input is held, or the first stage of the step has written it.
-            Step::Stages { .. } => program("later_sums".into(), 0, &lasting(&summing.stage), &none, None),
-        });
+        sums = Some(making.program("sums", &slots.metrics.outputs(&summing.alone)));
+        // The frame already contains the plant's input. The input is held, or the first stage of the step has written it.
+        let later = || slots.metrics.outputs(&summing.stage[..slots.lasting]);
+        later_sums = tracing.stages.is_some().then(|| making.program("later_sums", &later()));
     }
-    let (mut notes, mut noted_step) = (None, None);
-    if let Some(noting) = &tracing.notes {
-        let alone = [slots.record.outputs(&noting.alone), slots.own_reference.outputs(&noting.firsts)].concat();
-        notes = Some(program("notes".into(), 0, &alone, &none, None));
-        if let Step::Single(_) = step {
-            let next = [next, slots.record.outputs(&noting.along)].concat();
-            noted_step = Some(program("noted_step".into(), 0, &next, &none, Some(stream)));
-        }
-    }
-    Programs { law, step, sums, along, notes, noted_step }
+    let notes = tracing.notes.as_ref().map(|noting| {
+        let outputs = [slots.record.outputs(&noting.alone), slots.own_reference.outputs(&noting.firsts)].concat();
+        making.program("notes", &outputs)
+    });
+    Programs { law, step, sums, later_sums, notes }
 }

@@ -141,7 +141,7 @@ pub fn run<S: Real>(structures: &Structures, group: RunGroup, fixed: &Fixed) -> 
         // size. The results of this lane are ignored.
         let row = |lane: usize| at(if same(lane).is_some() { lane } else { lead });
         let given = |lane: usize| same(lane).map_or(own.as_slice(), |(_, values)| values.as_slice());
-        let mut closed = loop_of::<S>(problem, (recorded, structures.engine), row, structures.table.as_deref(), given);
+        let mut closed = loop_of::<S>(problem, (recorded, structures.engine), row, (fixed.hold, structures.table.as_deref()), given);
         let method = StepMethod::new(&closed);
         let mut chosen = SelectedLanes { sink: &mut *sink, lanes: lanes.clone() };
         let group = RunGroup { problem, division, first, stop, sink: &mut chosen, observer: None };
@@ -185,16 +185,16 @@ fn initial_metrics<S: Real>(problem: &Problem, common: Common, run: impl Fn(usiz
     (0..lanes[0].len()).map(|k| S::from_lanes(|lane| lanes[lane][k])).collect()
 }
 
-/// Create the loop of a recording, for the runs `row(lane)` with the loop parameters `given(lane)`.
+/// Create the loop of a recording, for the runs `row(lane)` with the loop parameters `given(lane)`. `hold` is the number of steps between
+/// two calls of the sampled controller, or 0. `table` has the exogenous inputs of all steps.
 fn loop_of<'a, 'b, S: Real>(
     problem: &'a Problem<'a>,
     (recorded, engine): (&Arc<Recorded>, Engine),
     row: impl Fn(usize) -> usize + Copy,
-    table: Option<&'a [f64]>,
+    (hold, table): (usize, Option<&'a [f64]>),
     given: impl Fn(usize) -> &'b [f64],
 ) -> StepLoop<'a, S> {
-    let held = problem.options.sampling.is_some();
-    StepLoop::new((recorded.clone(), engine), world(problem, S::LANES, row), held, sampler(problem, row), table, given)
+    StepLoop::new((recorded.clone(), engine), world(problem, S::LANES, row), hold, sampler(problem, row), table, given)
 }
 
 /// Compute run `run` in lane `lane` of a group with the interpreter of its recording.
@@ -203,7 +203,7 @@ fn interpreted(structures: &Structures, group: RunGroup, fixed: &Fixed, (run, la
     let common = Common { lanes: false, sums: false, notes: None, ..structures.common };
     let parameters = structure::loop_parameters(problem, run, common);
     let recorded = step::of_run(problem, run, common, &parameters).recorded.clone();
-    let mut closed = loop_of::<f64>(problem, (&recorded, Engine::Interpreter), |_| run, None, |_| &parameters.values);
+    let mut closed = loop_of::<f64>(problem, (&recorded, Engine::Interpreter), |_| run, (fixed.hold, None), |_| &parameters.values);
     let mut chosen = SelectedLanes { sink, lanes: vec![Some(lane)] };
     let alone = RunGroup { problem, division, first: run, stop, sink: &mut chosen, observer: None };
     let method = StepMethod::new(&closed);
