@@ -3,7 +3,12 @@
 use super::closed_loop::{ClosedLoop, Closing};
 use super::monitors;
 use super::problem::Problem;
+use super::problem::sampling::Sampling;
+use super::sampled::clock::Clock;
+use super::sampled::frame_controller::{ControllerSlots, FrameController};
 use super::sampled::sampler::Sampler;
+use super::sampled::samples::Samples;
+use super::sampled::sensors::Sensors;
 use super::sampled::torque_sensing::TorqueSensing;
 use super::world::World;
 use crate::law::Route;
@@ -23,19 +28,39 @@ pub fn assemble<'a>(problem: &Problem<'a>, run: usize, storage: bool) -> ClosedL
     ClosedLoop::new(plant, problem.law(run), closing, (o.tau_max.as_deref(), period))
 }
 
-/// Return the clock of the controllers of the runs `run(lane)`. The result is `None` without sampling. A controller that only holds the
-/// law's output has no clock either, unless the law is a function that the caller supplies.
-pub fn sampler<S: Real>(problem: &Problem, run: impl Fn(usize) -> usize + Copy) -> Option<Sampler<S>> {
-    let (o, plant) = (&problem.options, problem.plant(run(0)));
+/// Return the sensors of the controller of run `run`, for measurements of the first `states` states of the plant.
+pub fn sensors(problem: &Problem, sampling: &Sampling, run: usize, states: usize) -> Sensors {
+    let seed = sampling.seed.wrapping_add(run as u64);
+    Sensors::new((sampling, seed, problem.options.grid()), [states, problem.plant(run).n()], TorqueSensing::of(problem, sampling, run))
+}
+
+/// Return the samples of the runs `run(lane)` of `all` lanes, in frames of `lanes` lanes each. The result is `None` without sampling.
+pub fn samples(
+    problem: &Problem,
+    slots: ControllerSlots,
+    [all, lanes]: [usize; 2],
+    run: impl Fn(usize) -> usize + Copy,
+) -> Option<Samples> {
+    let (sampling, dt) = (problem.options.sampling.as_ref()?, problem.options.grid());
+    // With jitter, the frame has one lane.
+    let clock = Clock::new(sampling, dt, sampling.seed.wrapping_add(run(0) as u64));
+    let controller = |first: usize| {
+        let sensors = (first..first + lanes).map(|lane| sensors(problem, sampling, run(lane), slots.measured.count));
+        FrameController::new(slots, sampling, sensors.collect())
+    };
+    let controllers = if sampling.is_plain() { Vec::new() } else { (0..all).step_by(lanes).map(controller).collect() };
+    Some(Samples { clock, dt, controllers })
+}
+
+/// Return the clock of the controller of run `run`. The result is `None` without sampling. A controller that only holds the law's output has
+/// no clock either, unless the law is a function that the caller supplies.
+pub fn sampler(problem: &Problem, run: usize) -> Option<Sampler> {
+    let (o, law) = (&problem.options, problem.law(run));
     // A law that the caller supplies may have internal states. So it is called only once per sample.
-    let called_once = problem.law(run(0)).route() == Route::Outside;
+    let sampling = o.sampling.as_ref().filter(|sampling| !sampling.is_plain() || law.route() == Route::Outside)?;
     let dissipated = usize::from(o.monitors && !problem.watches_storage());
-    let sizes = (plant.states(), plant.n(), problem.law(run(0)).initial_state().len() + dissipated);
-    o.sampling.as_ref().filter(|sampling| !sampling.is_plain() || called_once).map(|sampling| {
-        let seeds = (0..S::LANES).map(|lane| sampling.seed.wrapping_add(run(lane) as u64)).collect();
-        let sensing = TorqueSensing::of(problem, sampling, run);
-        Sampler::new(sampling.clone(), seeds, o.grid(), sizes, sensing).with_torque_states(problem.law(run(0)).torque_states())
-    })
+    let sizes = [problem.plant(run).n(), law.initial_state().len() + dissipated, problem.state_size()];
+    Some(Sampler::new(sampling, sensors(problem, sampling, run, problem.plant(run).states()), sizes, law.torque_states()))
 }
 
 impl Problem<'_> {

@@ -125,17 +125,6 @@ impl<'a> ClosedLoop<'a> {
         self.dz.copy_from_slice(dz);
     }
 
-    /// Hold results of the law from this call on, as [`ClosedLoop::results`] returns them.
-    pub fn hold_results(&mut self, results: &[Sym]) {
-        let (tau, dz) = results.split_at(self.tau.len());
-        self.hold_input(tau, dz);
-    }
-
-    /// The results of the law: the plant's input, then the other results ([`ClosedLoop::law_rate`]).
-    pub fn results(&self) -> Vec<Sym> {
-        [self.tau.as_slice(), &self.dz].concat()
-    }
-
     /// The rate of the law's state that belongs to `tau`, followed by the law's dissipation if that is monitored.
     pub fn law_rate(&self) -> &[Sym] {
         &self.dz

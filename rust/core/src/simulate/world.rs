@@ -74,9 +74,14 @@ impl<'a> World<'a> {
         self.motions.iter().flatten().all(|motion| matches!(**motion, Motion::Hold(_)))
     }
 
+    /// Whether forces act.
+    pub fn has_forces(&self) -> bool {
+        !self.forces.is_empty() || self.pushed.is_some()
+    }
+
     /// Whether all desired motions are constant and no force acts.
     pub fn is_still(&self) -> bool {
-        self.has_targets() && self.forces.is_empty() && self.pushed.is_none()
+        self.has_targets() && !self.has_forces()
     }
 
     /// Apply `wrench` instead of the forces. `None` restores the forces.
@@ -143,20 +148,20 @@ impl<'a> World<'a> {
         if let Motion::Table(table) = &**motion { Some(table) } else { None }
     }
 
-    /// Write the exogenous input of lane `lane` at each time of `times` to a row of `width` numbers. A row contains the desired motions.
-    /// The wrench follows if `width` includes it. Values that lanes share are written only for lane 0.
-    pub fn sample_each(&self, lane: usize, times: &[f64], width: usize, out: &mut [f64]) {
+    /// Write the exogenous input of lane `lane` at each time of `times` to a row of `width` numbers. Rows of `out` are `stride` numbers apart.
+    /// A row contains the desired motions. The wrench follows if `width` includes it. Values that lanes share are written only for lane 0.
+    pub fn sample_each(&self, lane: usize, times: &[f64], [width, stride]: [usize; 2], out: &mut [f64]) {
         let own = |count: usize| if count > 1 { Some(lane) } else { (lane == 0).then_some(0) };
         let mut at = 0;
         for motions in &self.motions {
             if let Some(which) = own(motions.len()) {
-                motions[which].sample_each(times, width, &mut out[at..]);
+                motions[which].sample_each(times, stride, &mut out[at..]);
             }
             at += 3 * motions[0].dof();
         }
         if let (true, Some(which)) = (at < width, own(self.forces.len())) {
-            for (&t, row) in times.iter().zip(out.chunks_exact_mut(width)) {
-                row[at..].copy_from_slice(&self.forces[which].at(t));
+            for (&t, row) in times.iter().zip(out.chunks_mut(stride)) {
+                row[at..width].copy_from_slice(&self.forces[which].at(t));
             }
         }
     }

@@ -18,6 +18,7 @@ use crate::simulate::problem::force::Wrench;
 use crate::simulate::record::key::Common;
 use crate::simulate::record::rates::{self, Rates, RatesOfRun};
 use crate::simulate::sampled::control::Control;
+use crate::simulate::sampled::sampler::Sampler;
 use crate::simulate::world::{Exogenous, World};
 use crate::trace::{Engine, engine};
 
@@ -31,7 +32,9 @@ struct Source<'a> {
 /// A loop of one run.
 pub struct RatesLoop<'a> {
     pub(in crate::simulate) world: World<'a>,
-    pub(in crate::simulate) control: Control<f64>,
+    pub(in crate::simulate) control: Control,
+    /// The clock of a controller that does more than hold the law's output. `None` for other controllers.
+    sampler: Option<Sampler>,
     /// The law, if the caller supplies it, and the number of the plant's states that it reads.
     pub(in crate::simulate) law: Option<(ExternalSpec, usize)>,
     /// The joints or motors with stick-slip friction.
@@ -59,7 +62,8 @@ impl<'a> RatesLoop<'a> {
         let answer = p + usize::from(o.monitors && !problem.watches_storage());
         let limits = o.tau_max.clone().unwrap_or_default();
         let closed = RatesLoop {
-            control: Control::new(sampler(problem, |_| run), o.sampling.is_some(), [n, answer], [states, x.len()]),
+            control: Control::new(o.sampling.is_some(), [n, answer]),
+            sampler: sampler(problem, run),
             law: if let LawSpec::External(law) = problem.law(run) { Some((law.clone(), plant.seen())) } else { None },
             joints: StickingJoints::of(problem, run),
             limits,
@@ -131,7 +135,7 @@ impl<'a> RatesLoop<'a> {
 
     /// Return the times before `t_end` at which the sampler takes samples and at which their outputs act, s. Empty without a sampler.
     pub fn instants(&self, t_end: f64) -> Vec<f64> {
-        self.control.sampler.as_ref().map_or(Vec::new(), |sampler| sampler.instants(t_end))
+        self.sampler.as_ref().map_or(Vec::new(), |sampler| sampler.instants(t_end))
     }
 
     /// Whether machine code computes the rates, if the system permits it.
@@ -234,7 +238,7 @@ impl<'a> RatesLoop<'a> {
 
     /// Restart at `t = 0`.
     pub fn rewind(&mut self) {
-        if let Some(sampler) = &mut self.control.sampler {
+        if let Some(sampler) = &mut self.sampler {
             sampler.clear();
         }
     }
@@ -243,7 +247,7 @@ impl<'a> RatesLoop<'a> {
     /// not finite.
     pub fn undo_step(&mut self, t: f64, sides: &[i8]) {
         self.use_machine_code();
-        if let Some(sampler) = &mut self.control.sampler {
+        if let Some(sampler) = &mut self.sampler {
             sampler.discard_at(t, true);
         }
         self.set_modes_of_joints(sides);
@@ -252,8 +256,25 @@ impl<'a> RatesLoop<'a> {
     /// Continue at time `t`, s, from a state that the caller has set. A sample at `t` is taken again.
     pub fn replace_state(&mut self, t: f64) {
         self.use_machine_code();
-        if let Some(sampler) = &mut self.control.sampler {
+        if let Some(sampler) = &mut self.sampler {
             sampler.discard_at(t, false);
+        }
+    }
+}
+
+impl RatesLoop<'_> {
+    /// Evaluate the law at time `t` and state `x`, and write its results to the control.
+    fn observe(&mut self, t: f64, x: &[f64]) {
+        let mut now = std::mem::replace(&mut self.now, Exogenous { t, desired: Vec::new(), wrench: [0.0; 6] });
+        self.world.sample(t, &mut now);
+        self.evaluate_law(&now, x);
+        self.now = now;
+    }
+
+    /// Hold the results of the law in the control from now on.
+    fn hold(&mut self) {
+        if let [_, Some(rates)] = &mut self.evaluations {
+            rates.hold(&self.control.tau, &self.control.dz);
         }
     }
 }
@@ -286,22 +307,29 @@ impl System<f64> for RatesLoop<'_> {
 }
 
 impl SimulatedLoop<f64> for RatesLoop<'_> {
-    fn control(&mut self) -> &mut Control<f64> {
-        &mut self.control
+    fn sample(&mut self, t: f64, x: &[f64]) {
+        let Some(mut sampler) = self.sampler.take() else {
+            if self.control.held {
+                self.observe(t, x);
+                self.hold();
+            }
+            return;
+        };
+        sampler.run(t, x, |measured, tau, dz| {
+            self.observe(t, measured);
+            tau.copy_from_slice(&self.control.tau);
+            dz.copy_from_slice(&self.control.dz);
+        });
+        self.control.tau.copy_from_slice(&sampler.tau);
+        self.control.dz.copy_from_slice(&sampler.dz);
+        self.sampler = Some(sampler);
+        self.hold();
     }
-    fn observe(&mut self, t: f64, x: &[f64]) {
-        let mut now = std::mem::replace(&mut self.now, Exogenous { t, desired: Vec::new(), wrench: [0.0; 6] });
-        self.world.sample(t, &mut now);
-        self.evaluate_law(&now, x);
-        self.now = now;
-        if self.control.held {
-            self.hold();
+    fn input_at(&mut self, t: f64, x: &[f64]) -> &[f64] {
+        if !self.control.held {
+            self.observe(t, x);
         }
-    }
-    fn hold(&mut self) {
-        if let [_, Some(rates)] = &mut self.evaluations {
-            rates.hold(&self.control.tau, &self.control.dz);
-        }
+        &self.control.tau
     }
     fn enter_step(&mut self, t: f64, x: &[f64]) -> bool {
         !self.stays(t, x) && self.settle(t, x, None)

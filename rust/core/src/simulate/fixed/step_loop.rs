@@ -10,8 +10,8 @@ use crate::simulate::loops::sink::Sink;
 use crate::simulate::record::slots::Instant;
 use crate::simulate::record::step::Recorded;
 use crate::simulate::record::step_programs::Programs;
-use crate::simulate::sampled::control::Control;
-use crate::simulate::sampled::sampler::Sampler;
+use crate::simulate::sampled::frame_controller::ControllerSlots;
+use crate::simulate::sampled::samples::Samples;
 use crate::simulate::world::{Exogenous, World};
 use crate::trace::{Engine, Frame, Slots, form};
 use std::sync::Arc;
@@ -24,9 +24,10 @@ pub struct StepLoop<'a, S: Real> {
     /// The frames for all lanes of `S`. The number of lanes of a frame depends on the instruction set.
     pub(in crate::simulate) frames: Vec<Frame>,
     now: Exogenous<S>,
-    control: Control<S>,
-    /// The number of steps between two samples that programs take. It is 0 if programs take no samples.
-    pub(in crate::simulate) hold: usize,
+    /// The plant's input: the output of the law at its last evaluation, or the output that a sampled controller holds.
+    tau: Vec<S>,
+    /// The samples of the law. `None` if the law is in every stage.
+    pub(in crate::simulate) samples: Option<Samples>,
     /// The exogenous inputs of all whole steps from step 0 on, if they were evaluated before the run.
     pub(in crate::simulate) table: Option<&'a [f64]>,
     /// The log of the records that programs compute. `None` if programs compute no records.
@@ -35,11 +36,11 @@ pub struct StepLoop<'a, S: Real> {
 
 impl<'a, S: Real> StepLoop<'a, S> {
     /// Create the loop of several runs, one per lane. `given(lane)` are the loop parameters of a lane.
+    /// `samples(slots, lanes)` returns the samples for frames with `lanes` lanes.
     pub fn new<'b>(
         (recorded, engine): (Arc<Recorded>, Engine),
         world: World<'a>,
-        hold: usize,
-        sampler: Option<Sampler<S>>,
+        samples: impl FnOnce(&ControllerSlots, usize) -> Option<Samples>,
         table: Option<&'a [f64]>,
         given: impl Fn(usize) -> &'b [f64],
     ) -> Self {
@@ -57,11 +58,9 @@ impl<'a, S: Real> StepLoop<'a, S> {
             frame
         };
         let frames = (0..S::LANES).step_by(lanes).map(frame).collect();
-        let (n, p) = (recorded.slots.tau.count, recorded.slots.law_rate.count);
-        let now = world.instant();
-        let states = [recorded.plant_states, recorded.slots.carried().count];
-        let (held, hold) = (hold > 0, if sampler.is_some() { 0 } else { hold });
-        StepLoop { frames, now, control: Control::new(sampler, held, [n, p], states), hold, recorded, programs, world, table, log: None }
+        let (now, tau) = (world.instant(), vec![S::zero(); recorded.slots.tau.count]);
+        let samples = samples(&recorded.slots.controller, lanes);
+        StepLoop { frames, now, tau, samples, recorded, programs, world, table, log: None }
     }
 
     /// Let the programs compute and store a record every `steps` steps.
@@ -79,7 +78,7 @@ impl<'a, S: Real> StepLoop<'a, S> {
 
     /// Write these arguments to the frames. Unless the input is held, also evaluate the law.
     fn answer_in_frames(&mut self, t: f64, x: &[S]) {
-        if self.control.held { self.write_arguments(t, x) } else { self.observe(t, x) }
+        if self.samples.is_some() { self.write_arguments(t, x) } else { self.observe(t, x) }
     }
 
     /// Whether an angle of lane `lane` exceeded the range of the programs' sines.
@@ -136,16 +135,16 @@ impl<S: Real> StepLoop<'_, S> {
             run(frame, k);
         }
         read(&self.frames, state, x);
-        if self.control.held {
-            self.read_law();
-        }
+        read(&self.frames, slots.tau, &mut self.tau);
     }
 
-    /// Copy the results of the law from the frames to the control.
-    fn read_law(&mut self) {
-        let slots = &self.recorded.slots;
-        read(&self.frames, slots.tau, &mut self.control.tau);
-        read(&self.frames, slots.law_rate, &mut self.control.dz);
+    /// Evaluate the law at time `t` and state `x`.
+    fn observe(&mut self, t: f64, x: &[S]) {
+        self.write_arguments(t, x);
+        for frame in &mut self.frames {
+            self.programs.answer(frame);
+        }
+        read(&self.frames, self.recorded.slots.tau, &mut self.tau);
     }
 }
 
@@ -161,20 +160,24 @@ impl<S: Real> System<S> for StepLoop<'_, S> {
 }
 
 impl<S: Real> SimulatedLoop<S> for StepLoop<'_, S> {
-    fn control(&mut self) -> &mut Control<S> {
-        &mut self.control
-    }
-    fn observe(&mut self, t: f64, x: &[S]) {
+    fn sample(&mut self, t: f64, x: &[S]) {
+        let Some(mut samples) = self.samples.take() else { return };
         self.write_arguments(t, x);
-        for frame in &mut self.frames {
-            self.programs.answer(frame);
+        let step = samples.step(t);
+        for (k, frame) in self.frames.iter_mut().enumerate() {
+            if samples.begin(frame, k, step) {
+                self.programs.answer(frame);
+                samples.end(frame, k, step);
+            }
         }
-        self.read_law();
+        read(&self.frames, self.recorded.slots.tau, &mut self.tau);
+        self.samples = Some(samples);
     }
-    fn hold(&mut self) {
-        let slots = &self.recorded.slots;
-        write(&mut self.frames, slots.tau, &self.control.tau);
-        write(&mut self.frames, slots.law_rate, &self.control.dz);
+    fn input_at(&mut self, t: f64, x: &[S]) -> &[S] {
+        if self.samples.is_none() {
+            self.observe(t, x);
+        }
+        &self.tau
     }
     fn sum_up(&mut self, t: f64, h: f64, x: &mut [S]) {
         let recorded = self.recorded.clone();

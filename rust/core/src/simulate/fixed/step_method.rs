@@ -12,12 +12,13 @@ use crate::memory;
 use crate::motion::Table;
 use crate::scalar::Real;
 use crate::simulate::loops::log::Log;
-use crate::simulate::loops::simulated_loop::SimulatedLoop;
 use crate::simulate::record::slots::StepSlots;
 use crate::simulate::record::step_programs::{Programs, WholeSteps};
+use crate::simulate::sampled::samples::Samples;
 use crate::simulate::world::World;
 use crate::trace::Frame;
 use std::marker::PhantomData;
+use std::ops::Range;
 
 /// The capacity of a stream, in steps.
 const STREAM_STEPS: usize = 32;
@@ -39,6 +40,8 @@ pub struct StepMethod<S> {
     at: Option<usize>,
     /// Whether all inputs are constant.
     still: bool,
+    /// Whether every step reads all its inputs. Otherwise only samples and records read them, at the starts of their steps.
+    every_step: bool,
     /// The number of times for which `streams` already contains the inputs. If all inputs are constant, these need not be evaluated again.
     filled: usize,
     lanes: PhantomData<S>,
@@ -75,6 +78,7 @@ impl<S: Real> StepMethod<S> {
             table: world.only_table().filter(covers).cloned(),
             at: None,
             still: world.is_still(),
+            every_step: closed.samples.is_none() || world.has_forces() || slots.metrics.count > 0,
             filled: 0,
             lanes: PhantomData,
         }
@@ -93,14 +97,39 @@ impl<S: Real> StepMethod<S> {
         if self.at.is_some() {
             return;
         }
-        if slots.shared {
-            return world.sample_each(0, times, width, self.streams[0].numbers_mut());
+        self.evaluate(slots.shared, world, [width, width], 0);
+    }
+
+    /// Evaluate the exogenous inputs at `self.times`. Write them to rows of the streams, from number `at` of a lane on. A row has `width`
+    /// numbers, and rows are `stride` numbers apart.
+    fn evaluate(&mut self, shared: bool, world: &World, [width, stride]: [usize; 2], at: usize) {
+        if shared {
+            return world.sample_each(0, &self.times, [width, stride], &mut self.streams[0].numbers_mut()[at..]);
         }
         for lane in 0..S::LANES {
-            world.sample_each(lane, times, width, &mut self.lane);
+            world.sample_each(lane, &self.times, [width, stride], &mut self.lane);
             let lanes = self.streams[0].lanes();
-            let to = self.streams[lane / lanes].numbers_mut()[lane % lanes..].iter_mut().step_by(lanes);
-            to.zip(&self.lane[..times.len() * width]).for_each(|(to, &from)| *to = from);
+            let to = self.streams[lane / lanes].numbers_mut()[at * lanes + lane % lanes..].iter_mut().step_by(lanes);
+            to.zip(&self.lane[..self.times.len() * stride]).for_each(|(to, &from)| *to = from);
+        }
+    }
+
+    /// Evaluate the exogenous inputs that the steps `steps` of size `h`, s, read, and write them to the streams.
+    fn sample_all(&mut self, system: &StepLoop<S>, steps: Range<usize>, h: f64) {
+        let (slots, world) = (&system.recorded.slots, &system.world);
+        let (width, stride) = (slots.exogenous.slots.count, slots.exogenous.slots.count * slots.new_instants());
+        let Some(samples) = system.samples.as_ref().filter(|_| !self.every_step && !self.still && self.table.is_none() && width > 0) else {
+            return self.sample(slots, world, equal(steps.start, steps.end, h));
+        };
+        let mut first = steps.start;
+        while first < steps.end {
+            let count = if samples.clock.is_every_step() { steps.len() } else { 1 };
+            if samples.clock.due(first).is_some() || system.log.as_ref().is_some_and(|log| first.is_multiple_of(log.every)) {
+                self.times.clear();
+                self.times.extend((first..first + count).map(|step| step as f64 * h));
+                self.evaluate(slots.shared, world, [width, stride], (first - steps.start) * stride);
+            }
+            first += count;
         }
     }
 
@@ -127,58 +156,55 @@ impl<S: Real> StepMethod<S> {
     }
 }
 
-/// Consecutive steps of one frame: the first step, their number, and the number of steps between two samples, or 0.
-#[derive(Clone, Copy)]
-struct Steps {
-    from: usize,
-    turns: usize,
-    hold: usize,
-}
+/// The samples and records of a loop, if it has them.
+type Events<'a> = (Option<&'a mut Samples>, Option<&'a mut Log>);
 
-impl Steps {
-    /// Whether step `step` begins with a sample.
-    fn is_sampled(self, step: usize) -> bool {
-        self.hold > 0 && step.is_multiple_of(self.hold)
-    }
-
-    /// Return the number of steps from `step` on that one program computes: all begin with a sample, or none. If steps store records,
-    /// every `every`-th step, which begins with a record, is computed alone.
-    fn alike(self, step: usize, every: Option<usize>) -> usize {
-        let samples = match self.hold {
-            0 | 1 => self.turns,
-            hold if step.is_multiple_of(hold) => 1,
-            hold => hold - step % hold,
-        };
-        let records = every.map_or(self.turns, |every| if step.is_multiple_of(every) { 1 } else { every - step % every });
-        samples.min(records).min(self.from + self.turns - step)
-    }
-}
-
-/// Compute whole steps of frame `k`, with the samples and records that are due. `width` is the size of the inputs of a step in the stream.
-fn run_whole(whole: &WholeSteps, steps: Steps, mut log: Option<&mut Log>, (frame, k): (&mut Frame, usize), stream: &[f64], width: usize) {
-    let mut step = steps.from;
-    while step < steps.from + steps.turns {
-        let count = steps.alike(step, log.as_ref().map(|log| log.every));
-        let mut record = log.as_deref_mut().filter(|log| step.is_multiple_of(log.every)).map(|log| (step / log.every, log));
-        let program = whole.of_run(steps.is_sampled(step), record.is_some());
-        if let Some((i, log)) = &mut record {
-            log.note_state(*i, k, frame);
+/// Compute the whole steps `steps` of frame `k`, with the samples and records that are due. `width` is the size of the inputs of a step in
+/// the stream.
+fn run_whole(
+    programs: &WholeSteps,
+    steps: Range<usize>,
+    (mut samples, mut log): Events,
+    (frame, k): (&mut Frame, usize),
+    (stream, width): (&[f64], usize),
+) {
+    let mut step = steps.start;
+    while step < steps.end {
+        let is_sampled = samples.as_mut().is_some_and(|samples| samples.begin(frame, k, step));
+        let most = log.as_ref().map_or(usize::MAX, |log| if step.is_multiple_of(log.every) { 1 } else { log.every - step % log.every });
+        let most = most.min(steps.end - step);
+        let count = samples.as_ref().map_or(most, |samples| samples.alike(step, most));
+        let mut due = log.as_deref_mut().filter(|log| step.is_multiple_of(log.every));
+        if let Some(log) = &mut due {
+            log.note_state(step / log.every, k, frame);
         }
-        program.run_along(frame, &stream[(step - steps.from) * width..], count);
-        if let Some((i, log)) = record {
-            log.note_rest(i, k, frame);
+        programs.of_run(is_sampled, due.is_some()).run_along(frame, &stream[(step - steps.start) * width..], count);
+        if let Some(log) = due {
+            log.note_rest(step / log.every, k, frame);
+        }
+        if let Some(samples) = &mut samples {
+            samples.end(frame, k, step);
         }
         step += count;
     }
 }
 
 impl<S: Real> StepMethod<S> {
-    /// Compute steps of frame `k` in parts, with the samples and records that are due.
-    fn run_parts(&self, (slots, programs): (&StepSlots, &Programs), steps: Steps, mut log: Option<&mut Log>, frame: &mut Frame, k: usize) {
-        for (turn, step) in (steps.from..steps.from + steps.turns).enumerate() {
-            self.place(slots, frame, k, turn);
+    /// Compute the steps `steps` of frame `k` in parts, with the samples and records that are due.
+    fn run_parts(
+        &self,
+        (slots, programs): (&StepSlots, &Programs),
+        steps: Range<usize>,
+        (mut samples, mut log): Events,
+        (frame, k): (&mut Frame, usize),
+    ) {
+        for (turn, step) in steps.enumerate() {
+            let is_sampled = samples.as_mut().is_some_and(|samples| samples.begin(frame, k, step));
             let mut due = log.as_deref_mut().filter(|log| step.is_multiple_of(log.every));
-            programs.advance(frame, steps.is_sampled(step), |programs, frame| match &mut due {
+            if self.every_step || is_sampled || due.is_some() {
+                self.place(slots, frame, k, turn);
+            }
+            programs.advance(frame, is_sampled, |programs, frame| match &mut due {
                 Some(log) => {
                     let i = step / log.every;
                     programs.note(frame);
@@ -187,31 +213,9 @@ impl<S: Real> StepMethod<S> {
                 }
                 None => programs.sum_up_later(frame),
             });
-        }
-    }
-
-    /// Compute several steps, while the state remains in the frames.
-    fn run_steps(&mut self, system: &mut StepLoop<'_, S>, (first, count): (usize, usize), h: f64, x: &mut [S]) {
-        let (recorded, programs) = (system.recorded.clone(), system.programs.clone());
-        let (slots, hold) = (&recorded.slots, system.hold);
-        // The inputs of a step in parts are copied to the frame, so that no table is used.
-        let table = system.table.filter(|_| programs.whole_steps().is_some());
-        let (most, width) = (if table.is_some() { count } else { STREAM_STEPS }, slots.new_instants() * slots.exogenous.slots.count);
-        for from in (first..first + count).step_by(most) {
-            let steps = Steps { from, turns: most.min(first + count - from), hold };
-            if table.is_none() {
-                self.sample(slots, &system.world, equal(from, from + steps.turns, h));
+            if let Some(samples) = &mut samples {
+                samples.end(frame, k, step);
             }
-            let mut log = system.log.take();
-            system.advance(h, x, |frame, k| match programs.whole_steps() {
-                Some(whole) => {
-                    let stream = table.map_or_else(|| self.stream(k), |table| &table[from * width..]);
-                    let lanes = if slots.shared { 1 } else { frame.lanes() };
-                    run_whole(whole, steps, log.as_mut(), (frame, k), stream, width * lanes);
-                }
-                None => self.run_parts((slots, &programs), steps, log.as_mut(), frame, k),
-            });
-            system.log = log;
         }
     }
 }
@@ -229,7 +233,7 @@ pub fn tabulate(slots: &StepSlots, programs: &Programs, world: &World, schedule:
     for first in (0..steps).step_by(STREAM_STEPS).filter(|_| width > 0) {
         interrupt::check();
         instants(slots, equal(first, (first + STREAM_STEPS).min(steps), h), &mut times);
-        world.sample_each(0, &times, width, &mut table[first * new * width..]);
+        world.sample_each(0, &times, [width, width], &mut table[first * new * width..]);
     }
     Some(table)
 }
@@ -240,7 +244,7 @@ impl<S: Real> FixedStep<S, StepLoop<'_, S>, Vec<S>> for StepMethod<S> {
         self.sample(&recorded.slots, &system.world, std::iter::once([t, h, end]));
         let slots = &recorded.slots;
         system.advance(h, x, |frame, k| match programs.whole_steps() {
-            Some(whole) => whole.plain().run_along(frame, self.stream(k), 1),
+            Some(steps) => steps.plain().run_along(frame, self.stream(k), 1),
             None => {
                 self.place(slots, frame, k, 0);
                 programs.advance(frame, false, |_, _| ());
@@ -249,13 +253,29 @@ impl<S: Real> FixedStep<S, StepLoop<'_, S>, Vec<S>> for StepMethod<S> {
     }
 
     fn stride(&mut self, system: &mut StepLoop<'_, S>, first: usize, count: usize, h: f64, x: &mut Vec<S>) -> bool {
-        if system.control().sampler.is_none() {
-            self.run_steps(system, (first, count), h, x);
-            return true;
-        }
-        for step in first..first + count {
-            system.sample(step as f64 * h, x);
-            self.run_steps(system, (step, 1), h, x);
+        let (recorded, programs) = (system.recorded.clone(), system.programs.clone());
+        let slots = &recorded.slots;
+        // The inputs of a step in parts are copied to the frame, so that no table is used.
+        let table = system.table.filter(|_| programs.whole_steps().is_some());
+        let (most, width) = (if table.is_some() { count } else { STREAM_STEPS }, slots.new_instants() * slots.exogenous.slots.count);
+        for from in (first..first + count).step_by(most) {
+            let steps = from..(from + most).min(first + count);
+            if table.is_none() {
+                self.sample_all(system, steps.clone(), h);
+            }
+            let (mut samples, mut log) = (system.samples.take(), system.log.take());
+            system.advance(h, x, |frame, k| {
+                let events = (samples.as_mut(), log.as_mut());
+                match programs.whole_steps() {
+                    Some(whole_steps) => {
+                        let stream = table.map_or_else(|| self.stream(k), |table| &table[from * width..]);
+                        let width = width * if slots.shared { 1 } else { frame.lanes() };
+                        run_whole(whole_steps, steps.clone(), events, (frame, k), (stream, width));
+                    }
+                    None => self.run_parts((slots, &programs), steps.clone(), events, (frame, k)),
+                }
+            });
+            (system.samples, system.log) = (samples, log);
         }
         true
     }

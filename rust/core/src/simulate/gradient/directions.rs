@@ -149,7 +149,7 @@ impl<'a> Directions<'a> {
     /// Compute the exogenous input at time `t`.
     pub fn input(&self, t: f64, u: &mut [f64]) {
         if self.width > 0 {
-            self.base.sample_each(0, &[t], self.width, u);
+            self.base.sample_each(0, &[t], [self.width; 2], u);
         }
     }
 

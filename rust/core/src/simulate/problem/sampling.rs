@@ -121,6 +121,23 @@ impl Sampling {
         *self == Sampling { seed: self.seed, ..Sampling::every(self.period) }
     }
 
+    /// The parts of the controller that are recorded with its loop.
+    pub(in crate::simulate) fn parts(&self) -> Parts {
+        let encoders = self.noise.iter().chain(&self.resolution).any(|&x| x > 0.0);
+        let measures = encoders || self.sensor_delay > 0 || self.torque_sensor.is_some();
+        Parts { measures, delays: self.delay > 0.0, limits_rate: self.rate_limit.is_finite() }
+    }
+
+    /// The number of samples that are taken before an output acts.
+    pub(in crate::simulate) fn delayed(&self) -> u64 {
+        (self.delay / self.period).ceil() as u64
+    }
+
+    /// Return the jitter of sample `k` as a part of the largest jitter.
+    pub(in crate::simulate) fn lateness(seed: u64, k: u64) -> f64 {
+        uniform(seed, k, JITTER)
+    }
+
     /// Whether the input of the plant can differ from the law's last output.
     pub(in crate::simulate) fn changes_output(&self) -> bool {
         self.delay > 0.0 || self.rate_limit.is_finite()
@@ -128,7 +145,7 @@ impl Sampling {
 
     /// Return the time of sample `k`, s. If `grid > 0`, the jitter is rounded down to a multiple of `grid`, s.
     pub fn instant(&self, seed: u64, k: u64, grid: f64) -> f64 {
-        let late = if self.jitter > 0.0 { self.jitter * uniform(seed, k, JITTER) } else { 0.0 };
+        let late = if self.jitter > 0.0 { self.jitter * Self::lateness(seed, k) } else { 0.0 };
         let late = if grid > 0.0 { (late / grid).floor() * grid } else { late };
         k as f64 * self.period + late
     }
@@ -158,6 +175,17 @@ impl Sampling {
         let step = self.resolution[channel];
         if step > 0.0 { (x / step).round() * step } else { x }
     }
+}
+
+/// The parts of a sampled controller that are recorded with its loop.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Parts {
+    /// Whether the law receives a measurement that differs from the state.
+    pub measures: bool,
+    /// Whether outputs act later than they are computed.
+    pub delays: bool,
+    /// Whether the rate of the output is limited.
+    pub limits_rate: bool,
 }
 
 /// The random channel of the jitter. No measurement uses it.

@@ -7,6 +7,7 @@ use crate::plant::PlantSpec;
 use crate::simulate::metrics::plan::Plan;
 use crate::simulate::monitors::Monitored;
 use crate::simulate::problem::Problem;
+use crate::simulate::problem::sampling::{Parts, Sampling};
 
 /// The largest number of stored values of motions in all keys together: 32 MiB.
 pub const MOST_NUMBERS: usize = 1 << 22;
@@ -17,7 +18,8 @@ pub struct Key {
     plant: PlantSpec,
     law: LawSpec,
     method: Method,
-    held: bool,
+    /// The parts of a sampled controller. `None` without sampling.
+    sampled: Option<Parts>,
     monitors: bool,
     tau_max: Option<Vec<f64>>,
     /// The frame at which forces act, and the argument `force_frame` of the problem.
@@ -72,7 +74,7 @@ impl Key {
             plant: problem.plant(run).clone(),
             law: problem.law(run).clone(),
             method: o.method,
-            held: o.sampling.is_some(),
+            sampled: o.sampling.as_ref().map(Sampling::parts),
             monitors: o.monitors,
             tau_max: o.tau_max.clone(),
             force_frames: [problem.force_frame(), problem.force_frame],
@@ -83,7 +85,8 @@ impl Key {
 
     pub fn is_of(&self, problem: &Problem, run: usize, common: Common) -> bool {
         let (o, plant) = (&problem.options, problem.plant(run));
-        (self.method, self.held, self.monitors, self.common) == (o.method, o.sampling.is_some(), o.monitors, common)
+        (self.method, self.monitors, self.common) == (o.method, o.monitors, common)
+            && self.sampled == o.sampling.as_ref().map(Sampling::parts)
             && self.force_frames == [problem.force_frame(), problem.force_frame]
             && self.tau_max == o.tau_max
             && self.plant.same_shape(plant)

@@ -1,6 +1,8 @@
 //! The slots of a recorded loop in a frame, which is the memory of its programs. The names of the groups are the names of a listing.
 
 use crate::simulate::closed_loop::ClosedLoop;
+use crate::simulate::problem::sampling::Parts;
+use crate::simulate::sampled::frame_controller::ControllerSlots;
 use crate::trace::{Signature, Slots};
 
 /// The exogenous input at one instant: the desired motions, then the wrench. Without a force, the wrench has no slots.
@@ -41,8 +43,10 @@ pub struct StepSlots {
     pub lasting: usize,
     pub step: usize,
     pub tau: Slots,
-    /// The results of the law in addition to the plant's input. They follow the plant's input.
+    /// The results of the law in addition to the plant's input.
     pub law_rate: Slots,
+    /// The sampled controller.
+    pub controller: ControllerSlots,
     /// The reference values of the monitors, which are computed at the first record. There are none without records.
     pub reference: Slots,
     /// The state of a stage, and its exogenous input.
@@ -63,6 +67,7 @@ impl StepSlots {
         mut signature: Signature,
         closed: &ClosedLoop,
         (wrench, instants, shared): (usize, &'static [f64], bool),
+        (seen, parts): (usize, Parts),
         ((metrics, lasting), reference): ((usize, usize), usize),
     ) -> Self {
         let instant = |signature: &mut Signature| Instant::add(signature, ["desired", "force"], [closed.desired(), wrench]);
@@ -73,6 +78,12 @@ impl StepSlots {
         let metrics = input("sum", metrics);
         let step = input("h", 1).first;
         let (tau, law_rate) = (input("tau", closed.tau.len()), input("answer", closed.law_rate().len()));
+        let mut if_any = |name, count, any: bool| input(name, if any { count } else { 0 });
+        let measured = if_any("measured", seen, parts.measures);
+        let output = if_any("output", tau.count, parts.delays);
+        let output = if parts.delays { output } else { tau };
+        let change = if_any("change", 1, parts.limits_rate);
+        let controller = ControllerSlots { state: state.part(0, measured.count), measured, change, output, tau, others: law_rate };
         let reference = input("reference", reference);
         let stage = input("stage_state", closed.size());
         let stage_input = Instant::add(&mut signature, ["stage_desired", "stage_force"], exogenous.sizes());
@@ -89,6 +100,7 @@ impl StepSlots {
             step,
             tau,
             law_rate,
+            controller,
             reference,
             stage,
             stage_input,
@@ -110,9 +122,10 @@ impl StepSlots {
         self.state.part(0, self.state.count + self.metrics.count)
     }
 
-    /// The results of the law: the plant's input, then the others.
-    pub fn law(&self) -> Slots {
-        self.tau.part(0, self.tau.count + self.law_rate.count)
+    /// Pair the slots of the law's results with recorded operations: the output of the controller, then the other results.
+    pub fn law_outputs(&self, results: &[u32]) -> Vec<(u32, u32)> {
+        let (output, others) = results.split_at(results.len().min(self.tau.count));
+        [self.controller.output.outputs(output), self.law_rate.outputs(others)].concat()
     }
 
     /// The number of instants of a step that are not also instants of the previous step.

@@ -22,6 +22,8 @@ use crate::scalar::Real;
 use crate::simulate::closed_loop::ClosedLoop;
 use crate::simulate::metrics::gauge::Start;
 use crate::simulate::problem::Problem;
+use crate::simulate::problem::sampling::{Parts, Sampling};
+use crate::simulate::sampled::recorded_controller::Controller;
 use crate::simulate::world::Exogenous;
 use crate::trace::cache::Cache;
 use crate::trace::tape::Op;
@@ -35,8 +37,6 @@ const LARGE: u32 = 700;
 pub struct Recorded {
     pub slots: StepSlots,
     pub programs: ByEngine<Programs>,
-    /// The number of states of the plant, which are the first states.
-    pub plant_states: usize,
     /// Whether programs compute one run per lane.
     pub lanes: bool,
     ops: Vec<Op>,
@@ -92,20 +92,16 @@ fn record(problem: &Problem, run: usize, common: Common, plain: Option<bool>) ->
     let noted = extras.notes.as_ref().map_or(0, |_| closed.tau.len() + monitors);
     let MethodKind::ExplicitSteps(method) = problem.options.method.kind() else { unreachable!("the steps are explicit") };
     let context = (if problem.forces.is_empty() { 0 } else { 6 }, method.instants(), common.shared);
-    let mut slots = StepSlots::new(Signature::new(given), &closed, context, (metrics, reference));
-    let tracing = trace(closed, extras, (method, problem.law(run).route().is_recordable(), plain), &slots);
+    let (parts, law) = (problem.options.sampling.as_ref().map_or(Parts::default(), Sampling::parts), problem.law(run));
+    let controlled = (problem.plant(run).seen(), parts);
+    let mut slots = StepSlots::new(Signature::new(given), &closed, context, controlled, (metrics, reference));
+    let torque_states = law.torque_states().filter(|_| parts.delays || parts.limits_rate);
+    let tracing = trace(closed, extras, (method, law.route().is_recordable(), plain), torque_states, &slots);
     slots.end(tracing.cuts.len(), noted);
     debug_assert_eq!(sym::recorded().1 as usize, slots.signature.angle(), "all inputs have slots");
     let recording = sym::finish();
     assert!(!recording.failed, "a recorded law or plant does not branch on data");
-    Recorded {
-        slots,
-        programs: ByEngine::default(),
-        plant_states: problem.plant(run).states(),
-        lanes: common.lanes,
-        ops: recording.ops,
-        tracing,
-    }
+    Recorded { slots, programs: ByEngine::default(), lanes: common.lanes, ops: recording.ops, tracing }
 }
 
 /// Record the rates and the step, and the law if `with_law` is true. `in_parts` selects whether the step is divided into parts. If it is
@@ -114,37 +110,36 @@ fn trace(
     mut closed: ClosedLoop,
     extras: MetricsAndRecords,
     (method, with_law, in_parts): (ExplicitSteps, bool, Option<bool>),
+    torque_states: Option<usize>,
     slots: &StepSlots,
 ) -> Tracing {
     let one = || instant(slots.exogenous.sizes());
     let u: Vec<Exogenous<Sym>> = slots.instants.iter().map(|_| one()).collect();
     let (x, stored, h) = (slots.state.declare(), slots.metrics.declare(), sym::input());
-    let (tau, dz, firsts) = (slots.tau.declare(), slots.law_rate.declare(), slots.reference.declare());
+    let held = [slots.tau.declare(), slots.law_rate.declare()];
+    let controller = Controller::declare(&slots.controller, &held[0], torque_states);
+    let firsts = slots.reference.declare();
     let (stage, stage_input) = (slots.stage.declare(), one());
     slots.rates.declare();
-    if with_law {
-        closed.answer(&u[0], &x);
-    }
-    let law = closed.results();
     let is_sampled = closed.is_held() && with_law;
+    let law = if with_law { controller.sample(&mut closed, &u[0], &x) } else { held.clone() };
     if closed.is_held() {
-        closed.hold_input(&tau, &dz);
+        controller.hold(&mut closed, &held);
     }
     // The metrics and records are recorded at this point, so that they share the law's result at this state with the step.
     let mut start = StepStart { extras, u: &u[0], x: &x, h, stored: &stored, firsts: &firsts };
-    let (sums, notes) = (start.summing(&tau), start.noting(&tau));
-    let (along, sampled) = (start.along(&closed.tau), is_sampled.then(|| start.along(&law[..tau.len()])));
+    let (sums, notes) = (start.summing(&held[0]), start.noting(&held[0]));
+    let (along, sampled) = (start.along(&closed.tau), is_sampled.then(|| start.along(controller.acting(&law))));
     let before = sym::recorded().0;
     let all = stage_results(&mut closed, &stage_input, &stage);
     let stages = in_parts.unwrap_or(sym::recorded().0 - before > LARGE).then(|| {
         let sampled = is_sampled.then(|| {
-            closed.answer(&stage_input, &stage);
-            let law = closed.results();
-            closed.hold_results(&law);
-            (stage_results(&mut closed, &stage_input, &stage).0, entries(law))
+            let law = controller.sample(&mut closed, &stage_input, &stage);
+            controller.hold(&mut closed, &law);
+            (stage_results(&mut closed, &stage_input, &stage).0, entries(law.concat()))
         });
         if is_sampled {
-            closed.hold_input(&tau, &dz);
+            controller.hold(&mut closed, &held);
         }
         Stages { all, sampled }
     });
@@ -158,10 +153,10 @@ fn trace(
     };
     let (held, cuts) = step(&mut closed, along);
     let sampled = sampled.filter(|_| stages.is_none()).map(|along| {
-        closed.hold_results(&law);
+        controller.hold(&mut closed, &law);
         step(&mut closed, along).0
     });
-    Tracing { law: entries(law), stages, cuts: cuts.unwrap_or_default(), step: held, sampled, sums, notes }
+    Tracing { law: entries(law.concat()), stages, cuts: cuts.unwrap_or_default(), step: held, sampled, sums, notes }
 }
 
 /// Record the rates of a stage. Return them, and the input of the plant if the law is in every stage.

@@ -126,13 +126,13 @@ impl WholeSteps {
 
 impl Programs {
     fn all(&self) -> impl Iterator<Item = &Program> {
-        let (segments, stages, whole) = match &self.step {
-            Step::Single(whole) => (&[][..], None, Some(whole)),
+        let (segments, stages, steps) = match &self.step {
+            Step::Single(steps) => (&[][..], None, Some(steps)),
             Step::Stages { segments, rates, sampled, .. } => (&segments[..], Some((rates, sampled)), None),
         };
         let stages = stages.into_iter().flat_map(|(rates, sampled)| [rates].into_iter().chain(sampled));
-        let whole = whole.into_iter().flat_map(|whole| [&whole.held].into_iter().chain(&whole.sampled)).flat_map(WholeStep::all);
-        segments.iter().chain(stages).chain(whole).chain([&self.law]).chain(&self.sums).chain(&self.later_sums).chain(&self.notes)
+        let steps = steps.into_iter().flat_map(|steps| [&steps.held].into_iter().chain(&steps.sampled)).flat_map(WholeStep::all);
+        segments.iter().chain(stages).chain(steps).chain([&self.law]).chain(&self.sums).chain(&self.later_sums).chain(&self.notes)
     }
 
     /// The number of slots of a frame for all programs.
@@ -174,7 +174,7 @@ impl Programs {
 
     /// The programs of whole steps. The result is `None` if the step is divided into parts.
     pub fn whole_steps(&self) -> Option<&WholeSteps> {
-        if let Step::Single(whole) = &self.step { Some(whole) } else { None }
+        if let Step::Single(steps) = &self.step { Some(steps) } else { None }
     }
 
     /// Compute one step that is divided into parts, from the state, inputs and step size in the program's frame. `is_sampled`: whether the
@@ -225,7 +225,7 @@ impl Making<'_, '_> {
     /// Make the programs of a whole step. A sampled step also writes the results of the law `law`.
     fn whole_step(&mut self, [plain, summed, noted]: [&str; 3], results: &StepResults, law: &[u32]) -> WholeStep {
         let slots = self.slots;
-        let next = [slots.state.outputs(&results.next), slots.law().outputs(law)].concat();
+        let next = [slots.state.outputs(&results.next), slots.law_outputs(law)].concat();
         let mut program =
             |name, more: Vec<(u32, u32)>| self.part(name, 0, &[next.clone(), more].concat(), &SlotTable::default(), Some(stream(slots)));
         WholeStep {
@@ -235,19 +235,21 @@ impl Making<'_, '_> {
         }
     }
 
-    /// Make the programs of a step that is divided into parts. `cuts` are the ends of its segments.
-    fn stages(&mut self, stages: &Stages, cuts: &[Cut], places: &SlotTable) -> Step {
-        let (slots, mut start) = (self.slots, 0);
-        let mut segments = Vec::new();
-        for (k, cut) in cuts.iter().enumerate() {
-            segments.push(self.part(&format!("segment{}", k + 1), start, &cut.outputs, places, None));
-            start = cut.end;
-        }
-        let mut stage = |name, (rates, law): &(Vec<u32>, Vec<u32>)| {
-            self.program(name, &[slots.law().outputs(law), slots.rates.outputs(rates)].concat())
-        };
-        let rates = stage("rates", &stages.all);
-        Step::Stages { segments, rates, sampled: stages.sampled.as_ref().map(|first| stage("sampled_rates", first)), slots: slots.rates }
+    /// Make the program of the law.
+    fn law(&mut self, law: &[u32]) -> Program {
+        self.program("law", &self.slots.law_outputs(law))
+    }
+
+    /// Make the segments of a step that is divided into parts. `cuts` are their ends.
+    fn segments(&mut self, cuts: &[Cut], places: &SlotTable) -> Vec<Program> {
+        let starts = std::iter::once(0).chain(cuts.iter().map(|cut| cut.end));
+        let all = cuts.iter().zip(starts).enumerate();
+        all.map(|(k, (cut, start))| self.part(&format!("segment{}", k + 1), start, &cut.outputs, places, None)).collect()
+    }
+
+    /// Make the program of the rates of a stage, and of the results of the law that it evaluates.
+    fn stage(&mut self, name: &str, (rates, law): &(Vec<u32>, Vec<u32>)) -> Program {
+        self.program(name, &[self.slots.law_outputs(law), self.slots.rates.outputs(rates)].concat())
     }
 }
 
@@ -268,17 +270,20 @@ pub fn make(ops: &[Op], slots: &StepSlots, tracing: &Tracing, (lanes, engine): (
     cuts.push(Cut { end: ops.len() as u32, outputs: slots.state.outputs(&tracing.step.next) });
     let (places, free) = segments::join(ops, &mut cuts, slots.signature.slots() as u32);
     let mut making = Making { ops, slots, lanes, engine, free: free as usize, watch };
-    let step = match &tracing.stages {
-        Some(stages) => making.stages(stages, &cuts, &places),
-        None => Step::Single(Box::new(WholeSteps {
-            held: making.whole_step(["step", "summed_step", "noted_step"], &tracing.step, &[]),
-            sampled: tracing
-                .sampled
-                .as_ref()
-                .map(|results| making.whole_step(["sampled_step", "summed_sampled_step", "noted_sampled_step"], results, &tracing.law)),
-        })),
+    let (step, law) = match &tracing.stages {
+        Some(stages) => {
+            let (segments, law) = (making.segments(&cuts, &places), making.law(&tracing.law));
+            let rates = making.stage("rates", &stages.all);
+            let sampled = stages.sampled.as_ref().map(|first| making.stage("sampled_rates", first));
+            (Step::Stages { segments, rates, sampled, slots: slots.rates }, law)
+        }
+        None => {
+            let names = ["sampled_step", "summed_sampled_step", "noted_sampled_step"];
+            let held = making.whole_step(["step", "summed_step", "noted_step"], &tracing.step, &[]);
+            let sampled = tracing.sampled.as_ref().map(|results| making.whole_step(names, results, &tracing.law));
+            (Step::Single(Box::new(WholeSteps { held, sampled })), making.law(&tracing.law))
+        }
     };
-    let law = making.program("law", &slots.law().outputs(&tracing.law));
     let (mut sums, mut later_sums) = (None, None);
     if let Some(summing) = &tracing.sums {
         sums = Some(making.program("sums", &slots.metrics.outputs(&summing.alone)));

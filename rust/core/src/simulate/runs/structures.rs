@@ -7,7 +7,7 @@
 use super::division::{Division, Ended, Fixed};
 use super::run_group::RunGroup;
 use crate::scalar::{Array8, Real};
-use crate::simulate::assembly::{sampler, start, world};
+use crate::simulate::assembly::{samples, start, world};
 use crate::simulate::fixed::schedule::Within;
 use crate::simulate::fixed::step_loop::StepLoop;
 use crate::simulate::fixed::step_method::{StepMethod, tabulate};
@@ -19,6 +19,7 @@ use crate::simulate::problem::Problem;
 use crate::simulate::record::key::Common;
 use crate::simulate::record::step::{self, Recorded, SeenLoop};
 use crate::simulate::record::structure;
+use crate::simulate::sampled::frame_controller::ControllerSlots;
 use crate::trace::{Engine, engine};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -141,7 +142,7 @@ pub fn run<S: Real>(structures: &Structures, group: RunGroup, fixed: &Fixed) -> 
         // size. The results of this lane are ignored.
         let row = |lane: usize| at(if same(lane).is_some() { lane } else { lead });
         let given = |lane: usize| same(lane).map_or(own.as_slice(), |(_, values)| values.as_slice());
-        let mut closed = loop_of::<S>(problem, (recorded, structures.engine), row, (fixed.hold, structures.table.as_deref()), given);
+        let mut closed = loop_of::<S>(problem, (recorded, structures.engine), row, structures.table.as_deref(), given);
         let method = StepMethod::new(&closed);
         let mut chosen = SelectedLanes { sink: &mut *sink, lanes: lanes.clone() };
         let group = RunGroup { problem, division, first, stop, sink: &mut chosen, observer: None };
@@ -185,16 +186,16 @@ fn initial_metrics<S: Real>(problem: &Problem, common: Common, run: impl Fn(usiz
     (0..lanes[0].len()).map(|k| S::from_lanes(|lane| lanes[lane][k])).collect()
 }
 
-/// Create the loop of a recording, for the runs `row(lane)` with the loop parameters `given(lane)`. `hold` is the number of steps between
-/// two calls of the sampled controller, or 0. `table` has the exogenous inputs of all steps.
+/// Create the loop of a recording, for the runs `row(lane)` with the loop parameters `given(lane)`. `table` has the exogenous inputs of all steps.
 fn loop_of<'a, 'b, S: Real>(
     problem: &'a Problem<'a>,
     (recorded, engine): (&Arc<Recorded>, Engine),
     row: impl Fn(usize) -> usize + Copy,
-    (hold, table): (usize, Option<&'a [f64]>),
+    table: Option<&'a [f64]>,
     given: impl Fn(usize) -> &'b [f64],
 ) -> StepLoop<'a, S> {
-    StepLoop::new((recorded.clone(), engine), world(problem, S::LANES, row), hold, sampler(problem, row), table, given)
+    let samples = |slots: &ControllerSlots, lanes: usize| samples(problem, *slots, [S::LANES, lanes], row);
+    StepLoop::new((recorded.clone(), engine), world(problem, S::LANES, row), samples, table, given)
 }
 
 /// Compute run `run` in lane `lane` of a group with the interpreter of its recording.
@@ -203,7 +204,7 @@ fn interpreted(structures: &Structures, group: RunGroup, fixed: &Fixed, (run, la
     let common = Common { lanes: false, sums: false, notes: None, ..structures.common };
     let parameters = structure::loop_parameters(problem, run, common);
     let recorded = step::of_run(problem, run, common, &parameters).recorded.clone();
-    let mut closed = loop_of::<f64>(problem, (&recorded, Engine::Interpreter), |_| run, (fixed.hold, None), |_| &parameters.values);
+    let mut closed = loop_of::<f64>(problem, (&recorded, Engine::Interpreter), |_| run, None, |_| &parameters.values);
     let mut chosen = SelectedLanes { sink, lanes: vec![Some(lane)] };
     let alone = RunGroup { problem, division, first: run, stop, sink: &mut chosen, observer: None };
     let method = StepMethod::new(&closed);

@@ -1,7 +1,13 @@
-//! Sampled controllers. `sampler` has their clock, `control` the held input, and `torque_sensing` their torque sensors. `motor_loop` checks
-//! the stability of motor loops.
+//! Sampled controllers. `sensors` measures the state, and `torque_sensing` has the torque sensors. `clock` has the samples in steps of equal
+//! size. `recorded_controller`, `frame_controller` and `samples` are the controllers of loops whose steps are programs. `sampler` is the clock of other loops, and
+//! `control` their input. `motor_loop` checks the stability of motor loops.
 
+pub mod clock;
 pub mod control;
+pub mod frame_controller;
 pub mod motor_loop;
+pub mod recorded_controller;
 pub mod sampler;
+pub mod samples;
+pub mod sensors;
 pub mod torque_sensing;

@@ -8,9 +8,8 @@
 //! reading. At the first sample, `tau_f = tau_J`. `theta` is the motor position. Without a resolution, the reading is not rounded.
 
 use crate::error::{Error, Result};
-use crate::linalg::gain::{AnyGain, Gain};
+use crate::linalg::gain::AnyGain;
 use crate::plant::sensors::TorqueSensor;
-use crate::scalar::Real;
 use crate::simulate::problem::Problem;
 use crate::simulate::problem::sampling::{CHANNELS, Sampling, gaussian};
 
@@ -19,55 +18,40 @@ const TORQUE: u64 = 1 << 32;
 
 /// The exact and the filtered torques of one sample, shape `(n,)` each, N m or N.
 #[derive(Clone, Debug)]
-pub struct Sensed<S> {
-    torque: Vec<S>,
-    filtered: Vec<S>,
+pub struct Sensed {
+    torque: Vec<f64>,
+    filtered: Vec<f64>,
 }
 
-impl<S: Real> Sensed<S> {
+impl Sensed {
     pub fn new(n: usize) -> Self {
-        Sensed { torque: vec![S::zero(); n], filtered: vec![S::zero(); n] }
+        Sensed { torque: vec![0.0; n], filtered: vec![0.0; n] }
     }
 }
 
-/// The torque sensors of all joints and lanes.
+/// The torque sensors of all joints of one run.
 #[derive(Clone, Debug)]
-pub struct TorqueSensing<S> {
+pub struct TorqueSensing {
     sensor: TorqueSensor,
     /// The stiffness `K` of the plant.
-    stiffness: AnyGain<S>,
+    stiffness: AnyGain<f64>,
     /// The inverse `K_law^-1` of the law's stiffness. `K_law` is `K` for a law without a stiffness.
-    compliance: AnyGain<S>,
-    stretch: Vec<S>,
-    readings: Vec<S>,
+    compliance: AnyGain<f64>,
+    stretch: Vec<f64>,
+    readings: Vec<f64>,
 }
 
-/// Return the gain `of(i)` in each lane `i`. If all gains are diagonal, they are stored as diagonals, otherwise as full matrices.
-fn in_lanes<'a, S: Real>(of: impl Fn(usize) -> &'a Gain) -> AnyGain<S> {
-    let n = of(0).n();
-    let entry = |i: usize, j: usize| S::from_lanes(|lane| of(lane).at(i, j));
-    if (0..S::LANES).all(|lane| of(lane).is_diagonal()) {
-        AnyGain::Diagonal((0..n).map(|i| entry(i, i)).collect())
-    } else {
-        AnyGain::Full((0..n * n).map(|k| entry(k / n, k % n)).collect())
-    }
-}
-
-impl<S: Real> TorqueSensing<S> {
-    /// Return the sensors of a problem, or `None` without sensors. `run(lane)` is the run of a lane.
-    pub fn of(problem: &Problem, sampling: &Sampling, run: impl Fn(usize) -> usize) -> Option<Self> {
+impl TorqueSensing {
+    /// Return the sensors of run `run` of a problem, or `None` without sensors.
+    pub fn of(problem: &Problem, sampling: &Sampling, run: usize) -> Option<Self> {
         let sensor = sampling.torque_sensor.clone()?;
-        let springs: Vec<(&Gain, Gain)> = (0..S::LANES)
-            .map(|lane| {
-                let stiffness = &problem.plant(run(lane)).elastic()?.stiffness;
-                Some((stiffness, problem.law(run(lane)).joint_stiffness().unwrap_or(stiffness).inverse()))
-            })
-            .collect::<Option<_>>()?;
-        let zeros = vec![S::zero(); problem.plant(0).n()];
+        let stiffness = &problem.plant(run).elastic()?.stiffness;
+        let compliance = problem.law(run).joint_stiffness().unwrap_or(stiffness).inverse();
+        let zeros = vec![0.0; problem.plant(0).n()];
         Some(TorqueSensing {
             sensor,
-            stiffness: in_lanes(|lane| springs[lane].0),
-            compliance: in_lanes(|lane| &springs[lane].1),
+            stiffness: AnyGain::new(stiffness),
+            compliance: AnyGain::new(&compliance),
             stretch: zeros.clone(),
             readings: zeros,
         })
@@ -75,7 +59,7 @@ impl<S: Real> TorqueSensing<S> {
 
     /// Compute the torques `now` at sample `k` and plant state `x`, and write the link positions to `measured`. `before`: the torques at
     /// the previous sample and the time since then, s.
-    pub fn sense(&mut self, seeds: &[u64], k: u64, x: &[S], before: Option<(&Sensed<S>, f64)>, now: &mut Sensed<S>, measured: &mut [S]) {
+    pub fn sense(&mut self, seed: u64, k: u64, x: &[f64], before: Option<(&Sensed, f64)>, now: &mut Sensed, measured: &mut [f64]) {
         let n = self.stretch.len();
         for i in 0..n {
             self.stretch[i] = x[2 * n + i] - x[i];
@@ -83,16 +67,9 @@ impl<S: Real> TorqueSensing<S> {
         self.stiffness.multiply(&self.stretch, &mut now.torque);
         for i in 0..n {
             let torque = now.torque[i];
-            now.filtered[i] = match before {
-                None => torque,
-                Some((before, dt)) => S::from_lanes(|lane| {
-                    self.sensor.filtered(before.filtered[i].lane(lane), before.torque[i].lane(lane), torque.lane(lane), dt)
-                }),
-            };
-            self.readings[i] = S::from_lanes(|lane| {
-                let normal = if self.sensor.noise > 0.0 { gaussian(seeds[lane], k, TORQUE + i as u64) } else { 0.0 };
-                self.sensor.reading(i, now.filtered[i].lane(lane), normal)
-            });
+            now.filtered[i] = before.map_or(torque, |(before, dt)| self.sensor.filtered(before.filtered[i], before.torque[i], torque, dt));
+            let normal = if self.sensor.noise > 0.0 { gaussian(seed, k, TORQUE + i as u64) } else { 0.0 };
+            self.readings[i] = self.sensor.reading(i, now.filtered[i], normal);
         }
         self.compliance.multiply(&self.readings, &mut self.stretch);
         for i in 0..n {

@@ -1,0 +1,91 @@
+//! The sampled controllers of the lanes of one frame, which is the memory of the programs of their steps. Programs evaluate the law, and
+//! limit the rate of its output. Native code measures the state, and queues the outputs.
+
+use super::clock::Clock;
+use super::sensors::{CAPACITY, Sensors};
+use crate::simulate::problem::sampling::Sampling;
+use crate::trace::{Frame, Slots};
+use std::ops::Range;
+
+/// The slots of the controllers in a frame.
+#[derive(Clone, Copy, Debug)]
+pub struct ControllerSlots {
+    /// The state of the plant, and the measurement of it. The measurement has no slots if the law receives the exact state.
+    pub state: Slots,
+    pub measured: Slots,
+    /// The largest change of the output since the previous sample. It has no slot without a limit.
+    pub change: Slots,
+    /// The output of the last sample. These are the slots of the plant's input, if outputs are not delayed.
+    pub output: Slots,
+    /// The plant's input, and the other results of the law.
+    pub tau: Slots,
+    pub others: Slots,
+}
+
+/// The controllers of one frame, which do more than hold the last output of the law.
+#[derive(Clone, Debug)]
+pub struct FrameController {
+    slots: ControllerSlots,
+    /// The sensors of each lane.
+    sensors: Vec<Sensors>,
+    /// Memory for the measured state of one lane.
+    state: Vec<f64>,
+    /// The results of the law at the last samples: the output, then the other results, with all lanes.
+    results: Vec<f64>,
+    samples: usize,
+}
+
+impl FrameController {
+    /// Create the controllers of a frame with one lane for each of `sensors`.
+    pub fn new(slots: ControllerSlots, sampling: &Sampling, sensors: Vec<Sensors>) -> Self {
+        let samples = CAPACITY + sampling.delayed() as usize;
+        let numbers = (slots.output.count + slots.others.count) * sensors.len();
+        FrameController { sensors, state: vec![0.0; slots.measured.count], results: vec![0.0; samples * numbers], samples, slots }
+    }
+
+    /// The range of the output of sample `k` in the stored results, and the range of the other results.
+    fn places(&self, k: usize) -> [Range<usize>; 2] {
+        let lanes = self.sensors.len();
+        let (output, others) = (self.slots.output.count * lanes, self.slots.others.count * lanes);
+        let first = k % self.samples * (output + others);
+        [first..first + output, first + output..first + output + others]
+    }
+
+    /// Copy the output of sample `k` to the slots `to`. Without a sample, it is zero.
+    fn recall(&self, frame: &mut Frame, k: Option<usize>, to: Slots) {
+        match k.map(|k| self.places(k)) {
+            None => frame.group_mut(to).fill(0.0),
+            Some([output, _]) => frame.group_mut(to).copy_from_slice(&self.results[output]),
+        }
+    }
+
+    /// Prepare step `step`: select the output that acts. If a sample is due, measure the state in the frame for the law.
+    pub fn begin(&mut self, frame: &mut Frame, clock: &Clock, step: usize) {
+        let (slots, due) = (self.slots, clock.due(step));
+        if due.is_none() || slots.output != slots.tau {
+            self.recall(frame, clock.acting(step), slots.tau);
+        }
+        let Some(k) = due else {
+            match clock.last(step).map(|k| self.places(k)) {
+                None => frame.group_mut(slots.others).fill(0.0),
+                Some([_, others]) => frame.group_mut(slots.others).copy_from_slice(&self.results[others]),
+            }
+            return;
+        };
+        self.recall(frame, k.checked_sub(1), slots.output);
+        frame.group_mut(slots.change).fill(self.sensors[0].largest_change(k as u64));
+        let lanes = frame.lanes();
+        for (lane, sensors) in self.sensors.iter_mut().enumerate().filter(|_| slots.measured.count > 0) {
+            frame.read(slots.state, lane, self.state.iter_mut());
+            let measured = frame.group_mut(slots.measured)[lane..].iter_mut().step_by(lanes);
+            measured.zip(sensors.measure(k as u64, &self.state)).for_each(|(to, &from)| *to = from);
+        }
+    }
+
+    /// Store the results of the law, if step `step` began with a sample.
+    pub fn end(&mut self, frame: &Frame, clock: &Clock, step: usize) {
+        let Some([output, others]) = clock.due(step).map(|k| self.places(k)) else { return };
+        self.results[output].copy_from_slice(frame.group(self.slots.output));
+        self.results[others].copy_from_slice(frame.group(self.slots.others));
+    }
+}
