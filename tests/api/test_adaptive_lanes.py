@@ -39,7 +39,7 @@ def require_rows_of_single_runs(plant: Any, law: Any, q0: Array, v0: Array, **op
     batch = al.simulate_batch(plant, law, q0, v0=v0, **options)
     for i in range(len(q0)):
         one = [each[i] if isinstance(each, list) else each for each in (plant, law)]
-        run = al.simulate(*one, q0[i], v0=v0[i], throw=False, **options)
+        run = al.simulate(one[0], one[1], q0[i], v0=v0[i], throw=False, **options)
         assert run.status == batch.status[i]
         records = len(run.t)
         row = batch[i]

@@ -47,6 +47,11 @@ impl<B: Clone> Chatter<B> {
         Chatter { next_check: WINDOW, spent: 0, slope, low, middle, high, at }
     }
 
+    /// Prepare the detection for a new run.
+    pub fn restart(&mut self) {
+        (self.next_check, self.spent) = (WINDOW, 0);
+    }
+
     /// Whether the next check is due.
     pub fn due(&self, work: &Work) -> bool {
         work.steps + work.rejections >= self.next_check

@@ -6,9 +6,8 @@
 //! by the allowed errors, over the `m` components with error control. A step with an error below 1 is accepted. The step size then changes
 //! by the factor `0.9 error^(-1/8)`, within [0.2, 10].
 
-use super::accuracy::Accuracy;
 use super::dop853_tableau as tableau;
-use super::step_controller::{Control, StepController};
+use super::step_controller::Control;
 use super::{Buffer, Scheme};
 use crate::scalar::Real;
 
@@ -34,16 +33,17 @@ impl Scheme for Dop853 {
     const DEGREE: usize = 7;
     const CONTROL: Control = Control { safety: 0.9, alpha: 0.125, beta: 0.0, shrink: 0.2, grow: 10.0 };
 
-    fn error<S: Real, B: Buffer<S>, T: Accuracy>(controller: &StepController<T>, h: f64, x: &[S], y: &[S], estimates: &[B]) -> f64 {
-        let (mut e3, mut e5) = (0.0, 0.0);
-        let m = controller.tolerance.controlled().min(x.len());
-        for c in 0..m {
-            let scale = controller.tolerance.scale(c, x[c].lane(0).abs().max(y[c].lane(0).abs()));
-            let [s3, s5] = [0, 1].map(|k| estimates[k].as_ref()[c].lane(0) / scale);
+    fn error<S: Real, B: Buffer<S>>((controlled, scale): (usize, impl Fn(usize, S) -> S), h: S, x: &[S], y: &[S], estimates: &[B]) -> S {
+        let (mut e3, mut e5) = (S::zero(), S::zero());
+        for c in 0..controlled {
+            let scale = scale(c, x[c].abs().max(y[c].abs()));
+            let (s3, s5) = (estimates[0].as_ref()[c] / scale, estimates[1].as_ref()[c] / scale);
             e3 += s3 * s3;
             e5 += s5 * s5;
         }
-        if e5 == 0.0 && e3 == 0.0 { 0.0 } else { h.abs() * e5 / ((e5 + 0.01 * e3) * m.max(1) as f64).sqrt() }
+        let error = h.abs() * e5 / ((e5 + S::splat(0.01) * e3) * S::splat(controlled.max(1) as f64)).sqrt();
+        // The quotient of two zeros is zero here.
+        S::select((e5 + e3).lt(S::splat(f64::from_bits(1))), S::zero(), error)
     }
 
     fn dense<S: Real>((r, q): (S, S), h: S, delta: S, [f0, f1]: [S; 2], row: impl Fn(usize) -> S) -> S {

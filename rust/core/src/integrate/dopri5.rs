@@ -2,8 +2,7 @@
 //!
 //! See Hairer, Norsett and Wanner, Solving Ordinary Differential Equations I, sections II.4 to II.6.
 
-use super::accuracy::Accuracy;
-use super::step_controller::{Control, StepController};
+use super::step_controller::Control;
 use super::{Buffer, Scheme};
 use crate::scalar::Real;
 
@@ -46,8 +45,13 @@ impl Scheme for Dopri5 {
     const DEGREE: usize = 4;
     const CONTROL: Control = Control { safety: 0.9, alpha: 0.2, beta: 0.0, shrink: 0.2, grow: 10.0 };
 
-    fn error<S: Real, B: Buffer<S>, T: Accuracy>(controller: &StepController<T>, h: f64, x: &[S], y: &[S], estimates: &[B]) -> f64 {
-        controller.norm(x, y, |c| S::splat(h) * estimates[0].as_ref()[c])
+    fn error<S: Real, B: Buffer<S>>((controlled, scale): (usize, impl Fn(usize, S) -> S), h: S, x: &[S], y: &[S], estimates: &[B]) -> S {
+        let mut sum = S::zero();
+        for c in 0..controlled {
+            let r = h * estimates[0].as_ref()[c] / scale(c, x[c].abs().max(y[c].abs()));
+            sum += r * r;
+        }
+        (sum / S::splat(controlled.max(1) as f64)).sqrt()
     }
 
     fn dense<S: Real>((r, q): (S, S), h: S, delta: S, [f0, f1]: [S; 2], row: impl Fn(usize) -> S) -> S {

@@ -86,6 +86,19 @@ impl<C: Scheme, B: Clone, U: Clone, T: Accuracy> Embedded<C, B, U, T> {
         }
     }
 
+    /// Prepare a new run from the initial state `x`, with the same tolerance and memory.
+    pub fn restart<S>(&mut self, x: &[S])
+    where
+        S: Real,
+        B: Buffer<S>,
+        T: Clone,
+    {
+        self.controller = StepController::new(self.controller.tolerance.clone());
+        self.chatter.restart();
+        self.x.as_mut().copy_from_slice(x);
+        self.u_time = f64::NAN;
+    }
+
     /// Compute an attempt of size `h`, s: the new state `y`, its slope, which is the last one of the stages, and the error estimates.
     fn attempt<S, F>(&mut self, system: &mut F, h: f64)
     where
@@ -154,28 +167,36 @@ impl<C: Scheme, B: Clone, U: Clone, T: Accuracy> Embedded<C, B, U, T> {
         &self.k[0]
     }
 
-    /// The memory of the results of an attempt: the new state, its slope, and the error estimates divided by the size of the attempt.
-    pub fn results(&mut self) -> (&mut B, &mut B, &mut [B]) {
-        (&mut self.y, &mut self.k[C::STAGES], &mut self.estimates)
+    /// The memory of the last step: the states and the slopes at its start and at its end. A caller that computes the attempts writes it
+    /// before it calls other functions that read the state or interpolate.
+    pub fn last_step(&mut self) -> [(&mut B, &mut B); 2] {
+        let (first, rest) = self.k.split_at_mut(1);
+        [(&mut self.x_old, &mut first[0]), (&mut self.x, &mut rest[C::STAGES - 1])]
     }
 
-    /// Return whether the attempt of size `h`, s, to time `t_new`, s, is accepted. Its results are in [`Embedded::results`]. An accepted
-    /// attempt is the last step.
-    pub fn judge<S>(&mut self, h: f64, t_new: f64) -> bool
+    /// Whether [`Embedded::open`] reads the state.
+    pub fn checks_chatter(&self) -> bool {
+        self.chatter.due(&self.controller.work)
+    }
+
+    /// Return whether an attempt of size `h`, s, to time `t_new`, s, is accepted. `error` is its error divided by the allowed error, and NaN
+    /// if the new state or its slope is not finite. An accepted attempt is the last step.
+    pub fn judge(&mut self, error: f64, h: f64, t_new: f64) -> bool {
+        self.controller.work.evaluations += C::STAGES as u64;
+        self.controller.judge(error, h, t_new, &C::CONTROL)
+    }
+
+    /// The error of the last attempt, of size `h`, divided by the allowed error. It is NaN if the new state or its slope is not finite.
+    fn error<S>(&self, h: f64) -> f64
     where
         S: Real,
         B: Buffer<S>,
     {
-        self.controller.work.evaluations += C::STAGES as u64;
-        let Embedded { controller, k, estimates, y, x, .. } = self;
-        let finite = finite(y.as_ref()) && finite(k[C::STAGES].as_ref());
-        let error = if finite { C::error(controller, h, x.as_ref(), y.as_ref(), estimates) } else { f64::NAN };
-        let accepted = self.controller.judge(error, h, t_new, &C::CONTROL);
-        if accepted {
-            std::mem::swap(&mut self.x_old, &mut self.x);
-            std::mem::swap(&mut self.x, &mut self.y);
+        let (x, y, tolerance) = (self.x.as_ref(), self.y.as_ref(), &self.controller.tolerance);
+        if !finite(y) || !finite(self.k[C::STAGES].as_ref()) {
+            return f64::NAN;
         }
-        accepted
+        C::error_within(tolerance, h, x, y, &self.estimates)
     }
 
     /// The size of the last step, s, for its dense output. `times` receives the times of the additional stages, s.
@@ -251,7 +272,9 @@ where
         loop {
             let (h, t_new) = self.propose()?;
             self.attempt::<S, F>(system, h);
-            if self.judge::<S>(h, t_new) {
+            if self.judge(self.error::<S>(h), h, t_new) {
+                std::mem::swap(&mut self.x_old, &mut self.x);
+                std::mem::swap(&mut self.x, &mut self.y);
                 return Ok(self.controller.done());
             }
         }

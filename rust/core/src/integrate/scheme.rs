@@ -2,7 +2,7 @@
 
 use super::accuracy::Accuracy;
 use super::buffer::Buffer;
-use super::step_controller::{Control, StepController};
+use super::step_controller::Control;
 use crate::scalar::Real;
 
 /// One attempt of an explicit method: arguments and results of [`System::attempt`](super::System::attempt).
@@ -60,8 +60,15 @@ pub trait Scheme {
     const CONTROL: Control;
 
     /// Return the estimated error of a step of size `h` from the state `x` to the state `y`, divided by the allowed error. A step with an
-    /// error below 1 is accepted.
-    fn error<S: Real, B: Buffer<S>, T: Accuracy>(controller: &StepController<T>, h: f64, x: &[S], y: &[S], estimates: &[B]) -> f64;
+    /// error below 1 is accepted. `allowed` has the number of components with error control. Its second part returns the allowed error of a
+    /// component from its index and its magnitude.
+    fn error<S: Real, B: Buffer<S>>(allowed: (usize, impl Fn(usize, S) -> S), h: S, x: &[S], y: &[S], estimates: &[B]) -> S;
+
+    /// Return the error of a step with the tolerances `tolerance`. Only lane 0 counts.
+    fn error_within<S: Real, B: Buffer<S>>(tolerance: &impl Accuracy, h: f64, x: &[S], y: &[S], estimates: &[B]) -> f64 {
+        let scale = |i: usize, magnitude: S| S::splat(tolerance.scale(i, magnitude.lane(0)));
+        Self::error((tolerance.controlled().min(x.len()), scale), S::splat(h), x, y, estimates).lane(0)
+    }
 
     /// Return the dense output of one component: `(x(t) - x_old) / r`. Here `at = (r, 1 - r)` with `r = (t - t_old) / h`.
     ///

@@ -51,6 +51,12 @@ impl RatesEvaluation {
         }
     }
 
+    /// Prepare for a run of the same structure with the loop parameters `values`.
+    pub fn restart(&mut self, values: &[f64]) {
+        self.frame.numbers_mut()[..values.len()].copy_from_slice(values);
+        self.frame.group_mut(self.recorded.slots.held()).fill(0.0);
+    }
+
     /// Continue with the programs for `engine`.
     pub fn use_engine(&mut self, engine: Engine) {
         self.programs = self.recorded.programs_for(engine);

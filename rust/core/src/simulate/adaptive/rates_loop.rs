@@ -97,12 +97,20 @@ impl<'a> RatesLoop<'a> {
     }
 
     /// Return the loop of run `run` of a problem with the recorded rates `of_run`, and the initial state. Programs in lanes compute its
-    /// attempts, and machine code computes the other evaluations.
-    pub fn in_lane(problem: &'a Problem, run: usize, (recorded, values): &RatesOfRun) -> (Self, Vec<f64>) {
+    /// attempts, and machine code computes the other evaluations. `memory` is the evaluation of an earlier run of the same structure.
+    pub fn in_lane(problem: &'a Problem, run: usize, (recorded, values): &RatesOfRun, memory: Option<RatesEvaluation>) -> (Self, Vec<f64>) {
         let (mut closed, x) = Self::without_programs(problem, run);
         let which = closed.which();
-        closed.evaluations[which] = Some(RatesEvaluation::new(recorded.clone(), values, engine()));
+        let mut evaluation = memory.unwrap_or_else(|| RatesEvaluation::new(recorded.clone(), values, engine()));
+        evaluation.restart(values);
+        closed.evaluations[which] = Some(evaluation);
         (closed, x)
+    }
+
+    /// Return the evaluation of the rates for another run. `None` if the interpreter had to continue this run.
+    pub fn into_evaluation(mut self) -> Option<RatesEvaluation> {
+        let which = self.which();
+        if self.strayed { None } else { self.evaluations[which].take() }
     }
 
     /// The held results of the law, and the modes of contacts and joints.

@@ -221,6 +221,29 @@ impl<'a> Walk<'a> {
         None
     }
 
+    /// Whether the last step of `method` has neither records nor checks, and does not end a segment. Then [`Walk::pass_step`] replaces
+    /// [`Walk::end_step`].
+    pub fn passes<'b, M>(&self, method: &M, watch: &StepChecks) -> bool
+    where
+        M: Adaptive<f64, RatesLoop<'b>, Vec<f64>>,
+    {
+        let due = match &self.segments.times {
+            Times::At(t_eval) => t_eval.get(self.due.wanted).is_some_and(|&t| t <= method.t()),
+            Times::Every(every) => (self.due.accepted + 1).is_multiple_of(*every),
+        };
+        !due && !watch.active() && method.t() < self.end
+    }
+
+    /// Process the last step of `method`, which passes. `largest` is the largest absolute value of the plant's states.
+    pub fn pass_step<'b, M>(&mut self, method: &M, largest: f64) -> Next
+    where
+        M: Adaptive<f64, RatesLoop<'b>, Vec<f64>>,
+    {
+        self.due.accepted += 1;
+        let permitted = self.segments.bound.permits(largest);
+        if permitted { Next::Step } else { Next::End(outcome(Status::Diverged, method.t(), method)) }
+    }
+
     /// Whether [`Walk::end_step`] interpolates in the last step of `method`.
     pub fn interpolates<'b, M>(&self, method: &M, watch: &StepChecks) -> bool
     where

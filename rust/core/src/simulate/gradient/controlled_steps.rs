@@ -175,7 +175,7 @@ impl<'a> ControlledRun<'a> {
     fn error<C: Scheme>(&mut self, h: f64) -> f64 {
         self.controller.tolerance = self.tolerance;
         self.blocks[0].state_change(C::E, [&mut self.before, &mut self.after], &mut self.estimates);
-        let mut largest = C::error(&self.controller, h, &self.before, &self.after, &self.estimates);
+        let mut largest = C::error_within(&self.controller.tolerance, h, &self.before, &self.after, &self.estimates);
         if largest.is_nan() {
             return largest;
         }
@@ -190,7 +190,7 @@ impl<'a> ControlledRun<'a> {
                     let floor = PROBE_FLOOR * magnitude(&self.after).max(f64::MIN_POSITIVE);
                     Tolerance { rtol: self.probe_error, atol: self.probe_error * floor, ..self.tolerance }
                 };
-                let error = C::error(&self.controller, h, &self.before, &self.after, &self.estimates);
+                let error = C::error_within(&self.controller.tolerance, h, &self.before, &self.after, &self.estimates);
                 if error.is_nan() {
                     return error;
                 }

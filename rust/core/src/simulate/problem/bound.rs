@@ -34,6 +34,11 @@ impl Bound {
         S::all(zero.lt(S::splat(1.0))) && S::all(largest.lt(S::splat(self.beyond)))
     }
 
+    /// Whether the limit permits the largest absolute value `largest` of the plant's states.
+    pub fn permits(&self, largest: f64) -> bool {
+        largest < self.beyond
+    }
+
     /// Whether lane `lane` of `x` is finite and within the limit.
     pub fn holds_lane<S: Real>(&self, x: &[S], lane: usize) -> bool {
         x.iter().all(|x| x.lane(lane).is_finite()) && x.iter().take(self.states).all(|x| x.lane(lane).abs() < self.beyond)

@@ -14,6 +14,7 @@ use crate::scalar::trig::REDUCTION_LIMIT;
 use crate::simulate::assembly::assemble;
 use crate::simulate::problem::Problem;
 use crate::simulate::world::Exogenous;
+use crate::trace::tape::Op;
 use crate::trace::{Frame, Part, Program, SlotTable, Slots, Sym, engine, form, sym};
 
 /// The slots of attempts in lanes. The slots of the rates are first, so that the program of the rates uses the same frame. Its state is the
@@ -22,13 +23,18 @@ struct LaneSlots {
     rates: RatesSlots,
     /// The exogenous inputs of all stages but the first, one after another.
     instants: Slots,
-    /// The state at the start of the step.
+    /// The state at the start of the step, and the new state. The stages of the dense output replace the argument of the present stage.
     state: Slots,
+    new_state: Slots,
     /// The slopes of all stages.
     slopes: Slots,
     step: Slots,
-    /// The error estimates, divided by the step size.
-    estimates: Slots,
+    /// The relative and the absolute tolerance, and a zero.
+    tolerance: Slots,
+    /// One if the attempt is accepted, otherwise zero.
+    accepted: Slots,
+    /// The error of the attempt divided by the allowed error, and the largest absolute value of the plant's new states.
+    judged: Slots,
     /// The rows of the dense output.
     rows: Slots,
 }
@@ -42,8 +48,10 @@ impl LaneSlots {
             slots
         };
         let later = C::A.len() - 1;
-        let (instants, state, slopes, step) = (add(later * rates.exogenous.slots.count), add(n), add(C::A.len() * n), add(1));
-        LaneSlots { rates: rates.clone(), instants, state, slopes, step, estimates: add(C::E.len() * n), rows: add(C::D.len() * n) }
+        let instants = add(later * rates.exogenous.slots.count);
+        let (state, new_state, slopes, step) = (add(n), add(n), add(C::A.len() * n), add(1));
+        let (tolerance, accepted, judged, rows) = (add(3), add(1), add(2), add(C::D.len() * n));
+        LaneSlots { rates: rates.clone(), instants, state, new_state, slopes, step, tolerance, accepted, judged, rows }
     }
 
     /// The slots of the exogenous input of stage `stage`, which is not the first one.
@@ -71,11 +79,8 @@ fn declare(slots: Slots) -> Vec<Sym> {
 /// How the stages of an attempt are computed.
 enum Stages {
     Single(Program),
-    /// The arguments of the stages after the first one, and the error estimates.
-    Divided {
-        arguments: Vec<Program>,
-        estimates: Program,
-    },
+    /// The arguments of the stages after the first one.
+    Divided(Vec<Program>),
 }
 
 /// The programs of all loops with the same structure.
@@ -86,6 +91,10 @@ pub struct LanePrograms {
     /// The arguments of the stages of the dense output, and its rows.
     dense: Vec<Program>,
     rows: Program,
+    /// Computes the error of an attempt from its slopes.
+    error: Program,
+    /// Makes the end of an accepted attempt the start of the next step.
+    accept: Program,
     /// The index of the last stage of an attempt.
     last: usize,
 }
@@ -102,8 +111,21 @@ pub struct LaneAttempts<'a> {
     pub rates: &'a dyn Fn(usize) -> Program,
 }
 
-/// A function of the state at the start of a step, the slopes of its stages and the step size. It returns groups of results with their slots.
-type OfSlopes<'a> = &'a dyn Fn(&[Sym], &[Vec<Sym>], Sym) -> Vec<(Slots, Vec<Sym>)>;
+/// The numbers of an attempt in a recording.
+struct Recorded {
+    /// The argument of the last stage.
+    y: Vec<Sym>,
+    new_state: Vec<Sym>,
+    /// The state at the start of the step.
+    x: Vec<Sym>,
+    slopes: Vec<Vec<Sym>>,
+    h: Sym,
+    tolerance: Vec<Sym>,
+    accepted: Sym,
+}
+
+/// A function of the numbers of an attempt. It returns groups of results with their slots.
+type OfAttempt<'a> = &'a dyn Fn(&Recorded) -> Vec<(Slots, Vec<Sym>)>;
 
 impl WithScheme for LaneAttempts<'_> {
     type Output = LanePrograms;
@@ -118,54 +140,71 @@ impl WithScheme for LaneAttempts<'_> {
             free = made.slots();
             made
         };
-        let mut function = |of: OfSlopes| {
-            sym::begin();
-            sym::end_set_up();
-            let (x, slopes) = (declare(slots.state), declare(slots.slopes));
-            let h = declare(slots.step)[0];
-            let slopes: Vec<Vec<Sym>> = slopes.chunks(x.len()).map(<[Sym]>::to_vec).collect();
-            let outputs: Vec<_> = of(&x, &slopes, h).into_iter().flat_map(|(slots, values)| slots.outputs(&entries(values))).collect();
+        let operations = C::STAGES * rates.operations();
+        let single = if operations > LARGE { None } else { self.all_stages::<C>(&slots) };
+        let single = single.map(|(ops, outputs)| program(&ops, &outputs));
+        let mut function = |of: OfAttempt| {
+            let results = of(&slots.record()).into_iter();
+            let outputs: Vec<_> = results.flat_map(|(slots, values)| slots.outputs(&entries(values))).collect();
             program(&sym::finish().ops, &outputs)
         };
-        let n = slots.state.count;
-        let groups = |count: usize| vec![vec![Sym::zero(); n]; count];
         let mut argument = |stage: usize| {
-            function(&|x, slopes, h| {
-                let mut y = vec![Sym::zero(); n];
-                C::argument(stage, h, x, slopes, &mut y);
+            function(&|Recorded { x, slopes, h, .. }| {
+                let mut y = vec![Sym::zero(); x.len()];
+                C::argument(stage, *h, x, slopes, &mut y);
                 vec![(slots.rates.state, y)]
             })
         };
         let dense = (C::STAGES + 1..C::A.len()).map(&mut argument).collect();
-        let operations = C::STAGES * rates.operations();
-        let single = if operations > LARGE { None } else { self.all_stages::<C>(&slots) };
-        let arguments = if single.is_none() { (1..=C::STAGES).map(&mut argument).collect() } else { Vec::new() };
-        let rows = function(&|_, slopes, h| {
-            let mut rows = groups(C::D.len());
-            C::rows(h, slopes, &mut rows);
+        let stages = single.map_or_else(|| Stages::Divided((1..=C::STAGES).map(&mut argument).collect()), Stages::Single);
+        let rows = function(&|Recorded { x, slopes, h, .. }| {
+            let mut rows = vec![vec![Sym::zero(); x.len()]; C::D.len()];
+            C::rows(*h, slopes, &mut rows);
             vec![(slots.rows, rows.concat())]
         });
-        let stages = match single {
-            Some((ops, outputs)) => Stages::Single(program(&ops, &outputs)),
-            None => {
-                let estimates = function(&|_, slopes, _| {
-                    let mut estimates = groups(C::E.len());
-                    C::estimates(slopes, &mut estimates);
-                    vec![(slots.estimates, estimates.concat())]
-                });
-                Stages::Divided { arguments, estimates }
-            }
-        };
-        LanePrograms { stages, rates, dense, rows, last: C::STAGES, slots }
+        let error = function(&|recorded| slots.error::<C>(recorded));
+        let accept = function(&|Recorded { new_state, x, slopes, accepted, .. }| {
+            let chosen = |new: &[Sym], old: &[Sym]| {
+                new.iter().zip(old).map(|(&new, &old)| Sym::select(Sym::zero().lt(*accepted), new, old)).collect::<Vec<_>>()
+            };
+            vec![(slots.state, chosen(new_state, x)), (slots.slope(0), chosen(&slopes[C::STAGES], &slopes[0]))]
+        });
+        LanePrograms { stages, rates, dense, rows, error, accept, last: C::STAGES, slots }
+    }
+}
+
+impl LaneSlots {
+    /// Begin the recording of a function of an attempt.
+    fn record(&self) -> Recorded {
+        sym::begin();
+        sym::end_set_up();
+        let [y, x, new_state, slopes, h, tolerance, accepted] =
+            [self.rates.state, self.state, self.new_state, self.slopes, self.step, self.tolerance, self.accepted].map(declare);
+        let slopes = slopes.chunks(x.len()).map(<[Sym]>::to_vec).collect();
+        Recorded { y, new_state, x, slopes, h: h[0], tolerance, accepted: accepted[0] }
+    }
+
+    /// Record the error of an attempt, the new state, and the largest absolute value of its plant's states. The error is NaN if the new state or its
+    /// slope is not finite.
+    fn error<C: Scheme>(&self, Recorded { y, x, slopes, h, tolerance, .. }: &Recorded) -> Vec<(Slots, Vec<Sym>)> {
+        let &[rtol, atol, zero] = tolerance.as_slice() else { unreachable!("the tolerance has three numbers") };
+        let mut estimates = vec![vec![Sym::zero(); x.len()]; C::E.len()];
+        C::estimates(slopes, &mut estimates);
+        let scale = |_, magnitude: Sym| atol + rtol * magnitude;
+        let error = C::error((self.rates.plant + self.rates.law, scale), *h, x, y, &estimates);
+        // The product of a finite number and zero is zero. The zero is an input, so that the recording contains the products.
+        let not_finite = y.iter().chain(&slopes[C::STAGES]).fold(zero, |sum, &value| sum + value * zero);
+        let largest = y[..self.rates.plant].iter().fold(zero, |largest, value| largest.max(value.abs()));
+        vec![(self.judged, vec![error + not_finite, largest]), (self.new_state, y.clone())]
     }
 }
 
 /// Recorded operations, and the slots of their results.
-type Recorded = (Vec<crate::trace::tape::Op>, Vec<(u32, u32)>);
+type Operations = (Vec<Op>, Vec<(u32, u32)>);
 
 impl LaneAttempts<'_> {
     /// Record all stages of an attempt. The result is `None` if the code branches on data.
-    fn all_stages<C: Scheme>(&self, slots: &LaneSlots) -> Option<Recorded> {
+    fn all_stages<C: Scheme>(&self, slots: &LaneSlots) -> Option<Operations> {
         sym::begin();
         let mut closed = assemble(self.problem, self.run, self.common.monitored.storage);
         assert_eq!(sym::end_set_up(), slots.rates.exogenous.slots.first, "another structure");
@@ -181,7 +220,7 @@ impl LaneAttempts<'_> {
         let results = record_stages::<C>(closed, &instants, (&x, &slopes[..x.len()], h));
         let recording = sym::finish();
         let n = x.len();
-        let places = [slots.rates.state, slots.slopes.part(n, C::STAGES * n), slots.estimates];
+        let places = [slots.rates.state, slots.slopes.part(n, C::STAGES * n)];
         let places = places.into_iter().flat_map(|slots| slots.first as u32..slots.end() as u32);
         let outputs = places.zip(entries(results)).collect();
         (!recording.failed).then_some((recording.ops, outputs))
@@ -189,15 +228,16 @@ impl LaneAttempts<'_> {
 }
 
 impl LanePrograms {
-    /// Return a frame of the programs.
-    pub fn frame(&self) -> Frame {
-        let (parts, last): (&[Program], &Program) = match &self.stages {
-            Stages::Single(program) => (&[], program),
-            Stages::Divided { arguments, estimates } => (arguments, estimates),
+    /// Return a frame of the programs, for runs with the tolerances `rtol` and `atol`.
+    pub fn frame(&self, rtol: f64, atol: f64) -> Frame {
+        let stages = match &self.stages {
+            Stages::Single(program) => std::slice::from_ref(program),
+            Stages::Divided(arguments) => arguments,
         };
-        let all = || parts.iter().chain([last, &self.rates, &self.rows]).chain(&self.dense);
+        let all = || stages.iter().chain([&self.rates, &self.rows, &self.error, &self.accept]).chain(&self.dense);
         let mut frame = Frame::new(all().map(Program::slots).max().unwrap_or(0), form(true).lanes());
         all().for_each(|program| program.prepare(&mut frame));
+        frame.write(self.slots.tolerance, &[rtol, atol, 0.0]);
         frame
     }
 
@@ -237,19 +277,35 @@ impl LanePrograms {
         frame.numbers_mut().copy_within(rates.results[0].numbers(lanes), self.slots.slope(stage).first * lanes);
     }
 
-    /// Compute an attempt in all lanes.
+    /// Compute an attempt and its error in all lanes.
     pub fn attempt(&self, frame: &mut Frame) {
         frame.fill(self.slots.rates.signature.angle(), 0.0);
         match &self.stages {
             Stages::Single(program) => program.run(frame),
-            Stages::Divided { arguments, estimates } => {
+            Stages::Divided(arguments) => {
                 for (argument, stage) in arguments.iter().zip(1..) {
                     argument.run(frame);
                     self.slope(frame, stage);
                 }
-                estimates.run(frame);
             }
         }
+        self.error.run(frame);
+    }
+
+    /// The error of the attempt in lane `lane` divided by the allowed error, and the largest absolute value of the plant's new states.
+    pub fn judged(&self, frame: &Frame, lane: usize) -> [f64; 2] {
+        let (numbers, lanes) = (frame.group(self.slots.judged), frame.lanes());
+        [numbers[lane], numbers[lanes + lane]]
+    }
+
+    /// Set whether the attempt in lane `lane` is accepted.
+    pub fn set_accepted(&self, frame: &mut Frame, lane: usize, accepted: bool) {
+        frame.write_lane(self.slots.accepted, lane, &[f64::from(u8::from(accepted))]);
+    }
+
+    /// Begin the next step in all lanes whose attempt is accepted.
+    pub fn accept(&self, frame: &mut Frame) {
+        self.accept.run(frame);
     }
 
     /// Compute the dense output of the last attempt in all lanes. The step size must be that of the accepted step.
@@ -266,11 +322,17 @@ impl LanePrograms {
         frame.group(Slots { first: self.slots.rates.signature.angle(), count: 1 })[lane] < REDUCTION_LIMIT
     }
 
-    /// Read the results of an attempt: the new state, its slope, and the error estimates divided by the step size.
-    pub fn read_attempt(&self, frame: &Frame, lane: usize, (y, slope, estimates): (&mut Vec<f64>, &mut Vec<f64>, &mut [Vec<f64>])) {
-        frame.read(self.slots.rates.state, lane, y.iter_mut());
-        frame.read(self.slots.slope(self.last), lane, slope.iter_mut());
-        frame.read(self.slots.estimates, lane, estimates.iter_mut().flatten());
+    /// Read the states and the slopes at the start and at the end of the attempt.
+    pub fn read_step(&self, frame: &Frame, lane: usize, [start, end]: [(&mut Vec<f64>, &mut Vec<f64>); 2]) {
+        frame.read(self.slots.new_state, lane, end.0.iter_mut());
+        frame.read(self.slots.slope(self.last), lane, end.1.iter_mut());
+        frame.read(self.slots.slope(0), lane, start.1.iter_mut());
+        self.read_start(frame, lane, start.0);
+    }
+
+    /// Read the state at the start of the step.
+    pub fn read_start(&self, frame: &Frame, lane: usize, x: &mut [f64]) {
+        frame.read(self.slots.state, lane, x.iter_mut());
     }
 
     /// Read row `i` of the dense output.

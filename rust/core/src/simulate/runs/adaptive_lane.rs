@@ -3,6 +3,7 @@
 
 use super::run_group::LaneRecorder;
 use crate::integrate::{Adaptive, Embedded, Scheme};
+use crate::simulate::adaptive::rates_evaluation::RatesEvaluation;
 use crate::simulate::adaptive::rates_loop::RatesLoop;
 use crate::simulate::adaptive::segments::{Outcome, Segments};
 use crate::simulate::adaptive::step_checks::StepChecks;
@@ -28,6 +29,9 @@ pub struct LaneFrame<'a> {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Judged {
     Rejected,
+    /// The attempt is accepted. It is the start of the next step.
+    Passed,
+    /// The attempt is accepted, and the run requires its states.
     Accepted,
     /// The attempt is accepted, and the run requires states within the step.
     Interpolated,
@@ -53,7 +57,7 @@ pub struct AdaptiveLane<'a, 'r, C: Scheme, K: Sink> {
     action: Action,
     /// The size of the present attempt, and the time at its end, s.
     attempt: (f64, f64),
-    /// Whether the start of the present step is not in the frame yet.
+    /// Whether the native code has changed the start of the present step, so that it must be written to the frame.
     moved: bool,
     /// Whether the exogenous input is constant.
     still: bool,
@@ -62,10 +66,28 @@ pub struct AdaptiveLane<'a, 'r, C: Scheme, K: Sink> {
     times: Vec<f64>,
 }
 
+/// The memory of a run that ended, for the next run in a lane.
+pub struct LaneMemory<C: Scheme> {
+    evaluation: Option<RatesEvaluation>,
+    method: Embedded<C, Vec<f64>, Exogenous<f64>>,
+    /// The checks of a plant that has none.
+    watch: Option<StepChecks<'static>>,
+}
+
 impl<'a, 'r, C: Scheme, K: Sink> AdaptiveLane<'a, 'r, C, K> {
-    /// Prepare run `run` of a problem, and write its parameters to the lane.
-    pub fn new(problem: &'a Problem<'a>, run: usize, of_run: &RatesOfRun, segments: &'a Segments, sink: &'r mut K, at: LaneFrame) -> Self {
-        let (mut closed, x) = RatesLoop::in_lane(problem, run, of_run);
+    /// Prepare run `run` of a problem, and write its parameters to the lane. `memory` is the memory of an earlier run of this structure.
+    pub fn new(
+        (problem, segments): (&'a Problem<'a>, &'a Segments),
+        (run, of_run): (usize, &RatesOfRun),
+        sink: &'r mut K,
+        memory: Option<LaneMemory<C>>,
+        at: &mut LaneFrame,
+    ) -> Self {
+        let (evaluation, method, watch) = match memory {
+            Some(LaneMemory { evaluation, method, watch }) => (evaluation, Some(method), watch),
+            None => (None, None, None),
+        };
+        let (mut closed, x) = RatesLoop::in_lane(problem, run, of_run, evaluation);
         let mut input = closed.instant();
         at.programs.set_parameters(at.frame, at.lane, &of_run.1);
         let still = closed.world.is_still();
@@ -75,9 +97,11 @@ impl<'a, 'r, C: Scheme, K: Sink> AdaptiveLane<'a, 'r, C, K> {
         }
         let walk = Walk::new(problem.segments_of(segments, &closed, run), x.len());
         let states = x.len() - monitors::integrals(problem.options.monitors).count();
-        let watch = StepChecks::new(problem.plant(run), None, states, &x);
+        let watch = watch.unwrap_or_else(|| StepChecks::new(problem.plant(run), None, states, &x));
         let recorder = LaneRecorder::new(problem, sink, &|_| f64::NAN, x.len());
-        let method = Embedded::new(problem.tolerance(closed.controlled()), x, closed.instant());
+        let new_method = || Embedded::new(problem.tolerance(closed.controlled()), x.clone(), closed.instant());
+        let mut method = method.unwrap_or_else(new_method);
+        method.restart(&x);
         let mut lane = AdaptiveLane {
             run,
             action: Action::Attempt,
@@ -98,7 +122,7 @@ impl<'a, 'r, C: Scheme, K: Sink> AdaptiveLane<'a, 'r, C, K> {
     }
 
     /// Continue the run to its next attempt. Return the end of the run if it has no further attempt.
-    pub fn advance(&mut self, stop: &dyn Stop) -> Option<Outcome> {
+    pub fn advance(&mut self, stop: &dyn Stop, at: &LaneFrame) -> Option<Outcome> {
         loop {
             let next = match std::mem::replace(&mut self.action, Action::Attempt) {
                 Action::Walk(Next::End(outcome)) => return Some(outcome),
@@ -107,7 +131,10 @@ impl<'a, 'r, C: Scheme, K: Sink> AdaptiveLane<'a, 'r, C, K> {
                     Some(outcome) => return Some(outcome),
                     None if self.method.is_done() => self.end_step(),
                     None => {
-                        self.moved = true;
+                        if self.method.checks_chatter() && !self.moved {
+                            let method: &mut dyn Adaptive<f64, RatesLoop<'a>, Vec<f64>> = &mut self.method;
+                            at.programs.read_start(at.frame, at.lane, method.x_mut());
+                        }
                         match self.method.open(&mut self.closed) {
                             Ok(()) => continue,
                             Err(status) => return Some(self.outcome(status)),
@@ -132,6 +159,7 @@ impl<'a, 'r, C: Scheme, K: Sink> AdaptiveLane<'a, 'r, C, K> {
     }
 
     fn begin_segment(&mut self) -> Next {
+        self.moved = true;
         let AdaptiveLane { walk, closed, method, recorder, records, .. } = self;
         walk.begin_segment(closed, method, &mut |t, closed, x| recorder.write_next(records, t, closed, x))
     }
@@ -151,8 +179,10 @@ impl<'a, 'r, C: Scheme, K: Sink> AdaptiveLane<'a, 'r, C, K> {
             programs.hold(frame, *lane, self.closed.held());
         }
         programs.set_step(frame, *lane, self.attempt.0);
-        self.method.stage_times(self.attempt.0, &mut self.times);
-        self.write_inputs(1, C::STAGES, at);
+        if !self.still {
+            self.method.stage_times(self.attempt.0, &mut self.times);
+            self.write_inputs(1, C::STAGES, at);
+        }
     }
 
     /// Write the exogenous inputs of `count` stages from stage `first` on, at the times `self.times`.
@@ -168,13 +198,18 @@ impl<'a, 'r, C: Scheme, K: Sink> AdaptiveLane<'a, 'r, C, K> {
         }
     }
 
-    /// Receive the results of the attempt, and judge it. If the dense output of the step is required, write its step size and inputs to the
-    /// lane.
+    /// Judge the attempt. If the run requires its states, read them from the lane. If it requires its dense output, write the step size and
+    /// the inputs of this output to the lane.
     pub fn judge(&mut self, at: &mut LaneFrame) -> Judged {
-        at.programs.read_attempt(at.frame, at.lane, self.method.results());
-        if !self.method.judge::<f64>(self.attempt.0, self.attempt.1) {
+        let [error, largest] = at.programs.judged(at.frame, at.lane);
+        if !self.method.judge(error, self.attempt.0, self.attempt.1) {
             return Judged::Rejected;
         }
+        if self.walk.passes(&self.method, &self.watch) {
+            self.action = Action::Walk(self.walk.pass_step(&self.method, largest));
+            return Judged::Passed;
+        }
+        at.programs.read_step(at.frame, at.lane, self.method.last_step());
         if !self.walk.interpolates(&self.method, &self.watch) {
             return Judged::Accepted;
         }
@@ -184,16 +219,18 @@ impl<'a, 'r, C: Scheme, K: Sink> AdaptiveLane<'a, 'r, C, K> {
         Judged::Interpolated
     }
 
-    /// Process the accepted step. If it is interpolated, the lane has its dense output.
+    /// Process the accepted step, which does not pass. If it is interpolated, the lane has its dense output.
     pub fn accept(&mut self, judged: Judged, at: &LaneFrame) {
         if judged == Judged::Interpolated {
             self.method.receive_dense(|i, row| at.programs.read_row(at.frame, at.lane, i, row));
         }
+        self.moved |= self.watch.active();
         self.action = Action::Walk(self.end_step());
     }
 
-    /// The receiver of the records.
-    pub fn into_sink(self) -> &'r mut K {
-        self.recorder.sink
+    /// Return the receiver of the records, and the memory of the run.
+    pub fn into_parts(self) -> (&'r mut K, LaneMemory<C>) {
+        let watch = Some(self.watch).filter(|watch| !watch.active());
+        (self.recorder.sink, LaneMemory { evaluation: self.closed.into_evaluation(), method: self.method, watch })
     }
 }

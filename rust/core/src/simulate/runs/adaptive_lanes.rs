@@ -3,7 +3,7 @@
 //!
 //! A run leaves its lane if an angle exceeds the range of the programs' sines. It is then repeated alone.
 
-use super::adaptive_lane::{AdaptiveLane, Judged, LaneFrame};
+use super::adaptive_lane::{AdaptiveLane, Judged, LaneFrame, LaneMemory};
 use super::division::{Division, Ended};
 use super::run_group::RunGroup;
 use crate::integrate::{ExplicitAdaptive, MethodKind, Scheme, WithScheme};
@@ -13,7 +13,7 @@ use crate::simulate::problem::Problem;
 use crate::simulate::record::lane_attempt::LanePrograms;
 use crate::simulate::record::rates::{Rates, RatesOfRun, RecordedRates};
 use crate::simulate::stop::Stop;
-use crate::trace::{Frame, engine};
+use crate::trace::engine;
 use std::sync::Arc;
 
 /// The number of runs from which programs in lanes repay their compilation.
@@ -62,8 +62,10 @@ impl<'a, 'b, 'r, W: Waiting<'r, K>, K: Sink + 'r> AdaptiveLanes<'a, 'b, W, K> {
         let mut aside = Vec::new();
         let mut interrupted = false;
         while let Some(first) = aside.pop().or_else(|| self.take()) {
-            let programs = first.rates.0.in_lanes(method, self.problem, first.run, self.rates.common);
-            let register = Register { of: &self, segments, programs, first: Some(first), aside: &mut aside, interrupted: false };
+            let recorded = first.rates.0.clone();
+            let programs = recorded.in_lanes(method, self.problem, first.run, self.rates.common);
+            let (programs, recorded, first) = (&*programs, &recorded, Some(first));
+            let register = Register { of: &self, segments, programs, recorded, first, aside: &mut aside, interrupted: false };
             interrupted |= method.scheme(register);
         }
         interrupted
@@ -84,7 +86,9 @@ impl<'a, 'b, 'r, W: Waiting<'r, K>, K: Sink + 'r> AdaptiveLanes<'a, 'b, W, K> {
 struct Register<'s, 'a, 'b, 'r, W, K> {
     of: &'s AdaptiveLanes<'a, 'b, W, K>,
     segments: &'a Segments,
-    programs: Arc<LanePrograms>,
+    programs: &'s LanePrograms,
+    /// The structure of the runs.
+    recorded: &'s Arc<RecordedRates>,
     /// The run that selects the structure, before it enters a lane.
     first: Option<Ready<'r, K>>,
     /// Runs of other structures.
@@ -92,9 +96,18 @@ struct Register<'s, 'a, 'b, 'r, W, K> {
     interrupted: bool,
 }
 
+/// One lane of the frame.
+struct Lane<'a, 'r, C: Scheme, K: Sink> {
+    run: Option<AdaptiveLane<'a, 'r, C, K>>,
+    /// The memory of the last run in this lane.
+    memory: Option<LaneMemory<C>>,
+    judged: Judged,
+}
+
 impl<'a, 'r, W: Waiting<'r, K>, K: Sink + 'r> Register<'_, 'a, '_, 'r, W, K> {
-    /// Return the next run with the structure `recorded`.
-    fn next(&mut self, recorded: &Arc<RecordedRates>) -> Option<Ready<'r, K>> {
+    /// Return the next run with the structure of this register.
+    fn next(&mut self) -> Option<Ready<'r, K>> {
+        let recorded = self.recorded;
         let fits = |ready: &Ready<K>| Arc::ptr_eq(&ready.rates.0, recorded);
         if let Some(first) = self.first.take() {
             return Some(first);
@@ -111,37 +124,36 @@ impl<'a, 'r, W: Waiting<'r, K>, K: Sink + 'r> Register<'_, 'a, '_, 'r, W, K> {
         }
     }
 
-    /// Fill the lane `lane` with a run that has an attempt to compute, and write this attempt. Leave it empty if no run waits.
-    fn fill<C: Scheme>(
-        &mut self,
-        run: &mut Option<AdaptiveLane<'a, 'r, C, K>>,
-        recorded: &Arc<RecordedRates>,
-        (frame, lane): (&mut Frame, usize),
-    ) {
-        let programs = self.programs.clone();
+    /// Fill a lane with a run that has an attempt to compute, and write this attempt. The lane remains empty if no run waits.
+    fn fill<C: Scheme>(&mut self, lane: &mut Lane<'a, 'r, C, K>, mut at: LaneFrame) {
         loop {
-            let mut at = LaneFrame { programs: &programs, frame, lane };
-            let Some(active) = run else {
-                let Some(Ready { run: index, sink, rates }) = self.next(recorded) else { return };
-                *run = Some(AdaptiveLane::new(self.of.problem, index, &rates, self.segments, sink, at));
+            let Some(run) = &mut lane.run else {
+                let Some(Ready { run, sink, rates }) = self.next() else { return };
+                let problem = (self.of.problem, self.segments);
+                lane.run = Some(AdaptiveLane::new(problem, (run, &rates), sink, lane.memory.take(), &mut at));
                 continue;
             };
-            let Some(outcome) = active.advance(self.of.stop) else { return active.write_attempt(&mut at) };
-            let ended = Ended::Adaptive(outcome);
-            self.interrupted |= run.take().is_some_and(|run| (self.of.finish)(run.into_sink(), &ended));
+            let Some(outcome) = run.advance(self.of.stop, &at) else { return run.write_attempt(&mut at) };
+            self.end(lane, |_, _| Ended::Adaptive(outcome));
         }
     }
 
-    /// Repeat the run in a lane alone if its angles are beyond the range of the programs' sines. The lane is then empty.
-    fn repeat_far<C: Scheme>(&mut self, run: &mut Option<AdaptiveLane<'a, 'r, C, K>>, (frame, lane): (&Frame, usize)) {
-        if self.programs.is_near(frame, lane) {
-            return;
-        }
-        let Some(run) = run.take() else { return };
-        let AdaptiveLanes { problem, division, rates, stop, .. } = *self.of;
-        let (first, sink) = (run.run, run.into_sink());
-        let ended = RunGroup { problem, division, first, stop, sink, observer: None }.run_single(rates);
+    /// End the run in a lane. `ended` returns its end, from its index and the receiver of its records.
+    fn end<C: Scheme>(&mut self, lane: &mut Lane<'a, 'r, C, K>, ended: impl FnOnce(usize, &mut K) -> Ended) {
+        let Some(run) = lane.run.take() else { return };
+        let index = run.run;
+        let (sink, memory) = run.into_parts();
+        lane.memory = Some(memory);
+        let ended = ended(index, sink);
         self.interrupted |= (self.of.finish)(sink, &ended);
+    }
+
+    /// Repeat the run in a lane alone if its angles are beyond the range of the programs' sines. The lane is then empty.
+    fn repeat_far<C: Scheme>(&mut self, lane: &mut Lane<'a, 'r, C, K>, at: &LaneFrame) {
+        if !self.programs.is_near(at.frame, at.lane) {
+            let AdaptiveLanes { problem, division, rates, stop, .. } = *self.of;
+            self.end(lane, |first, sink| RunGroup { problem, division, first, stop, sink, observer: None }.run_single(rates));
+        }
     }
 }
 
@@ -150,37 +162,37 @@ impl<'r, W: Waiting<'r, K>, K: Sink + 'r> WithScheme for Register<'_, '_, '_, 'r
     type Output = bool;
 
     fn with<C: Scheme>(mut self) -> bool {
-        let programs = self.programs.clone();
-        let mut frame = programs.frame();
-        let Some(recorded) = self.first.as_ref().map(|first| first.rates.0.clone()) else { return false };
-        let mut lanes: Vec<Option<AdaptiveLane<C, K>>> = (0..frame.lanes()).map(|_| None).collect();
-        let mut judged = vec![Judged::Rejected; lanes.len()];
+        let (programs, options) = (self.programs, &self.of.problem.options);
+        let mut frame = programs.frame(options.rtol, options.atol);
+        let new_lane = |_| Lane { run: None, memory: None, judged: Judged::Rejected };
+        let mut lanes: Vec<Lane<C, K>> = (0..frame.lanes()).map(new_lane).collect();
         loop {
-            for (lane, run) in lanes.iter_mut().enumerate() {
-                self.fill(run, &recorded, (&mut frame, lane));
+            for (k, lane) in lanes.iter_mut().enumerate() {
+                self.fill(lane, LaneFrame { programs, frame: &mut frame, lane: k });
             }
-            if lanes.iter().all(Option::is_none) {
+            if lanes.iter().all(|lane| lane.run.is_none()) {
                 return self.interrupted;
             }
             programs.attempt(&mut frame);
-            for (lane, (run, judged)) in lanes.iter_mut().zip(&mut judged).enumerate() {
-                self.repeat_far(run, (&frame, lane));
-                let mut at = LaneFrame { programs: &programs, frame: &mut frame, lane };
-                *judged = run.as_mut().map_or(Judged::Rejected, |run| run.judge(&mut at));
+            for (k, lane) in lanes.iter_mut().enumerate() {
+                let mut at = LaneFrame { programs, frame: &mut frame, lane: k };
+                self.repeat_far(lane, &at);
+                lane.judged = lane.run.as_mut().map_or(Judged::Rejected, |run| run.judge(&mut at));
             }
-            let requests_dense = judged.contains(&Judged::Interpolated);
-            if requests_dense {
+            if lanes.iter().any(|lane| lane.judged == Judged::Interpolated) {
                 programs.dense(&mut frame);
             }
-            for (lane, (run, &judged)) in lanes.iter_mut().zip(&judged).enumerate().filter(|(_, (_, judged))| **judged != Judged::Rejected)
-            {
-                if judged == Judged::Interpolated {
-                    self.repeat_far(run, (&frame, lane));
+            for (k, lane) in lanes.iter_mut().enumerate() {
+                let at = LaneFrame { programs, frame: &mut frame, lane: k };
+                programs.set_accepted(at.frame, k, lane.judged != Judged::Rejected);
+                if lane.judged == Judged::Interpolated {
+                    self.repeat_far(lane, &at);
                 }
-                if let Some(run) = run {
-                    run.accept(judged, &LaneFrame { programs: &programs, frame: &mut frame, lane });
+                if let (Judged::Accepted | Judged::Interpolated, Some(run)) = (lane.judged, &mut lane.run) {
+                    run.accept(lane.judged, &at);
                 }
             }
+            programs.accept(&mut frame);
         }
     }
 }
