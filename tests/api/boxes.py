@@ -10,6 +10,8 @@ from matplotlib.text import Annotation, Text
 
 #: A label ends with a unit in parentheses, such as "time (s)", or is TeX with a unit at its end.
 UNIT = re.compile(r"\([^()]+\)\s*$")
+#: A tick label that is a number, such as "-0.5" or "$\\mathdefault{10^{-2}}$".
+NUMBER = re.compile(r"[\s$\d.+\-\u2212^{}]*(?:\\mathdefault)?[\s$\d.+\-\u2212^{}]*\d[\s$\d.+\-\u2212^{}]*")
 #: Two boxes may share this many pixels, because a box is larger than its letters.
 SHARED = 1.0
 
@@ -53,6 +55,6 @@ def units(ax: Axes) -> list[str]:
     for which, axis in (("x", ax.xaxis), ("y", ax.yaxis)):
         numbers = [tick.label1.get_text() for tick in axis.get_major_ticks() if tick.label1.get_visible() and tick.label1.get_text()]
         numbers += [tick.label2.get_text() for tick in axis.get_major_ticks() if tick.label2.get_visible() and tick.label2.get_text()]
-        if any(re.search(r"\d", text) for text in numbers) and not UNIT.search(axis.get_label_text()):
+        if any(NUMBER.fullmatch(text) for text in numbers) and not UNIT.search(axis.get_label_text()):
             found.append(f"no unit: {which} axis {axis.get_label_text()!r} of {ax.get_title(loc='left') or ax.get_title()!r}")
     return found
