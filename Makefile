@@ -125,7 +125,8 @@ clean: ## remove what make built (the downloaded packages too)
 rust-tests:
 	cd $(BUILD)/sdist/armlet-* && cargo test --release --locked --package armlet-core --package armlet-py --test suite
 	cd $(BUILD)/sdist/armlet-* && cargo test --locked --package armlet-core --lib
-	cd $(BUILD)/sdist/armlet-* && cargo test --release --locked --package armlet-core --package armlet-py --doc
+	@cp tools/rustdoc.sh $(BUILD)/rustdoc && chmod +x $(BUILD)/rustdoc
+	cd $(BUILD)/sdist/armlet-* && RUSTDOC=$(BUILD)/rustdoc cargo test --release --locked --package armlet-core --package armlet-py --doc
 
 lint:
 	@sh tools/lint.sh "$(LINT)" $(PY)

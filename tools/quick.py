@@ -99,6 +99,8 @@ def chosen(paths: Iterable[Path]) -> list[Path]:
 
 
 def git(*arguments: str) -> list[str]:
+    if shutil.which("git") is None:
+        return []
     return subprocess.run(["git", *arguments], cwd=ROOT, capture_output=True, text=True, check=False).stdout.splitlines()
 
 

@@ -131,7 +131,7 @@ def test_the_two_halves_have_every_folder_of_tests() -> None:
 )
 def test_a_failure_of_either_half_fails(interface: int, others: int, expected: int, tmp_path: Path) -> None:
     python = tmp_path / "python"
-    cases = f'*tests/api*) echo "half 1: $*"; exit {interface};; *) echo "half 2: $*"; exit {others};;'
+    cases = f'*tests/live*) echo "half 1: $*"; exit {interface};; *) echo "half 2: $*"; exit {others};;'
     python.write_text(f'#!/bin/sh\ncase "$*" in {cases} esac\n')
     python.chmod(0o755)
     command = ["sh", str(TOOLS / "pytest.sh"), "/root", str(python), "-k", "a or b"]
@@ -147,3 +147,15 @@ def test_two_commands_fail_if_one_does(first: int, second: int, expected: int) -
     done = subprocess.run(command, capture_output=True, text=True, timeout=60)
     assert done.returncode == expected, done.stderr
     assert done.stdout.split() == ["first", "second"]
+
+
+@pytest.mark.compile
+def test_an_example_that_does_not_compile_is_named(tmp_path: Path) -> None:
+    """`tools/rustdoc.sh` runs examples, and names one that does not compile, with its file and line."""
+    source = "/// ```\n/// let x: u8 = 1;\n/// ```\npub fn sound() {}\n\n/// ```\n/// let x: u8 = VALUE;\n/// ```\npub fn broken() {}\n"
+    command = ["sh", str(TOOLS / "rustdoc.sh"), "--edition=2024", "--test", "lib.rs"]
+    for value, fails in (("1", False), ("1.0", True)):
+        (tmp_path / "lib.rs").write_text(source.replace("VALUE", value))
+        done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=120)
+        named = "lib.rs - broken (line 6)" in done.stdout.partition("test result")[2] + done.stderr
+        assert (done.returncode != 0, named) == (fails, fails), done.stdout + done.stderr
