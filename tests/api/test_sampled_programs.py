@@ -7,14 +7,15 @@ from __future__ import annotations
 
 from typing import Any
 
+import models
 import numpy as np
 import pytest
 
 import armlet as al
 
 DT = 1e-3
-TWO = al.planar_arm([0.5, 0.4], masses=[3.0, 2.0])
-SIX = al.load_urdf(al.example_urdf("six_axis"))  # its step is divided into parts
+TWO = models.TWO_HEAVY_LINKS
+SIX = models.SIX_AXES  # its step is divided into parts
 K, B = np.array([900.0, 700.0]), np.array([0.4, 0.3])
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import importlib.util
 from pathlib import Path
 from types import ModuleType
@@ -102,3 +103,21 @@ def test_repeated_lines_are_detected(tmp_path: Path) -> None:
         given = "\n".join(f"    x{i}: {kind}," for i in range(12))
         (tmp_path / name).write_text(f"fn {name[0]}(\n{given}\n) {{}}\n")
     assert RULES.repeated(RULES.sources(tmp_path)) == [[(tmp_path / "c.rs", 2, 13), (tmp_path / "d.rs", 2, 13)]]
+
+
+def test_arms_of_models_are_not_constructed_again() -> None:
+    """No test constructs an arm of `models.py` again, except in a program for another process, which is text here."""
+    tests = ROOT / "tests"
+    tree = ast.parse((tests / "models.py").read_text())
+    constants = [node.value for node in tree.body if isinstance(node, ast.Assign)]
+    texts = {ast.unparse(value) for value in constants if isinstance(value, ast.Call)}
+    assert len(texts) == 10
+    files = {path: path.read_text() for path in sorted(tests.rglob("*.py")) if path.name != "models.py"}
+    again = [
+        f"{path.relative_to(ROOT / 'tests')}:{node.lineno}"
+        for path, source in files.items()
+        if any(text.replace("'", '"') in source for text in texts)  # to parse all files takes a second
+        for node in ast.walk(ast.parse(source))
+        if isinstance(node, ast.Call) and ast.unparse(node) in texts
+    ]
+    assert again == []

@@ -1,9 +1,7 @@
-"""The arms of `models.py` against their closed forms and known solutions; tests use these arms by name."""
+"""The arms of `models.py` against their closed forms and known solutions."""
 
 from __future__ import annotations
 
-import ast
-from pathlib import Path
 from typing import Any
 
 import models
@@ -11,8 +9,6 @@ import numpy as np
 import pytest
 
 import armlet as al
-
-TESTS = Path(__file__).parents[1]
 
 
 @pytest.mark.parametrize(
@@ -58,20 +54,3 @@ def test_computed_torque_is_critically_damped(arm: al.Arm) -> None:
     run = al.simulate(al.RigidArm(arm), law, start, t_end=2.0, dt=1e-3, check_limits=False)
     # The error of the method of order four with w dt = 0.005.
     np.testing.assert_allclose(run.q, np.exp(-w * run.t)[:, None] * (1 + w * run.t)[:, None] * start, rtol=0.0, atol=1e-10)
-
-
-def test_tests_take_these_arms_from_the_module() -> None:
-    """No test constructs an arm of `models.py` again, except in a program for another process, which is text here."""
-    tree = ast.parse((TESTS / "models.py").read_text())
-    constants = [node.value for node in tree.body if isinstance(node, ast.Assign)]
-    texts = {ast.unparse(value) for value in constants if isinstance(value, ast.Call)}
-    assert len(texts) == 10
-    files = {path: path.read_text() for path in sorted(TESTS.rglob("*.py")) if path.name != "models.py"}
-    again = [
-        f"{path.relative_to(TESTS)}:{node.lineno}"
-        for path, source in files.items()
-        if any(text.replace("'", '"') in source for text in texts)  # to parse all files takes a second
-        for node in ast.walk(ast.parse(source))
-        if isinstance(node, ast.Call) and ast.unparse(node) in texts
-    ]
-    assert again == []
