@@ -8,8 +8,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.text import Annotation, Text
 
-#: A label ends with a unit in parentheses, such as "time (s)", or is TeX with a unit at its end.
-UNIT = re.compile(r"\([^()]+\)\s*$")
+#: A label ends with a unit in parentheses, such as "time (s)", or names a number without a unit.
+UNIT = re.compile(r"(?:\([^()]+\)|in parts of its limits?)$")
 #: A tick label that is a number, such as "-0.5" or "$\\mathdefault{10^{-2}}$".
 NUMBER = re.compile(r"[\s$\d.+\-\u2212^{}]*(?:\\mathdefault)?[\s$\d.+\-\u2212^{}]*\d[\s$\d.+\-\u2212^{}]*")
 #: Two boxes may share this many pixels, because a box is larger than its letters.

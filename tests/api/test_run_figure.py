@@ -147,3 +147,28 @@ def test_a_note_on_limits_covers_no_title() -> None:
     figure.draw_without_rendering()
     noted = [ax for ax in axes if ax.get_title(loc="right")]
     assert noted and not any(ax._left_title.get_window_extent().overlaps(ax._right_title.get_window_extent()) for ax in noted)  # type: ignore[attr-defined]
+
+
+def test_levels_of_priority_have_one_unit_per_axis() -> None:
+    """Levels in m and in rad have different panels. A level keeps its colour, and a level with both units has a panel that says so."""
+    arm = al.load_urdf(al.example_urdf("seven_axis"))
+    q = [0.2, 0.6, 0.1, -1.3, 0.2, 0.9, 0.3]
+    here = arm.pose_vector(q, "tcp")
+    tasks = [al.Task("tcp", "xyz", here[:3] + 0.01, 2.0), al.PostureTask(q, 1.0), al.Task("tcp", "z rz", [here[2], here[5]], 2.0)]
+    law = al.PriorityVelocity(arm, tasks)
+    axes = al.simulate(al.VelocityArm(arm), law, q, t_end=0.1, dt=1e-3).plot(Figure())
+    shown = [ax for ax in axes.flat if ax.get_visible() and "levels" in ax.get_title(loc="left")]
+    assert [ax.get_ylabel() for ax in shown] == [
+        *("error (m)", "error (rad)", "error (m or rad)"),
+        *("residual (m/s)", "residual (rad/s)", "residual (m/s or rad/s)"),
+    ]
+    assert len({ax.get_lines()[0].get_color() for ax in shown[:3]}) == 3
+
+
+def test_an_integral_wrench_has_one_unit_per_axis() -> None:
+    arm = al.load_urdf(al.example_urdf("seven_axis"))
+    q = [0.2, 0.6, 0.1, -1.3, 0.2, 0.9, 0.3]
+    law = al.CartesianImpedance(arm, arm.pose_vector(q, "tcp")[[0, 4]], 400.0, 40.0, frame="tcp", axes="x ry", integral_gain=100.0)
+    axes = al.simulate(al.RigidArm(arm), law, q, t_end=0.01, dt=1e-3).plot(Figure())
+    panels = {ax.get_title(loc="left"): ax.get_ylabel() for ax in axes.flat if "Integral" in ax.get_title(loc="left")}
+    assert panels == {"Integral forces": "integral wrench (N)", "Integral torques": "integral wrench (N m)"}

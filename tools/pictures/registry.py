@@ -115,8 +115,11 @@ def result(name: str, title: str, page: str) -> Callable[[Callable[..., None]], 
 def example(name: str, script: Path) -> None:
     """Register the figure of an example. Its title is the first line of the example's docstring."""
     source = script.read_text(encoding="utf-8")
-    used = {*re.findall(r"armlet\.figures\.(\w+)", source), *(("run", "panels", "estimates") if ".plot(" in source else ())}
-    inputs = (script.relative_to(ROOT).as_posix(), *(f"python/armlet/figures/{module}.py" for module in sorted(used)))
+    # Such as `armlet.figures.time_path` and `from armlet.demo import pictures`.
+    used = {found.replace(" import ", ".") for found in re.findall(r"armlet\.((?:figures|demo)(?:\.| import )[a-z]\w*)", source)}
+    if ".plot(" in source:
+        used |= {"figures.run", "figures.panels", "figures.estimates"}
+    inputs = (script.relative_to(ROOT).as_posix(), *(f"python/armlet/{module.replace('.', '/')}.py" for module in sorted(used)))
     PICTURES[name] = Picture(name, source.split('"""')[1].splitlines()[0], inputs)
 
 

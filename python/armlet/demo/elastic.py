@@ -388,7 +388,7 @@ def draw(
         order.loglog(SHARES[: values.size], values, "o-", color=COLOURS[k], markersize=4, label=names[name])
     order.loglog(SHARES[-4:], 0.6 * errors["tied"][-1] * (SHARES[-4:] / SHARES[-1]) ** 0.5, color="0.5", linewidth=1.0, label="slope 1/2")
     order.set_title("Deviation from rigid joints: small only if $D_0$ is small too (erratum E12)", loc="left", fontsize=10)
-    order.set_xlabel("reduced motor inertia / motor inertia, $B_0/B$")
+    order.set_xlabel("reduced motor inertia / motor inertia, $B_0/B$ (1)")
     order.set_ylabel("largest deviation $|x - x_\\mathrm{rigid}|$ (m)")
     for ax in (path, torque, wrong):
         ax.set_xlabel("time (s)")

@@ -75,6 +75,7 @@ def exam_figures(figure: Any, gravity_moment: float = 1.5) -> None:
     torque.set_title(f"Figure 4: gravity torque against inertial torque, G = {gravity_moment:g} N m", loc="left", fontsize=10)
     torque.set_xlabel("time (s)")
     torque.set_ylabel("torque (N m)")
+    profile.set_ylabel("motion (SI)")
     for ax in (profile, torque):
         ax.grid(alpha=0.3, linewidth=0.6)
         ax.spines[["top", "right"]].set_visible(False)

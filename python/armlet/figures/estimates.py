@@ -6,6 +6,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from .. import _core
+from .levels import rows_by_unit
 from .panels import Joints, Panel, draw_lines, legend_beside, of_joints
 from .style import COLOURS, literal
 
@@ -30,7 +31,7 @@ def estimates(run: Recorded) -> list[Panel]:
     """The panels of the state of the law: estimates or an integral."""
     assert run.estimate is not None
     if run.law_name == "CartesianImpedance":
-        return [_wrench]
+        return _wrenches(run)
     if run.law_name == "PID":
         return [] if _has_filters_alone(run._laws[0]) else of_joints(_integral, run)
     # The state of a composite law consists of the estimate and then of filter states. Only the estimate is drawn.
@@ -56,12 +57,21 @@ def _integral(ax: Axes, run: Recorded, joints: Joints) -> None:
     ax.set_title("Integral forces" if unit == "N" else "Integral torques")
 
 
-def _wrench(ax: Axes, run: Recorded) -> None:
+def _wrenches(run: Recorded) -> list[Panel]:
+    """The panels of the integral wrench: forces and torques have different units."""
     assert run.estimate is not None
-    for i, values in enumerate(run.estimate.T):
-        ax.plot(run.t, values, color=COLOURS[i % len(COLOURS)], label=f"$w_{{{i + 1}}}$")
-    ax.set_ylabel("N, N m")
-    ax.set_title("Integral wrench")
+    law = run._laws[0]
+    axes = None if law is None else law.__getnewargs_ex__()[1].get("axes") or "xyz"
+    groups = {"N or N m": list(range(run.estimate.shape[-1]))} if axes is None else rows_by_unit(axes, ("N", "N m"))
+    return [partial(_wrench, rows=rows, unit=unit) for unit, rows in groups.items()]
+
+
+def _wrench(ax: Axes, run: Recorded, rows: list[int], unit: str) -> None:
+    assert run.estimate is not None
+    for i in rows:
+        ax.plot(run.t, run.estimate[:, i], color=COLOURS[i % len(COLOURS)], label=f"$w_{{{i + 1}}}$")
+    ax.set_ylabel(f"integral wrench ({unit})")
+    ax.set_title({"N": "Integral forces", "N m": "Integral torques"}.get(unit, "Integral wrench"))
     legend_beside(ax)
 
 

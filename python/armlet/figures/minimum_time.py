@@ -182,7 +182,7 @@ class MinimumTime:
             ax.axvline(self.gravity_moment / limit, color="0.5", linestyle=":", linewidth=1.0, label="this link")
         ax.set_ylim(0.0, top)
         ax.set_xlim(0.0, 3.0)
-        ax.set_xlabel(r"gravity over torque limit, $G/\tau_{\max}$")
+        ax.set_xlabel(r"gravity over torque limit, $G/\tau_{\max}$ (1)")
         ax.set_ylabel("duration (s)")
         ax.set_title("Duration against gravity")
         ax.legend(loc="upper right", handlelength=1.8)

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .estimates import estimates
+from .levels import levels
 from .panels import EXCESS, MOST, Joints, Panel, draw_excess, draw_limits, draw_lines, joint_names, legend_beside, of_joints
 from .style import COLOURS, legend_below, literal, require, sheet
 
@@ -50,7 +51,7 @@ def _panels(run: Recorded) -> list[Panel]:
     """The panels for which the run has data, from left to right and from top to bottom."""
     positions, velocities = of_joints(_position, run), of_joints(_velocity, run)
     if "residual_1" in run.monitors:
-        return [*positions, *velocities, _level_errors, _level_residuals]
+        return [*positions, *velocities, *levels(run)]
     panels = [*positions, *(velocities if run.desired() is None else of_joints(_error, run))]
     if run.position_error is not None:
         panels.append(_distance)
@@ -189,25 +190,3 @@ def _energy_balance(ax: Axes, run: Recorded) -> None:
     ax.set_ylabel("balance (J)")
     ax.set_title(r"$|E(t) - E(0) - \int P\,dt|$")
 
-
-def _levels(ax: Axes, run: Recorded, name: str) -> None:
-    """Draw one line per level of priority, on a logarithmic axis of at most about sixteen decades."""
-    shown = np.concatenate([values[values > 0] for key, values in run.monitors.items() if key.startswith(name)])
-    for level in range(sum(key.startswith(name) for key in run.monitors)):
-        values = run.monitors[f"{name}_{level + 1}"]
-        ax.semilogy(run.t, np.where(values > 0, values, np.nan), color=COLOURS[level % len(COLOURS)], label=f"level {level + 1}")
-    if len(shown):
-        ax.set_ylim(max(shown.min() / 10, 1e-16 * shown.max()), 3 * shown.max())
-    legend_beside(ax)
-
-
-def _level_errors(ax: Axes, run: Recorded) -> None:
-    _levels(ax, run, "error")
-    ax.set_ylabel("error (m, rad)")
-    ax.set_title(r"$|e_i|$ per level of priority")
-
-
-def _level_residuals(ax: Axes, run: Recorded) -> None:
-    _levels(ax, run, "residual")
-    ax.set_ylabel("residual (m/s, rad/s)")
-    ax.set_title(r"$|v_i - J_i u|$ per level of priority")

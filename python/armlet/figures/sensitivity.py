@@ -48,7 +48,7 @@ def plot(one: Any, fig: Figure | None = None) -> NDArray[Any]:
             for i, ax in enumerate(row):
                 for k, j in enumerate(entries):
                     ax.plot(one.t, values[:, i, j], color=COLOURS[k])
-            row[0].set_ylabel(f"d {label} / d parameter")
+                ax.set_ylabel(f"d {label} / d parameter (SI)" if i == 0 else "(SI)")
         for i, ax in enumerate(axes[0]):
             ax.set_title(f"joint {i + 1}")
         for ax in axes[-1]:

@@ -122,7 +122,7 @@ class PathTiming:
             ax.set_ylabel("torque, in parts of its limits")
         time.set_xlabel("time (s)")
         time.set_title("Torque against time")
-        along.set_xlabel("path position $s$")
+        along.set_xlabel("path position $s$ (1)")
         along.set_title("Torque against path position")
 
     def margin(self, s: ArrayLike, r: ArrayLike) -> Array:
@@ -188,7 +188,7 @@ class PathTiming:
         ax.plot(p.s[k], p.s_dot[k], "o", color="black", markersize=3.5, linestyle="none", label="switches")
         ax.set_xlim(p.s[0], p.s[-1])
         ax.set_ylim(0.0, top)
-        ax.set_xlabel("path position $s$")
+        ax.set_xlabel("path position $s$ (1)")
         ax.set_ylabel(r"path speed $\dot s$ (1/s)")
         ax.set_title("Phase plane (grey: infeasible)" if shut.any() else "Phase plane")
         ax.legend(loc="best", handlelength=1.8)
