@@ -165,7 +165,7 @@ def banned_names(root: Path) -> list[str]:
 
 def read(root: Path) -> dict[str, tuple[int, int]]:
     """The number of long sentences and of banned words in each file that has any."""
-    names = ("README", "CONTRIBUTING", "CHANGELOG", "RELEASING", "SECURITY", "benches/README")
+    names = ("README", "CONTRIBUTING", "CHANGELOG", "RELEASING", "SECURITY", "benches/README", "examples/README")
     paths = [*(root / f"{name}.md" for name in names), *(root / "docs").rglob("*.md")]
     paths += [
         *(root / "python/armlet").rglob("*.py"),

@@ -164,7 +164,7 @@ def test_sound_code_in_prose_passes(code: str, tmp_path: Path, run: Run) -> None
 def test_links_lead_somewhere() -> None:
     """Relative links of the pages point to existing files. GitHub adds its address to a link that starts with `ACTIONS`."""
     broken = []
-    for page in [*PAGES, ROOT / "CONTRIBUTING.md", ROOT / "CHANGELOG.md"]:
+    for page in [*PAGES, *(ROOT / name for name in ("CONTRIBUTING.md", "CHANGELOG.md", "examples/README.md"))]:
         for target in re.findall(r"\]\(([^)#]+)[^)]*\)", page.read_text()):
             path = Path(".github") / target.removeprefix(ACTIONS).removesuffix("/badge.svg") if target.startswith(ACTIONS) else target
             if "://" not in target and not (page.parent / path).exists():

@@ -17,9 +17,9 @@ from test_figures import DRAWN
 import armlet as al
 from armlet.demo import demonstrate
 
-SEVEN = al.load_urdf(al.example_urdf("seven_axis"))
-SIX = al.load_urdf(al.example_urdf("six_axis"))
-PR = al.planar_pr(2.0, 0.5, 0.5)
+SEVEN = models.SEVEN_AXES
+SIX = models.SIX_AXES
+PR = models.PR
 Q = np.array([0.2, 0.6, 0.1, -1.3, 0.2, 0.9, 0.3])
 SHORT: dict[str, Any] = {"t_end": 0.1, "dt": 1e-3}
 

@@ -69,6 +69,17 @@ def test_pages_show_files_of_the_repository() -> None:
     assert sorted(path.name for path in stored - shown - drawn) == []
 
 
+def test_the_list_of_examples() -> None:
+    """`examples/README.md` has each example once, with its figure and the title of its docstring."""
+    text = (ROOT / "examples/README.md").read_text(encoding="utf-8")
+    scripts = {path.stem: path.read_text(encoding="utf-8") for path in (ROOT / "examples").glob("*.py")}
+    assert sorted(re.findall(r"\]\((\w+)\.py\)", text)) == sorted(scripts)
+    for name, picture in PICTURES.items():
+        if picture.draw is None:
+            script = Path(picture.inputs[0])
+            assert f'| <img src="../docs/images/{name}" width="360" alt="{picture.title}"> | [{picture.title}]({script.name}): ' in text
+
+
 @pytest.mark.parametrize("page", LESSONS)
 def test_the_order_of_a_lesson(page: str) -> None:
     """Drawing, question, code with its picture, equations, reason, one limit with its picture, exercises with answers, links."""

@@ -151,7 +151,7 @@ def test_a_note_on_limits_covers_no_title() -> None:
 
 def test_levels_of_priority_have_one_unit_per_axis() -> None:
     """Levels in m and in rad have different panels. A level keeps its colour, and a level with both units has a panel that says so."""
-    arm = al.load_urdf(al.example_urdf("seven_axis"))
+    arm = models.SEVEN_AXES
     q = [0.2, 0.6, 0.1, -1.3, 0.2, 0.9, 0.3]
     here = arm.pose_vector(q, "tcp")
     tasks = [al.Task("tcp", "xyz", here[:3] + 0.01, 2.0), al.PostureTask(q, 1.0), al.Task("tcp", "z rz", [here[2], here[5]], 2.0)]
@@ -166,7 +166,7 @@ def test_levels_of_priority_have_one_unit_per_axis() -> None:
 
 
 def test_an_integral_wrench_has_one_unit_per_axis() -> None:
-    arm = al.load_urdf(al.example_urdf("seven_axis"))
+    arm = models.SEVEN_AXES
     q = [0.2, 0.6, 0.1, -1.3, 0.2, 0.9, 0.3]
     law = al.CartesianImpedance(arm, arm.pose_vector(q, "tcp")[[0, 4]], 400.0, 40.0, frame="tcp", axes="x ry", integral_gain=100.0)
     axes = al.simulate(al.RigidArm(arm), law, q, t_end=0.01, dt=1e-3).plot(Figure())
