@@ -6,14 +6,13 @@
 
 use super::attempt::{LARGE, record_stages};
 use super::key::Common;
-use super::slots::{Instant, RatesSlots};
+use super::slots::RatesSlots;
 use super::structure::{entries, instant_of, modes_as_inputs};
 use crate::integrate::{Scheme, WithScheme};
 use crate::scalar::Real;
 use crate::scalar::trig::REDUCTION_LIMIT;
 use crate::simulate::assembly::assemble;
 use crate::simulate::problem::Problem;
-use crate::simulate::world::Exogenous;
 use crate::trace::tape::Op;
 use crate::trace::{Frame, Part, Program, SlotTable, Slots, Sym, engine, form, sym};
 
@@ -251,11 +250,14 @@ impl LanePrograms {
         frame.write_lane(self.slots.rates.held(), lane, held);
     }
 
-    /// Write the exogenous input of stage `stage`, which is not the first one.
-    pub fn set_input(&self, frame: &mut Frame, lane: usize, stage: usize, u: &Exogenous<f64>) {
-        let (slots, Instant { desired, .. }) = (self.slots.instant(stage), self.slots.rates.exogenous);
-        frame.write_lane(slots.part(0, desired), lane, &u.desired);
-        frame.write_lane(slots.part(desired, slots.count - desired), lane, &u.wrench);
+    /// The size of the exogenous input at one instant: the desired motions, then the wrench.
+    pub fn input_size(&self) -> usize {
+        self.slots.rates.exogenous.slots.count
+    }
+
+    /// Write the exogenous inputs of consecutive stages, from stage `stage` on, which is not the first one. `inputs` has one row per stage.
+    pub fn set_inputs(&self, frame: &mut Frame, lane: usize, stage: usize, inputs: &[f64]) {
+        frame.write_lane(self.slots.instant(stage).part(0, inputs.len()), lane, inputs);
     }
 
     /// Write the state at the start of a step, and its slope.

@@ -61,8 +61,8 @@ pub struct AdaptiveLane<'a, 'r, C: Scheme, K: Sink> {
     moved: bool,
     /// Whether the exogenous input is constant.
     still: bool,
-    /// The exogenous input of a stage, and the times of the stages of an attempt, s.
-    input: Exogenous<f64>,
+    /// The exogenous inputs of the stages of an attempt, one row per stage, and their times, s.
+    inputs: Vec<f64>,
     times: Vec<f64>,
 }
 
@@ -87,14 +87,8 @@ impl<'a, 'r, C: Scheme, K: Sink> AdaptiveLane<'a, 'r, C, K> {
             Some(LaneMemory { evaluation, method, watch }) => (evaluation, Some(method), watch),
             None => (None, None, None),
         };
-        let (mut closed, x) = RatesLoop::in_lane(problem, run, of_run, evaluation);
-        let mut input = closed.instant();
+        let (closed, x) = RatesLoop::in_lane(problem, run, of_run, evaluation);
         at.programs.set_parameters(at.frame, at.lane, &of_run.1);
-        let still = closed.world.is_still();
-        if still {
-            closed.world.sample(0.0, &mut input);
-            (1..C::A.len()).for_each(|stage| at.programs.set_input(at.frame, at.lane, stage, &input));
-        }
         let walk = Walk::new(problem.segments_of(segments, &closed, run), x.len());
         let states = x.len() - monitors::integrals(problem.options.monitors).count();
         let watch = watch.unwrap_or_else(|| StepChecks::new(problem.plant(run), None, states, &x));
@@ -107,9 +101,9 @@ impl<'a, 'r, C: Scheme, K: Sink> AdaptiveLane<'a, 'r, C, K> {
             action: Action::Attempt,
             attempt: (0.0, 0.0),
             moved: true,
-            still,
-            input,
-            times: vec![0.0; C::STAGES],
+            still: closed.world.is_still(),
+            inputs: vec![0.0; (C::A.len() - 1) * at.programs.input_size()],
+            times: vec![0.0; C::A.len() - 1],
             records: 0,
             recorder,
             walk,
@@ -117,6 +111,9 @@ impl<'a, 'r, C: Scheme, K: Sink> AdaptiveLane<'a, 'r, C, K> {
             method,
             watch,
         };
+        if lane.still {
+            lane.write_inputs(1, C::A.len() - 1, at);
+        }
         lane.action = Action::Walk(lane.walk.begin(&mut lane.closed, &lane.method, &mut lane.watch));
         lane
     }
@@ -185,17 +182,12 @@ impl<'a, 'r, C: Scheme, K: Sink> AdaptiveLane<'a, 'r, C, K> {
         }
     }
 
-    /// Write the exogenous inputs of `count` stages from stage `first` on, at the times `self.times`.
+    /// Write the exogenous inputs of `count` stages from stage `first` on, at the first times of `self.times`.
     fn write_inputs(&mut self, first: usize, count: usize, at: &mut LaneFrame) {
-        if self.still {
-            return;
-        }
-        for k in 0..count {
-            if k == 0 || self.times[k] != self.times[k - 1] {
-                self.closed.world.sample(self.times[k], &mut self.input);
-            }
-            at.programs.set_input(at.frame, at.lane, first + k, &self.input);
-        }
+        let size = at.programs.input_size();
+        let inputs = &mut self.inputs[..count * size];
+        self.closed.world.sample_each(0, &self.times[..count], [size, size.max(1)], inputs);
+        at.programs.set_inputs(at.frame, at.lane, first, inputs);
     }
 
     /// Judge the attempt. If the run requires its states, read them from the lane. If it requires its dense output, write the step size and
@@ -215,7 +207,9 @@ impl<'a, 'r, C: Scheme, K: Sink> AdaptiveLane<'a, 'r, C, K> {
         }
         let h = self.method.dense_times(&mut self.times);
         at.programs.set_step(at.frame, at.lane, h);
-        self.write_inputs(C::STAGES + 1, C::A.len() - C::STAGES - 1, at);
+        if !self.still {
+            self.write_inputs(C::STAGES + 1, C::A.len() - C::STAGES - 1, at);
+        }
         Judged::Interpolated
     }
 
