@@ -189,4 +189,3 @@ def _energy_balance(ax: Axes, run: Recorded) -> None:
     _magnitude(ax, run, "energy_balance")
     ax.set_ylabel("balance (J)")
     ax.set_title(r"$|E(t) - E(0) - \int P\,dt|$")
-
