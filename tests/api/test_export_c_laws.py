@@ -120,6 +120,11 @@ def test_a_law_has_the_bits_of_armlet(name: str, arm: str, compiler: str, tmp_pa
         np.testing.assert_array_equal(c(t, *x[: 4 if motors else 2]), expected, err_msg=f"state {k}")
 
 
+def times(knots: int) -> Any:
+    """Times of uneven knots, s."""
+    return 0.03 + np.cumsum(np.linspace(0.01, 0.05, knots))
+
+
 MOTIONS: dict[str, Callable[[al.Arm], al.Motion]] = {
     "Hold": lambda arm: al.Hold(target(arm)),
     "Quintic": quintic,
@@ -128,6 +133,9 @@ MOTIONS: dict[str, Callable[[al.Arm], al.Motion]] = {
     "Sinusoid, one term": lambda arm: al.Sinusoid(target(arm), np.zeros(arm.n), np.full(arm.n, 3.0), np.zeros(arm.n)),
     "Table": lambda arm: al.Table(0.013, *table(arm, 12), start=0.05),
     "Table of one knot": lambda arm: al.Table(0.013, *table(arm, 1)),
+    "Spline": lambda arm: al.Spline(times(9), table(arm, 9)[0]),
+    "Spline with velocities": lambda arm: al.Spline(times(9), *table(arm, 9)[:2]),
+    "Spline with accelerations": lambda arm: al.Spline(times(2), *table(arm, 2)),
     "path": lambda arm: al.time_path(arm, waypoints(arm), tau_max=200.0, v_max=3.0, a_max=20.0, check_limits=False),
     "path of limited torque rate": lambda arm: al.time_path(
         arm, waypoints(arm), tau_max=200.0, v_max=3.0, torque_rate=4000.0, check_limits=False
@@ -152,7 +160,7 @@ def test_a_motion_in_c_has_the_bits_of_armlet(name: str, compiler: str, tmp_path
 
 
 @pytest.mark.parametrize("compiler", COMPILERS)
-@pytest.mark.parametrize("name", [name for name in MOTIONS if name != "BangBang"])
+@pytest.mark.parametrize("name", [name for name in MOTIONS if name not in ("BangBang", "Spline with velocities")])
 def test_jerk_and_snap_in_c_have_the_bits_of_armlet(name: str, compiler: str, tmp_path: Path) -> None:
     motion = MOTIONS[name](PLANAR)
     if name.startswith("path"):

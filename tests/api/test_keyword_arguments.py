@@ -72,6 +72,8 @@ EXTENSION: dict[str, tuple[Callable[..., Any], int]] = {
     "RigidArm": (al.RigidArm, 1),
     "Wall": (al.Wall, 3),
     "Table": (al.Table, 4),
+    "Spline": (al.Spline, 4),
+    "Table.at": (al.Table.at, 4),
     "Arm.with_drives": (ARM.with_drives, 0),
     "Arm.pose": (ARM.pose, 2),
     "Arm.mass_matrix": (ARM.mass_matrix, 1),

@@ -21,6 +21,8 @@ MOTIONS = [
     al.BangBang([0.0, 0.0], [1.0, 1.5], 3.0),
     al.Sinusoid([0.0, 0.3], [[0.5, 0.2], [0.8, 0.3]], [[1.0, 2.3], [1.7, 0.6]], 0.25),
     al.Table(0.1, KNOTS, KNOTS / 3.0, KNOTS / 7.0, start=0.05),
+    al.Spline([0.1, 0.2, 0.5], KNOTS, spline="natural"),
+    al.Table.at([0.1, 0.2, 0.5], KNOTS, KNOTS / 3.0, KNOTS / 7.0),
 ]
 FULL = np.array([[30.0, 1.0], [1.0, 20.0]])
 LAWS = [

@@ -43,6 +43,7 @@ from .motions import Hold as Hold
 from .motions import Motion as Motion
 from .motions import Quintic as Quintic
 from .motions import Sinusoid as Sinusoid
+from .motions import Spline as Spline
 from .motions import Table as Table
 from .motions import TimedPath as TimedPath
 from .motions import _restore_time_path as _restore_time_path
@@ -143,6 +144,7 @@ __all__ = [
     "RigidArm",
     "Simulator",
     "Sinusoid",
+    "Spline",
     "StateFeedback",
     "Stepper",
     "SuggestedGains",

@@ -37,6 +37,16 @@ class BangBang(Motion):
 @final
 class Table(Motion):
     def __new__(cls, dt: float, q: ArrayLike, v: ArrayLike, a: ArrayLike, *, start: float | None = None) -> Self: ...
+    @staticmethod
+    def at(
+        t: ArrayLike, q: ArrayLike, v: ArrayLike | None = None, a: ArrayLike | None = None, *, spline: str | None = None
+    ) -> Spline: ...
+
+@final
+class Spline(Motion):
+    def __new__(
+        cls, t: ArrayLike, q: ArrayLike, v: ArrayLike | None = None, a: ArrayLike | None = None, *, spline: str | None = None
+    ) -> Self: ...
 
 def time_path(
     arm: Arm,

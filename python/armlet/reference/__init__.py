@@ -45,6 +45,7 @@ from .sampling import Sampling, TorqueSensor
 from .saturation import velocity_bounds
 from .simulate import simulate
 from .slopes import forward_dynamics_derivatives, inverse_dynamics_derivatives, linearize
+from .spline import Spline
 from .static_equilibrium import Equilibrium, equilibrium
 from .stick_slip import StickSlip, stick_slip_run
 from .suggested_gains import SuggestedGains, suggest_gains
@@ -96,6 +97,7 @@ __all__ = [
     "RigidArm",
     "Sampling",
     "Sinusoid",
+    "Spline",
     "StateFeedback",
     "StickSlip",
     "SuggestedGains",

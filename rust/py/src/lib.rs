@@ -34,6 +34,7 @@ mod seal;
 mod simulate;
 mod simulator;
 mod simulator_state;
+mod spline;
 mod stops;
 mod stored_array;
 mod suggested_gains;
@@ -106,6 +107,8 @@ mod _core {
     use super::seal::{_restore, _seal, _share};
     #[pymodule_export]
     use super::simulate::{simulate, simulate_batch};
+    #[pymodule_export]
+    use super::spline::Spline;
     #[pymodule_export]
     use super::stored_array::{_restore_array, _stored_array};
 

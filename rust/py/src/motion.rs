@@ -289,7 +289,7 @@ rest_to_rest!(BangBang, "Rest-to-rest motion with the symmetric bang-bang accele
 /// A motion through samples at the times `start + k dt`, the *knots*.
 ///
 /// The motion has the positions `q`, the velocities `v` and the accelerations `a` at the knots, and is a quintic Hermite polynomial between
-/// them. Before the first knot and after the last one, it rests at the position of that knot.
+/// them. Before the first knot and after the last one, it rests at the position of that knot. `Table.at` accepts uneven times.
 ///
 /// Args:
 ///     dt: time between two knots, s, > 0.

@@ -40,6 +40,7 @@ impl Motion {
     pub(super) fn write_acceleration_with(&self, base: &Motion, t: f64, out: &mut [f64]) {
         match (self, base) {
             (Motion::Table(table), Motion::Table(base)) => table.evaluate_with::<5, 2>(base, t, Side::Moving, out),
+            (Motion::Spline(spline), Motion::Spline(base)) => spline.evaluate_with::<5, 2>(base, t, Side::Moving, out),
             _ => self.write_acceleration(t, out),
         }
     }
@@ -48,6 +49,7 @@ impl Motion {
     pub(super) fn jerk_jumps(&self) -> Vec<f64> {
         match self {
             Motion::Table(table) => table.knot_times(),
+            Motion::Spline(spline) => spline.path().knots().to_vec(),
             Motion::TimedPath(path) => path.times().to_vec(),
             _ => self.breaks(),
         }

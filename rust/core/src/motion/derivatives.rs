@@ -12,9 +12,10 @@ impl Motion {
     /// Compute the position and its derivatives with respect to time up to `order`, at time `t`, s: `(order + 1, n)`. The derivatives are
     /// velocity, acceleration, jerk and snap.
     ///
-    /// Where the jerk or the snap jumps, the result is the value after the jump. They jump at the ends of a quintic, at the knots of a table,
-    /// and at the knots and grid points of a timed path. At such a time, the snap does not contain the impulse of a jump of the jerk. At the
-    /// end of a table or path, the result is that of its last interval. Before the start and after the end, all derivatives are zero.
+    /// Where the jerk or the snap jumps, the result is the value after the jump. They jump at the ends of a quintic, and at the knots of a
+    /// table or spline. In a timed path they jump at its knots and grid points. At such a time, the snap does not contain the impulse of a jump of the jerk. At the
+    /// end of a table or path, the result is that of its last interval. A spline that stops at its last knot rests from there on. Before the
+    /// start and after the end, all derivatives are zero.
     ///
     /// Errors: `Input` for a time that is not finite. Also as for [`Motion::require_derivatives`].
     ///
@@ -47,6 +48,7 @@ impl Motion {
     pub fn highest_order(&self) -> usize {
         match self {
             Motion::BangBang(_) | Motion::Acceleration(_) => 2,
+            Motion::Spline(spline) if !spline.is_smooth() => 2,
             Motion::TimedPath(path) if path.inner_jumps().next().is_some() => 2,
             _ => DERIVATIVES - 1,
         }

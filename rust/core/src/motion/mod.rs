@@ -12,6 +12,7 @@ pub(crate) mod rest_to_rest;
 pub(crate) mod rows;
 mod sample;
 mod sinusoid;
+pub(crate) mod spline;
 pub(crate) mod table;
 pub(crate) mod timed_path;
 
@@ -21,6 +22,7 @@ pub use polynomial::TERMS;
 pub use rest_to_rest::{BangBang, Quintic};
 pub use sample::MotionSample;
 pub use sinusoid::Sinusoid;
+pub use spline::Spline;
 pub(crate) use table::Side;
 pub use table::Table;
 pub use timed_path::TimedPath;
@@ -42,6 +44,8 @@ pub enum Motion {
     BangBang(BangBang),
     /// Samples at equal time intervals.
     Table(Table),
+    /// Knots at their own times.
+    Spline(Spline),
     /// A path with a timing.
     TimedPath(TimedPath),
     /// The acceleration of another motion ([`Motion::acceleration_of`]).
@@ -63,6 +67,7 @@ impl Motion {
     pub fn is_same(&self, other: &Motion) -> bool {
         match (self, other) {
             (Motion::Table(a), Motion::Table(b)) => a.is_same(b),
+            (Motion::Spline(a), Motion::Spline(b)) => a.is_same(b),
             (Motion::TimedPath(a), Motion::TimedPath(b)) => a.is_same(b),
             (Motion::Acceleration(a), Motion::Acceleration(b)) => a.is_same(b),
             _ => std::ptr::eq(self, other) || self == other,
@@ -73,6 +78,7 @@ impl Motion {
     pub fn numbers(&self) -> usize {
         match self {
             Motion::Table(table) => table.numbers(),
+            Motion::Spline(spline) => spline.numbers(),
             Motion::TimedPath(path) => path.numbers(),
             Motion::Acceleration(of) => of.numbers(),
             Motion::Sinusoid(m) => 10 * (m.dof() + m.terms()),
@@ -88,6 +94,7 @@ impl Motion {
             Motion::Quintic(m) => m.dof(),
             Motion::BangBang(m) => m.dof(),
             Motion::Table(m) => m.dof(),
+            Motion::Spline(m) => m.dof(),
             Motion::TimedPath(m) => m.dof(),
             Motion::Acceleration(of) => of.dof(),
         }
@@ -103,6 +110,7 @@ impl Motion {
             Motion::Quintic(m) => m.evaluate::<K, FROM>(t, out),
             Motion::BangBang(m) => m.evaluate::<K, FROM>(t, out),
             Motion::Table(m) => m.evaluate::<K, FROM>(t, out),
+            Motion::Spline(m) => m.evaluate::<K, FROM>(t, out),
             Motion::TimedPath(m) => m.evaluate::<K, FROM>(t, out),
             Motion::Acceleration(of) => of.write_acceleration(t, out),
         }
@@ -122,15 +130,18 @@ impl Motion {
             Motion::Quintic(m) => rows.for_each(|(&t, row)| m.evaluate::<3, 0>(t, row)),
             Motion::BangBang(m) => rows.for_each(|(&t, row)| m.evaluate::<3, 0>(t, row)),
             Motion::Table(m) => rows.for_each(|(&t, row)| m.evaluate::<3, 0>(t, row)),
-            Motion::Hold(_) | Motion::TimedPath(_) | Motion::Acceleration(_) => rows.for_each(|(&t, row)| self.sample(t, row)),
+            Motion::Hold(_) | Motion::Spline(_) | Motion::TimedPath(_) | Motion::Acceleration(_) => {
+                rows.for_each(|(&t, row)| self.sample(t, row))
+            }
         }
     }
 
-    /// Write `[q_d, v_d, a_d]` at time `t`, s, to `out`, as a smooth function of the numbers of the motion near those of `base`. A table uses
-    /// the polynomial that the table `base` uses at this time. If this time is a knot, `side` selects the polynomial.
+    /// Write `[q_d, v_d, a_d]` at time `t`, s, to `out`, as a smooth function of the numbers of the motion near those of `base`. A table or
+    /// spline uses the polynomial that `base` uses at this time. If this time is a knot, `side` selects the polynomial.
     pub(crate) fn sample_with(&self, base: &Motion, t: f64, side: Side, out: &mut [f64]) {
         match (self, base) {
             (Motion::Table(table), Motion::Table(base)) => table.evaluate_with::<3, 0>(base, t, side, out),
+            (Motion::Spline(spline), Motion::Spline(base)) => spline.evaluate_with::<3, 0>(base, t, side, out),
             (Motion::Acceleration(of), Motion::Acceleration(base)) => of.write_acceleration_with(base, t, out),
             _ => self.sample(t, out),
         }
@@ -152,6 +163,7 @@ impl Motion {
             Motion::Hold(_) | Motion::Sinusoid(_) | Motion::Table(_) => Vec::new(),
             Motion::Quintic(m) => m.breaks(),
             Motion::BangBang(m) => m.breaks(),
+            Motion::Spline(m) => m.breaks(),
             Motion::TimedPath(m) => m.breaks(),
             Motion::Acceleration(of) => of.breaks(),
         }

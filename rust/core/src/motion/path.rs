@@ -141,6 +141,25 @@ fn slopes(s: &[f64], q: &[f64], n: usize, ends: Ends) -> Vec<f64> {
     d
 }
 
+/// The cubic Hermite path through `q`, `(K, n)`, with the slopes `d`, `(K, n)`, at the path positions `s`, `(K,)`.
+fn cubic(s: &[f64], q: &[f64], d: &[f64], n: usize) -> Path {
+    let mut c = vec![0.0; (s.len() - 1) * TERMS * n];
+    for p in 0..s.len() - 1 {
+        if p % CHECK_INTERVAL == 0 {
+            interrupt::check();
+        }
+        let h = s[p + 1] - s[p];
+        for j in 0..n {
+            let (q0, step) = (q[p * n + j], q[(p + 1) * n + j] - q[p * n + j]);
+            let (d0, d1) = (h * d[p * n + j], h * d[(p + 1) * n + j]);
+            let at = |k: usize| (p * TERMS + k) * n + j;
+            (c[at(0)], c[at(1)]) = (q0, d0);
+            (c[at(2)], c[at(3)]) = (3.0 * step - 2.0 * d0 - d1, d0 + d1 - 2.0 * step);
+        }
+    }
+    Path { n, knots: s.to_vec(), coefficients: c, ends: [q[..n].to_vec(), q[(s.len() - 1) * n..].to_vec()] }
+}
+
 impl Path {
     /// Compute the slopes `dq/ds`, `(K, n)`, of the C2 cubic spline through `q`, `(K, n)`, at the path positions `s`, `(K,)`.
     ///
@@ -161,22 +180,22 @@ impl Path {
     /// Create the C2 cubic spline through `q`, `(K, n)`, rad or m, at the path positions `s`, `(K,)`. Errors: as for [`Path::slopes`].
     pub fn spline(s: &[f64], q: &[f64], n: usize, ends: Ends) -> Result<Path> {
         memory::require((s.len() * 8).saturating_mul((TERMS + 4) * n + 4))?;
-        let d = Path::slopes(s, q, n, ends)?;
-        let mut c = vec![0.0; (s.len() - 1) * TERMS * n];
-        for p in 0..s.len() - 1 {
-            if p % CHECK_INTERVAL == 0 {
-                interrupt::check();
-            }
-            let h = s[p + 1] - s[p];
-            for j in 0..n {
-                let (q0, step) = (q[p * n + j], q[(p + 1) * n + j] - q[p * n + j]);
-                let (d0, d1) = (h * d[p * n + j], h * d[(p + 1) * n + j]);
-                let at = |k: usize| (p * TERMS + k) * n + j;
-                (c[at(0)], c[at(1)]) = (q0, d0);
-                (c[at(2)], c[at(3)]) = (3.0 * step - 2.0 * d0 - d1, d0 + d1 - 2.0 * step);
+        Ok(cubic(s, q, &Path::slopes(s, q, n, ends)?, n))
+    }
+
+    /// Create the cubic Hermite path through `q`, `(K, n)`, rad or m, with the slopes `d = dq/ds`, `(K, n)`, at the path positions `s`,
+    /// `(K,)`.
+    ///
+    /// Errors: `Input` for positions that do not increase, or numbers that are not finite; `WrongShape` for a wrong length or `K < 2`.
+    pub fn cubic(s: &[f64], q: &[f64], d: &[f64], n: usize) -> Result<Path> {
+        increasing(s)?;
+        for values in [q, d] {
+            finite("path", values)?;
+            if s.len() < 2 || n == 0 || values.len() != s.len() * n {
+                return Err(Error::wrong("path", "shape", format!("two or more rows of {n}"), format!("{} numbers", values.len())));
             }
         }
-        Ok(Path { n, knots: s.to_vec(), coefficients: c, ends: [q[..n].to_vec(), q[(s.len() - 1) * n..].to_vec()] })
+        Ok(cubic(s, q, d, n))
     }
 
     /// Create the C2 cubic spline through waypoints `q`, `(K, n)`, rad or m. Also return the index of the knot of each waypoint.

@@ -1,6 +1,6 @@
 //! Conversions of all kinds of motions to [`Motion`], and the values of a motion at one time as nalgebra vectors.
 
-use super::{BangBang, Motion, Quintic, Sinusoid, Table, TimedPath};
+use super::{BangBang, Motion, Quintic, Sinusoid, Spline, Table, TimedPath};
 use nalgebra::DVector;
 
 /// Position, velocity and acceleration of a motion at one time, `(n,)` each.
@@ -60,4 +60,4 @@ macro_rules! convert {
     };
 }
 
-convert!(Sinusoid Quintic BangBang Table TimedPath);
+convert!(Sinusoid Quintic BangBang Table Spline TimedPath);

@@ -14,7 +14,7 @@ use std::sync::Arc;
 /// Number of knots that are read between two checks for an interrupt.
 const CHECK_INTERVAL: usize = 1 << 10;
 /// The largest distance from a knot, in intervals, at which a time counts as this knot.
-const ON_KNOT: f64 = 1e-9;
+pub(super) const ON_KNOT: f64 = 1e-9;
 
 /// The side of a knot on which a table is evaluated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -25,15 +25,29 @@ pub(crate) enum Side {
     Moving,
 }
 
-/// The part of a table that contains a time.
+/// The part of a table or of a spline that contains a time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Piece {
+pub(super) enum Piece {
     /// The constant position before the first knot.
     First,
     /// The polynomial between knot `k` and the next knot.
     Between(usize),
     /// The constant position after the last knot.
     Last,
+}
+
+impl Piece {
+    /// The piece on this side of knot `knot`. `last` is the index of the last knot.
+    pub(super) fn at_knot(knot: usize, last: usize, side: Side) -> Piece {
+        match side {
+            Side::Before if knot == 0 => Piece::First,
+            Side::Before => Piece::Between(knot - 1),
+            Side::After if knot == last => Piece::Last,
+            Side::After => Piece::Between(knot),
+            Side::Moving if last == 0 => Piece::First,
+            Side::Moving => Piece::Between(knot.min(last - 1)),
+        }
+    }
 }
 
 /// A motion sampled at equal intervals.
@@ -190,15 +204,11 @@ impl Table {
     #[inline]
     fn piece(&self, u: f64, knot: Option<usize>, side: Side) -> Piece {
         let last = self.knots - 1;
-        match (knot, side) {
-            (None, _) if u > 0.0 && u < last as f64 => Piece::Between(u as usize),
-            (None, _) if u > 0.0 => Piece::Last,
-            (None, _) | (Some(0), Side::Before) => Piece::First,
-            (Some(k), Side::After) if k == last => Piece::Last,
-            (Some(k), Side::After) => Piece::Between(k),
-            (Some(k), Side::Before) => Piece::Between(k - 1),
-            (Some(_), Side::Moving) if last == 0 => Piece::First,
-            (Some(k), Side::Moving) => Piece::Between(k.min(last - 1)),
+        match knot {
+            Some(k) => Piece::at_knot(k, last, side),
+            None if u > 0.0 && u < last as f64 => Piece::Between(u as usize),
+            None if u > 0.0 => Piece::Last,
+            None => Piece::First,
         }
     }
 

@@ -5,11 +5,11 @@ use super::timed_path::TimedPath;
 use crate::arguments::require_partner;
 use crate::arm::{Arm, ArmModel};
 use crate::arrays::{
-    ArrayArgument, Axis, Form, copied, count, items, nonnegative_integer, number, numbers, object, owned, require_finite, shown, text,
-    vector,
+    ArrayArgument, Axis, Form, copied, count, items, nonnegative_integer, number, numbers, object, owned, require_finite, shown, vector,
 };
 use crate::errors::{Failure, entry, input_error};
 use crate::interrupts::long;
+use crate::spline::ends;
 use crate::warnings::LimitCheck;
 use armlet_core::motion::{Ends, Path};
 use armlet_core::plan::{self, Friction, Mover, TimePathOptions};
@@ -22,26 +22,13 @@ use std::sync::Arc;
 const SAMPLES: usize = 201;
 const MOST_SAMPLES: usize = 1_000_000;
 
-fn ends(value: Option<&Bound<'_, PyAny>>, default: Ends) -> Result<Ends, Failure> {
-    let Some(value) = value else { return Ok(default) };
-    match text(NAME, "spline", value)?.as_str() {
-        "natural" => Ok(Ends::Natural),
-        "clamped" => Ok(Ends::Clamped),
-        "not-a-knot" => Ok(Ends::NotAKnot),
-        other => {
-            let problem = format!("is unknown: expected one of \"natural\", \"clamped\", \"not-a-knot\", got {other:?}");
-            Err(input_error(value.py(), NAME, "spline", problem).into())
-        }
-    }
-}
-
 /// Return the derivatives `dq/ds`, `(K, m)`, at `s`, `(K,)`, of the C2 cubic spline through `q`, `(K, m)`. `spline` is as for `time_path`.
 #[entered]
 #[pyfunction]
 pub fn _spline_slopes<'py>(s: &Bound<'py, PyAny>, q: &Bound<'py, PyAny>, spline: &Bound<'py, PyAny>) -> Result<Bound<'py, PyAny>, Failure> {
     let (shape, values) = numbers(NAME, "q", q, &[Form(&[Axis::Any("K"), Axis::Any("m")])])?;
     let s = vector(NAME, "s", s, shape[0])?;
-    let (values, ends) = (owned(values)?, ends(Some(spline), Ends::Natural)?);
+    let (values, ends) = (owned(values)?, ends(NAME, Some(spline), Ends::Natural)?);
     let slopes = long(py, || Path::slopes(&s, &values, shape[1], ends))?;
     copied(py, &shape, &slopes)
 }
@@ -120,7 +107,7 @@ fn path_of(
             let problem = format!("is out of range: expected 4 to {MOST_SAMPLES}, got {samples}");
             return Err(input_error(py, NAME, "samples", problem).into());
         }
-        return Ok((sampled(path, n, samples, ends(spline, Ends::NotAKnot)?, within)?, Vec::new()));
+        return Ok((sampled(path, n, samples, ends(NAME, spline, Ends::NotAKnot)?, within)?, Vec::new()));
     }
     let kind = if joined.is_some() { "a CartesianPath" } else { "waypoints" };
     for (name, value) in
@@ -141,7 +128,7 @@ fn path_of(
     }
     let default = if kind == "waypoints" { Ends::Natural } else { Ends::NotAKnot };
     let knots = own.as_ref().map(|value| vector(NAME, "knots", value, shape[0])).transpose()?;
-    Ok(Path::waypoints(&q, n, knots.as_deref(), ends(spline, default)?)?)
+    Ok(Path::waypoints(&q, n, knots.as_deref(), ends(NAME, spline, default)?)?)
 }
 
 /// Refuse `refine=False` without `grid`, `friction` without limits of torques, and `check_limits` where no limits are checked.

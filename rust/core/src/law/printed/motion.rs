@@ -6,7 +6,7 @@ use crate::error::{Error, Result};
 use crate::motion::polynomial::chain;
 use crate::motion::rest_to_rest::{RestToRest, Timing};
 use crate::motion::rows::put;
-use crate::motion::{Motion, Sinusoid, Table, TimedPath, path, table, timed_path};
+use crate::motion::{Motion, Sinusoid, Spline, Table, TimedPath, path, table, timed_path};
 use crate::scalar::Real;
 use crate::scalar::hex::hex;
 use crate::scalar::trig::REDUCTION_LIMIT;
@@ -59,6 +59,7 @@ impl Motion {
             Motion::BangBang(m) => print.rest_to_rest::<_, 3, 0>(m),
             Motion::Sinusoid(m) => print.sinusoid::<3, 0>(m),
             Motion::Table(m) => print.table(m),
+            Motion::Spline(m) => print.spline::<3, 0>(m),
             Motion::TimedPath(m) => print.timed_path(m)?,
             Motion::Acceleration(of) => print.acceleration(of)?,
         };
@@ -75,6 +76,7 @@ impl Motion {
             Motion::BangBang(m) => format!("a bang-bang motion from rest to rest in {} s", m.duration()),
             Motion::Sinusoid(_) => "a sum of sinusoids".into(),
             Motion::Table(m) => format!("a table from {} s on, every {} s", m.start(), m.dt()),
+            Motion::Spline(m) => format!("a spline with {} knots", m.path().knots().len()),
             Motion::TimedPath(m) => format!("a path with a timing of {} s", m.duration()),
             Motion::Acceleration(of) => format!("the acceleration of {}", of.described()),
         }
@@ -185,8 +187,9 @@ impl PrintedMotion<'_> {
             Motion::Quintic(m) => Ok(self.rest_to_rest::<_, 5, 2>(m)),
             Motion::Sinusoid(m) => Ok(self.sinusoid::<5, 2>(m)),
             Motion::Table(m) => Ok(self.table_acceleration(m)),
+            Motion::Spline(m) => Ok(self.spline::<5, 2>(m)),
             _ => {
-                let problem = "has no C of jerk and snap: expected a quintic, a sinusoid or a table, got";
+                let problem = "has no C of jerk and snap: expected a quintic, a sinusoid, a table or a spline, got";
                 Err(Error::input("motion", format!("{problem} {}", motion.described())))
             }
         }
@@ -213,6 +216,35 @@ impl PrintedMotion<'_> {
         let near = print_nearest(table, last);
         format!("{near}    const int on = fabs(u - (double)k) < 1e-9;\n    memset(y, 0, {width} * sizeof(double));\n{between}")
             + &format!("    if (on)\n        memcpy(y, rows + {width} * k + {}, {n} * sizeof(double));\n", 2 * n)
+    }
+
+    fn spline<const K: usize, const FROM: usize>(&mut self, motion: &Spline) -> String {
+        let (path, n, last) = (motion.path(), motion.dof(), motion.path().knots().len() - 1);
+        let (start, end) = path.ends();
+        let calls = self.formula("piece", 3 + 6 * n, 3 * n, |x, y| {
+            path::on_piece(n, [x[1], x[2]], &x[3..], x[0], |j, q| put::<_, K, FROM>(n, y, j, q));
+        });
+        let hold =
+            if FROM == 0 { print_hold("t > knot[0] ? end : start", n) } else { format!("memset(y, 0, {} * sizeof(double));\n", 3 * n) };
+        // A motion that stops rests from the last knot on, and another one after it.
+        let inside = if motion.stops() { "<" } else { "<=" };
+        let exact = if FROM == 0 && !motion.stops() {
+            format!("    if (t == knot[{last}])\n        memcpy(y, end, {n} * sizeof(double));\n")
+        } else {
+            String::new()
+        };
+        let ends = if FROM == 0 { array("start", start) + &array("end", end) } else { String::new() };
+        ends + &array("knot", path.knots())
+            + &array("coefficient", path.coefficients())
+            + &format!("    double x[{}];\n    int low, high;\n", 3 + 6 * n)
+            + &format!("    if (!(t >= knot[0] && t {inside} knot[{last}])) {{\n{}        return;\n    }}\n", indented(&indented(&hold)))
+            + &indented(&search("knot", "t", last))
+            + &format!(
+                "    x[0] = t;\n    memcpy(x + 1, knot + low, 2 * sizeof(double));\n    memcpy(x + 3, coefficient + {0} * low, {0} * sizeof(double));\n",
+                6 * n
+            )
+            + &calls
+            + &exact
     }
 
     fn timed_path(&mut self, motion: &TimedPath) -> Result<String> {

@@ -31,7 +31,8 @@ impl Problem<'_> {
     /// infinite. The other motions have their breaks, or do not rest between two movements.
     fn table_scale(&self, run: usize) -> Option<TimeScale> {
         let o = &self.options;
-        let tables: Vec<&Motion> = self.law(run).motions().into_iter().filter(|motion| matches!(motion, Motion::Table(_))).collect();
+        let tables: Vec<&Motion> =
+            self.law(run).motions().into_iter().filter(|motion| matches!(motion, Motion::Table(_) | Motion::Spline(_))).collect();
         if tables.is_empty() || o.max_step == Some(f64::INFINITY) || !(o.t_end > 0.0) {
             return None;
         }
