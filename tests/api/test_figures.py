@@ -42,6 +42,7 @@ def sensitivity() -> Any:
 DRAWN: dict[str, tuple[str, Callable[..., Any]]] = {
     "run": ("Run.plot", lambda fig: run().plot(fig)),
     "compare": ("compare", lambda fig: al.compare([run()], fig=fig)),
+    "log": ("Log.plot", lambda fig: al.read_log(run()).plot(fig)),
     "mintime": ("MinimumTime.plot", lambda fig: MinimumTime(0.0, 1.0, 1.0, 0.5, 1.0).plot(fig)),
     "path": ("PathTiming.plot", lambda fig: PathTiming(ARM, al.time_path(ARM, [[0.0, 0.0], [1.0, 0.5]], tau_max=20.0), 20.0).plot(fig)),
     "program": (

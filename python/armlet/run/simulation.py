@@ -23,6 +23,7 @@ from .records import BatchRun, Run
 from .sampling import Sampling
 from .sensitivity import of_rows, of_run, require_names, vary, vary_rows
 from .speeds import warn_of_speeds
+from .turns import warn_of_turns
 
 __all__ = ["simulate", "simulate_batch"]
 
@@ -118,7 +119,8 @@ def simulate(
             is a second criterion for a law that acts at every instant without `tau_max` and `force`. The steps are too coarse if the
             Lyapunov function rises tenfold and the residual of its balance exceeds a tenth of it. Without `monitors` the steps are not
             checked.
-            A third warning reports a `force` that is a function and changes within less than half of a fixed step.
+        UserWarning: a continuous joint starts more than half a turn from its target (`Arm.nearest`). `check_limits=False` omits this.
+        UserWarning: a `force` that is a function and changes within less than half of a fixed step.
             `metrics(run)["energy_error"]` is the residual of the energy balance as a fraction of the energy.
 
     Source: [HairerNorsettWanner1993, HairerWanner1996] for the methods; docs/plants_and_laws.md.
@@ -161,6 +163,8 @@ def simulate(
     if run.monitors:
         warn_of_balances("simulate", balances, np.asarray(run.status in (Status.SUCCESS, Status.EVENT)), undisturbed)
     warn_of_speeds("simulate", run)
+    if check_limits is not False:
+        warn_of_turns("simulate", plant, law, q0)
     return run
 
 
@@ -296,4 +300,6 @@ def simulate_batch(
         batch = batch_of(plants, laws, q0, options, undisturbed)
     if loops is not None:
         batch.sensitivity = of_rows(loops, options, batch.t, batch.status, threads)
+    if check_limits is not False and not isinstance(plants, list) and not isinstance(laws, list):
+        warn_of_turns("simulate_batch", plants, laws, q0)
     return batch

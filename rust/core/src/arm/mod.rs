@@ -10,6 +10,7 @@ mod mimic;
 mod outside;
 #[doc(hidden)]
 mod tree;
+mod turns;
 mod urdf;
 mod urdf_examples;
 
@@ -20,6 +21,7 @@ pub use joint::{Frame, Joint, JointKind, Limits, Mimic};
 pub use mimic::{Follows, Joining};
 pub use outside::Outside;
 pub use tree::{BASE, Body, Tree, TreeFrame, second_moment};
+pub use turns::nearest_turn;
 pub use urdf::Written;
 #[cfg(feature = "urdf")]
 pub use urdf::{MAX_BYTES, MAX_DEPTH, MimicMode, UrdfOptions, urdf_joints};

@@ -73,6 +73,14 @@ impl Model {
         }
     }
 
+    /// Whether each coordinate turns without end ([`Arm::turns_freely`]), `(n,)`. The planar PR arm has no joint limits.
+    pub fn turns_freely(&self) -> Vec<bool> {
+        match self {
+            Model::PlanarPr(_) => vec![false, true],
+            Model::Tree(arm) => arm.turns_freely(),
+        }
+    }
+
     /// Rotor inertia of each joint, `(n,)`, kg m^2 or kg. It is not one of the inertial parameters.
     pub fn armature(&self) -> Vec<f64> {
         match self {

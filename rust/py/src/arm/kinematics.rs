@@ -1,13 +1,58 @@
 //! Poses of frames, their geometric Jacobians and rates, and the centre of mass, broadcast over leading axes.
 
 use super::Arm;
+use crate::arrays::written_array;
+use crate::broadcast::{CHECK_PERIOD, broadcast, require_all_finite};
+use crate::errors::Failure;
+use crate::interrupts::long;
+use armlet_core::arm::nearest_turn;
 use armlet_core::dynamics::Quantity;
+use armlet_core::interrupt;
 use armlet_macros::entered;
 use pyo3::prelude::*;
 
 #[entered]
 #[pymethods]
 impl Arm {
+    /// The position that is the same pose as `target` and nearest to `q`, `(..., n)`: whole turns are added to joints without limits.
+    ///
+    /// A law computes `target - q` and does not wrap angles. So a continuous joint at 3.13 rad with the target -3.13 rad moves 6.26 rad. With
+    /// the target `nearest([-3.13], [3.13])` it moves 0.023 rad. Joints with limits and joints that slide keep the target. A joint with
+    /// followers turns if each follower turns by a whole number of turns.
+    ///
+    /// Args:
+    ///     target: positions, `(..., n)`, rad or m.
+    ///     q: the positions to be near, `(..., n)`, rad or m, broadcast over the leading axes.
+    ///
+    /// Raises:
+    ///     InputError: an argument is not finite or has the wrong shape.
+    ///
+    /// >>> import armlet as al
+    /// >>> arm = al.planar_arm([1.0, 0.5])
+    /// >>> arm.nearest([-3.13, 0.4], [3.13, 0.2]).round(3)
+    /// array([3.153, 0.4  ])
+    #[arguments(target, q)]
+    fn nearest<'py>(&self) -> Result<Bound<'py, PyAny>, Failure> {
+        let model = self.model.core();
+        let (n, free) = (model.n(), model.turns_freely());
+        let names = ["target", "q"];
+        require_all_finite(NAME, names, [target, q])?;
+        let rows = broadcast(NAME, names, [target, q], [n, n])?.owned()?;
+        let mut shape = rows.shape.clone();
+        shape.push(n);
+        written_array(py, &shape, |out| {
+            long(py, || {
+                for (i, near) in out.chunks_exact_mut(n.max(1)).enumerate() {
+                    if i % CHECK_PERIOD == 0 {
+                        interrupt::check();
+                    }
+                    nearest_turn(&free, rows.row(0, i), rows.row(1, i), near);
+                }
+                Ok(())
+            })
+        })
+    }
+
     /// The pose `X_WF` of a frame, `(..., 4, 4)`: a homogeneous transform, lengths in m.
     ///
     /// Args:

@@ -160,6 +160,32 @@ impl Law {
         })
     }
 
+    /// Make a law with other values of some arguments, such as `law.replace(kp=80.0)`. The other arguments do not change.
+    ///
+    /// Args:
+    ///     changes: arguments of the law's constructor, by name.
+    ///
+    /// Returns:
+    ///     A law of the same class.
+    ///
+    /// Raises:
+    ///     InputError: a value is not valid.
+    ///     TypeError: the constructor has no argument of this name.
+    ///
+    /// >>> import armlet as al
+    /// >>> law = al.PDGravity(al.planar_arm([1.0], gravity=(0.0, 0.0)), [0.5], 50.0, 10.0)
+    /// >>> law(0.0, [0.0], [0.0]), law.replace(kp=80.0)(0.0, [0.0], [0.0])
+    /// (array([25.]), array([40.]))
+    #[pyo3(signature = (**changes))]
+    fn replace<'py>(slf: &Bound<'py, Self>, changes: Option<&Bound<'py, PyDict>>) -> PyResult<Bound<'py, PyAny>> {
+        let call = slf.call_method0("__getnewargs_ex__")?;
+        let arguments = call.get_item(1)?.cast_into::<PyDict>()?;
+        if let Some(changes) = changes {
+            arguments.update(changes.as_mapping())?;
+        }
+        slf.get_type().call((), Some(&arguments))
+    }
+
     /// Return a dict of the quantities that the law computes at one instant, such as its error. It has the same arguments as a call of the
     /// law. For a law with a state, `state` is this state, `(p,)`, and `state_rate` its rate, 1/s times its units.
     #[arguments(t, q, v, *, theta=None, theta_dot=None, state=None)]
