@@ -57,6 +57,8 @@ class BaseParameters:
     #: the smallest distance of a kept column, and the largest distance of a dropped column.
     smallest_kept: float
     largest_dropped: float
+    #: Whether the parameters include torque offsets.
+    offset: bool = False
 
     @property
     def count(self) -> int:
@@ -65,10 +67,11 @@ class BaseParameters:
 
     @property
     def values(self) -> _Array:
-        """The base parameters of the arm with its present parameters, (b,), in SI units."""
+        """The base parameters of the arm with its present parameters, (b,), in SI units. Torque offsets are zero."""
         limits = self.arm.limits
         extra = [limits["armature"]] if self.armature else []
         extra += [limits["damping"], limits["friction"]] if self.friction else []
+        extra += [np.zeros(self.arm.n)] if self.offset else []
         values: _Array = self.projection @ np.concatenate([self.arm.parameters, *extra])
         return values
 
@@ -81,7 +84,7 @@ class BaseParameters:
         Returns:
             The columns, (..., n, b).
         """
-        full = self.arm.regressor(q, v, v_r, a_r, armature=self.armature, friction=self.friction)
+        full = self.arm.regressor(q, v, v_r, a_r, armature=self.armature, friction=self.friction, offset=self.offset)
         return np.ascontiguousarray(full[..., self.columns])
 
     def __str__(self) -> str:
@@ -170,11 +173,24 @@ class Identification:
 
         It also has the identified rotor inertias, damping and Coulomb friction, if the identification included them.
         """
-        own = self.base.arm
-        inertial, drives = np.split(self.parameters, [own.parameters.size])
-        arm = own.with_parameters(inertial)
-        found = ["armature"] * self.base.armature + ["damping", "friction"] * self.base.friction
-        return arm.with_drives(**dict(zip(found, drives.reshape(-1, own.n), strict=True))) if found else arm
+        arm = self.base.arm.with_parameters(self.parameters[: self.base.arm.parameters.size])
+        drives = {kind: values for kind, values in self._of_joints.items() if kind != "offset"}
+        return arm.with_drives(**drives) if drives else arm
+
+    @property
+    def offsets(self) -> _Array:
+        """The identified torque offset of each joint, (n,), N m or N. They are zero if the identification did not include offsets.
+
+        An offset that is grouped with another parameter cannot be distinguished from it; `base.grouping` shows the groups.
+        """
+        return self._of_joints.get("offset", np.zeros(self.base.arm.n))
+
+    @property
+    def _of_joints(self) -> dict[str, _Array]:
+        """The identified parameters of the joints by kind, (n,) each."""
+        kinds = ["armature"] * self.base.armature + ["damping", "friction"] * self.base.friction + ["offset"] * self.base.offset
+        values = self.parameters[self.base.arm.parameters.size :].reshape(-1, self.base.arm.n)
+        return dict(zip(kinds, values, strict=True))
 
     @property
     def unidentified(self) -> tuple[str, ...]:

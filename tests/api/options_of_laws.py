@@ -172,6 +172,7 @@ CASES = {
             "projection": 0.1,
             "friction": True,
             "armature": True,
+            "offset": True,
             "friction_speed": 0.3,
             "leakage": 0.5,
             "leakage_form": "e",

@@ -118,9 +118,9 @@ CASES: dict[str, Case] = {
     "MomentumObserver": Case(observer, {"friction": True, "motor_inertia": 0.4, "threshold": 0.01}),
     "select_samples a": Case(partial(select, a=A), {"t": EVEN, "window": 0.1, "held": True}),
     "select_samples t": Case(partial(select, t=EVEN, window=0.1), {"a": A, "held": True}),
-    "Arm.base_parameters": Case(REAL.base_parameters, {"armature": True, "friction": True}),
+    "Arm.base_parameters": Case(REAL.base_parameters, {"armature": True, "friction": True, "offset": True}),
     "Arm.identify": Case(
-        partial(REAL.identify, Q, V, A, TAU), {"armature": True, "friction": True, "noise": [1.0, 2.0, 3.0], "cutoff": 0.5}
+        partial(REAL.identify, Q, V, A, TAU), {"armature": True, "friction": True, "noise": [1.0, 2.0, 3.0], "cutoff": 0.5, "offset": True}
     ),
     "Arm.forward_dynamics": Case(
         partial(REAL.forward_dynamics, Q3, V3, [1.0, 2.0, 3.0]),
@@ -133,7 +133,7 @@ CASES: dict[str, Case] = {
     "Arm.inverse_dynamics_derivatives": Case(partial(REAL.inverse_dynamics_derivatives, Q3, V3, V3), {"friction": True}),
     "Arm.bias": Case(partial(REAL.bias, Q3, V3), {"friction": True}),
     "Arm.linearize": Case(partial(REAL.linearize, Q3, V3, [1.0, 2.0, 3.0]), {"friction": True}),
-    "Arm.regressor": Case(partial(REAL.regressor, Q3, V3, V3, V3), {"armature": True, "friction": True}),
+    "Arm.regressor": Case(partial(REAL.regressor, Q3, V3, V3, V3), {"armature": True, "friction": True, "offset": True}),
     "Arm.project_parameters": Case(partial(REAL.project_parameters, BAD), {"length": 0.3, "floor": 0.1}),
     "project_parameters": Case(partial(al.project_parameters, BAD[:10]), {"length": 0.3, "floor": 0.1}),
     "Arm.check_parameters": Case(REAL.check_parameters, {"pi": -REAL.parameters}),
@@ -248,6 +248,20 @@ CASES: dict[str, Case] = {
         {"gravity": [1.0, 0.0, 0.0]},
     ),
     "Table": Case(lambda **o: al.Table(0.1, Q2 * np.ones((20, 2)), np.ones((20, 2)), np.ones((20, 2)), **o)(0.35), {"start": 0.1}),
+    "Spline": Case(
+        lambda **o: al.Spline([0.0, 0.1, 0.3, 0.4], np.outer([1.0, 2.0, 4.0, 3.0], [1.0, 1.0]), **o)(0.35),
+        {"v": np.ones((4, 2)), "spline": "natural"},
+    ),
+    "Spline a": Case(
+        lambda **o: al.Spline([0.0, 0.1, 0.3], [[1.0], [2.0], [4.0]], [[0.0], [1.0], [0.0]], **o)(0.25), {"a": np.ones((3, 1))}
+    ),
+    "Table.at a": Case(
+        lambda **o: al.Table.at([0.0, 0.1, 0.3], [[1.0], [2.0], [4.0]], [[0.0], [1.0], [0.0]], **o)(0.25), {"a": np.ones((3, 1))}
+    ),
+    "Table.at": Case(
+        lambda **o: al.Table.at([0.0, 0.1, 0.3, 0.4], np.outer([1.0, 2.0, 4.0, 3.0], [1.0, 1.0]), **o)(0.35),
+        {"v": np.ones((4, 2)), "spline": "not-a-knot"},
+    ),
     "JointStops": Case(
         lambda **o: (
             al.simulate(

@@ -68,10 +68,12 @@ ELSEWHERE = {
     "JointLimitTask": "its own tests; the task has no target",
     "integrate": "options that describe the problem, for every method, and the method",
     "load_urdf": "a file",
+    "read_log": "a file; its own tests",
+    "Log": "the series of a recording; its own tests",
 }
 #: Classes of results, whose fields are optional.
 RESULTS = {"BatchRun", "ElasticLimits", "Equilibrium", "Events", "ModelError", "PriorityDiagnosis", "Run", "Sensitivity", "SolveError"}
-RESULTS |= {"Status", "Tuning"}
+RESULTS |= {"BaseParameters", "LogReport", "Status", "Tuning"}
 
 
 def functions() -> Iterator[tuple[str, Any]]:

@@ -26,6 +26,7 @@ CASES: dict[str, dict[str, Any]] = {
     "all restrained": {"friction": True, "armature": True, "leakage": 0.1, "dead_zone": 0.2},
     "natural": {"natural": True, "friction": True, "leakage": 0.1},
     "base": {"friction": True, "armature": True},
+    "offset": {"offset": True, "friction": ("viscous",)},
 }
 
 

@@ -11,9 +11,9 @@ from armlet import reference as ref
 
 
 def columns_beside(n: int, keywords: dict[str, Any]) -> int:
-    """Return the number of parameters of joints (friction, armature) that follow the inertial parameters."""
+    """Return the number of parameters of joints (friction, armature, offset) that follow the inertial parameters."""
     kinds = keywords.get("friction", ())
-    return int(n * ((2 if kinds is True else len(kinds)) + keywords.get("armature", False)))
+    return int(n * ((2 if kinds is True else len(kinds)) + keywords.get("armature", False) + keywords.get("offset", False)))
 
 
 def parametrisation(option: str, arms: tuple[Any, Any], bodies: NDArray[Any]) -> tuple[dict[str, Any], dict[str, Any], int]:

@@ -31,6 +31,7 @@ OPTIONS: dict[str, dict[str, Any]] = {
     "base": {"friction": True, "armature": True, "leakage": 0.1},
     "natural": {"friction": True, "leakage": 0.2, "dead_zone": 0.3},
     "projection": {"armature": True, "friction": True, "leakage": 0.5},
+    "with offset": {"friction": ("coulomb",), "offset": True, "leakage": 0.1},
 }
 
 

@@ -24,6 +24,7 @@ OPTIONS: dict[str, dict[str, Any]] = {
     "base": {"friction": True, "friction_speed": 0.5},
     "natural": {"friction": True, "friction_speed": 0.5},
     "projection": {"armature": True},
+    "with offset": {"armature": True, "offset": True},
 }
 
 

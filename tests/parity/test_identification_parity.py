@@ -103,6 +103,22 @@ def test_identification(n: int, options: dict[str, Any]) -> None:
         compare(got, ref.identify(theirs, q, v, a, tau, **options, **extra), 1e-9)
 
 
+@pytest.mark.parametrize("others", [{}, {"armature": True, "friction": True}], ids=str)
+@pytest.mark.parametrize("n", [1, 2, 4, 6])
+def test_offsets(n: int, others: dict[str, bool]) -> None:
+    rng = np.random.default_rng([n, 5])
+    arm, theirs = driven_tree(n, 1)
+    mine, other = arm.base_parameters(offset=True, **others), ref.base_parameters(theirs, offset=True, **others)
+    np.testing.assert_array_equal(mine.columns, other.columns)
+    close(mine.projection, other.projection, tolerance=1e-10)
+    close(mine.values, other.values, tolerance=1e-10)
+    q, v, a = rng.uniform(-2.0, 2.0, (3, 60, n))
+    tau = theirs.inverse_dynamics(q, v, a, friction=True) + rng.normal(size=n) + 0.1 * rng.normal(size=(60, n))
+    got = arm.identify(q, v, a, tau, offset=True, **others)
+    compare(got, ref.identify(theirs, q, v, a, tau, offset=True, **others), 1e-9)
+    np.testing.assert_array_equal(got.offsets, got.parameters[-n:])
+
+
 def test_a_record_that_shows_too_little() -> None:
     """With one joint at rest, both libraries find the same rank, unidentifiable parameters and values of least norm.
 

@@ -47,6 +47,7 @@ class Law:
         theta_dot: ArrayLike | None = None,
         state: ArrayLike | None = None,
     ) -> dict[str, Any]: ...  # values are arrays; for laws of prioritised tasks, also lists with one entry per level of priority
+    def replace(self, **changes: Any) -> Self: ...
     def _slope(
         self,
         t: float,
@@ -86,6 +87,7 @@ class Adaptive(Law):
         composite_rate: float = 10.0,
         concurrent: Samples | None = None,
         concurrent_weight: ArrayLike = 1.0,
+        offset: bool = False,
     ) -> Self: ...
     @property
     def parameter_names(self) -> tuple[str, ...]: ...

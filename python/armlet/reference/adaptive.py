@@ -30,17 +30,18 @@ from .lagrange import Array, Mechanism, solve
 from .law import Law, Terms, gain
 from .motion import Motion
 
-KINDS = ("armature", "viscous", "coulomb", "stribeck")
+KINDS = ("armature", "viscous", "coulomb", "stribeck", "offset")
 
 
-def columns(v_r: Array, a_r: Array, v_s: Array, kinds: Iterable[str]) -> Array:
-    """The regressor columns of joint parameters, (n, kinds n): n columns for each of `kinds`."""
+def columns(v_r: Array, a_r: Array, v_s: Array, kinds: Iterable[str], constant: float = 1.0) -> Array:
+    """The regressor columns of joint parameters, (n, kinds n): n columns for each of `kinds`. `constant` is the entry of an offset."""
     share = v_r / v_s
     entries = {
         "armature": a_r,
         "viscous": v_r,
         "coulomb": np.tanh(share),
         "stribeck": np.exp(-(share**2)) * np.tanh(share),
+        "offset": np.full(v_r.size, constant),
     }
     return np.hstack([np.zeros((v_r.size, 0)), *(np.diag(entries[kind]) for kind in kinds)])
 
@@ -74,9 +75,11 @@ class Adaptive(Law):
         composite_rate: float = 10.0,
         concurrent: Any = None,
         concurrent_weight: ArrayLike = 1.0,
+        offset: bool = False,
     ) -> None:
         rubbing = ("viscous", "coulomb") if friction is True else friction or ()
-        self.kinds = [kind for kind in KINDS if kind in rubbing or (armature and kind == "armature")]
+        constant = {"armature": armature, "offset": offset}
+        self.kinds = [kind for kind in KINDS if kind in rubbing or constant.get(kind, False)]
         self.v_s = np.broadcast_to(np.asarray(friction_speed, dtype=np.float64), (arm.n,))
         self.columns = np.arange(arm.parameters.size) if base is None else base.columns
         self.projector = np.eye(self.columns.size) if base is None else base.projection
@@ -155,8 +158,8 @@ class Adaptive(Law):
         """The plant's true values of the estimated parameters."""
         arm = plant.arm
         acts = 1.0 if getattr(plant, "friction", False) else 0.0
-        of_joints = {"armature": arm.armature, "viscous": acts * arm.damping, "coulomb": acts * arm.friction, "stribeck": np.zeros(arm.n)}
-        return np.concatenate([self.projector @ arm.parameters, *(of_joints[kind] for kind in self.kinds)])
+        of_joints = {"armature": arm.armature, "viscous": acts * arm.damping, "coulomb": acts * arm.friction}
+        return np.concatenate([self.projector @ arm.parameters, *(of_joints.get(kind, np.zeros(arm.n)) for kind in self.kinds)])
 
     def loss(self, terms: Terms, q: Array, v: Array, state: Array, plant: Any) -> float:
         """The rate -V1_dot that theory predicts without projection and external force."""

@@ -48,7 +48,7 @@ class Identification(NamedTuple):
     parameters: Array
 
 
-def _traces(arm: Mechanism, armature: bool, friction: bool) -> Array:
+def _traces(arm: Mechanism, armature: bool, friction: bool, offset: bool) -> Array:
     """The matrix W: for each parameter, a column with its contributions to M, to g and to both kinds of friction at random q."""
     n, p = arm.n, arm.parameters.size
     places = np.random.default_rng(1991).uniform(-3.0, 3.0, (2 + 3 * p // n, n))
@@ -61,23 +61,29 @@ def _traces(arm: Mechanism, armature: bool, friction: bool) -> Array:
         W = np.hstack([W, np.tile(rotor, (len(places), 1))])
     if friction:
         W = np.block([[W, np.zeros((W.shape[0], 2 * n))], [np.zeros((2 * n, W.shape[1])), np.eye(2 * n)]])
+    if offset:
+        # A torque offset is a constant of g.
+        constant = np.vstack([np.zeros((lower[0].size, n)), np.eye(n)])
+        column = np.tile(constant, (len(places), 1))
+        W = np.hstack([W, np.vstack([column, np.zeros((W.shape[0] - len(column), n))])])
     return W
 
 
-def _drives(arm: Mechanism, armature: bool, friction: bool) -> Array:
-    return np.concatenate([arm.parameters, *([arm.armature] * armature), *([arm.damping, arm.friction] * friction)])
+def _drives(arm: Mechanism, armature: bool, friction: bool, offset: bool) -> Array:
+    drives = [arm.armature] * armature + [arm.damping, arm.friction] * friction + [np.zeros(arm.n)] * offset
+    return np.concatenate([arm.parameters, *drives])
 
 
 def _rank(rows: Array) -> int:
     return int(np.count_nonzero(np.linalg.svd(rows, compute_uv=False) > DEPENDENT)) if rows.size else 0
 
 
-def base_parameters(arm: Mechanism, *, armature: bool = False, friction: bool = False) -> BaseParameters:
+def base_parameters(arm: Mechanism, *, armature: bool = False, friction: bool = False, offset: bool = False) -> BaseParameters:
     """The smallest set of combinations of parameters that determines the arm's motion.
 
     A column of the regressor that depends on earlier columns is dropped.
     """
-    W = _traces(arm, armature, friction)
+    W = _traces(arm, armature, friction, offset)
     lengths = np.linalg.norm(W, axis=0)
     lengths[lengths <= 1e-12 * lengths.max()] = np.inf  # a column without effect becomes zero
     # V is square; the other factor of a tall matrix, with a column for each row, is not needed.
@@ -92,7 +98,7 @@ def base_parameters(arm: Mechanism, *, armature: bool = False, friction: bool = 
     projection[np.arange(len(stay)), stay] = 1.0
     scale = np.where(np.isinf(lengths), 0.0, lengths)
     projection[:, gone] = -(echelon[:, stay] * scale[gone][:, None] / lengths[stay]).T
-    return BaseParameters(np.array(stay), projection, projection @ _drives(arm, armature, friction))
+    return BaseParameters(np.array(stay), projection, projection @ _drives(arm, armature, friction, offset))
 
 
 def identify(
@@ -106,16 +112,17 @@ def identify(
     friction: bool = False,
     noise: ArrayLike | None = None,
     cutoff: float = 1e-6,
+    offset: bool = False,
 ) -> Identification:
     """Estimate base parameters from samples (..., n) of motion and torque, by one dense least-squares problem.
 
-    With `armature` and `friction` these parameters of the joints are estimated too. `noise` has the standard deviations of the torques,
-    (n,), N m or N. Singular values below `cutoff` times the largest one are dropped.
+    With `armature`, `friction` and `offset` these parameters of the joints are estimated too. `noise` has the standard deviations of the
+    torques, (n,), N m or N. Singular values below `cutoff` times the largest one are dropped.
     """
     q, v, a, tau = (np.asarray(x, dtype=np.float64).reshape(-1, arm.n) for x in (q, v, a, tau))
-    base = base_parameters(arm, armature=armature, friction=friction)
+    base = base_parameters(arm, armature=armature, friction=friction, offset=offset)
     known = tau if armature else tau - arm.armature * a
-    Y = arm.regressor(q, v, v, a, armature=armature, friction=friction)[..., base.columns]
+    Y = arm.regressor(q, v, v, a, armature=armature, friction=friction, offset=offset)[..., base.columns]
     weights = np.broadcast_to(1.0 if noise is None else 1.0 / np.asarray(noise, dtype=np.float64), (arm.n,))
     W, right = (Y * weights[:, None]).reshape(-1, base.columns.size), (known * weights).reshape(-1)
     lengths = np.linalg.norm(W, axis=0)
@@ -129,6 +136,6 @@ def identify(
     deviations = np.where(hidden, np.inf, np.sqrt(np.diag(covariance)))
     condition = float(sigma[0] / sigma[-1]) if rank == sigma.size else np.inf
     residuals = np.sqrt(np.mean((known - Y @ values) ** 2, axis=0))
-    own = _drives(arm, armature, friction)
+    own = _drives(arm, armature, friction, offset)
     nearest = own + np.linalg.lstsq(base.projection, values - base.projection @ own, rcond=None)[0]
     return Identification(base, values, deviations, covariance, rank, condition, sigma, residuals, nearest)

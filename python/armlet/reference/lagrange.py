@@ -186,17 +186,25 @@ class Mechanism:
         return solve(self.mass_matrix(q), (tau - rest)[..., None])[..., 0]
 
     def regressor(
-        self, q: ArrayLike, v: ArrayLike, v_r: ArrayLike, a_r: ArrayLike, *, armature: bool = False, friction: bool = False
+        self,
+        q: ArrayLike,
+        v: ArrayLike,
+        v_r: ArrayLike,
+        a_r: ArrayLike,
+        *,
+        armature: bool = False,
+        friction: bool = False,
+        offset: bool = False,
     ) -> Array:
         """The regressor Y with Y pi = M a_r + C(q, v) v_r + g, (..., n, p), where M excludes the rotor inertia.
 
-        `armature` appends the columns diag(a_r), and `friction` then appends diag(v_r) and diag(sign v).
+        `armature` appends the columns diag(a_r), and `friction` then appends diag(v_r) and diag(sign v). `offset` appends the identity.
         """
         q, v, v_r, a_r = vectors(q, v, v_r, a_r, n=self.n)
         inertial = np.einsum("...pij,...j->...pi", self._expand(q).mass, a_r)
         coriolis = np.einsum("...pij,...j->...pi", _christoffel(self._expand(q).mass_slopes, v), v_r)
         columns: Array = np.swapaxes(inertial + coriolis + self._expand(q).gravity, -1, -2)
-        drives = [a_r] * armature + [v_r, np.sign(v)] * friction
+        drives = [a_r] * armature + [v_r, np.sign(v)] * friction + [np.ones_like(v_r)] * offset
         return np.concatenate([columns, *(np.eye(self.n) * x[..., None, :] for x in drives)], axis=-1)
 
     def energy(self, q: ArrayLike, v: ArrayLike) -> tuple[Array, Array]:

@@ -64,7 +64,7 @@ def window_rows(law: Any, t: Array, q: Array, v: Array, tau: Array, window: floa
             entries = columns(v[k], np.zeros(law.arm.n), law.v_s, law.kinds)
             of_joints += w * h / 3.0 * entries
         gained = v[at[-1]] - v[first]
-        of_joints += columns(np.zeros(law.arm.n), gained, law.v_s, law.kinds)
+        of_joints += columns(np.zeros(law.arm.n), gained, law.v_s, law.kinds, 0.0)
         rows.append(np.hstack([inertial, of_joints]))
         weights = held_weights if held else simpson * h / 3.0
         torques.append(weights @ tau[first : at[-1] + 1] - armature * gained)

@@ -165,6 +165,9 @@ MOTIONS = OneOf(
             _core.Sinusoid,
         ),
         "Table": Kind({"dt": POSITIVE, "q": ROWS, "v": ROWS, "a": ROWS, "start": NUMBER}, ("dt", "q", "v", "a"), _core.Table),
+        "Spline": Kind(
+            {"t": VECTOR, "q": ROWS, "v": ROWS, "a": ROWS, "spline": Text(("clamped", "natural", "not-a-knot"))}, ("t", "q"), _core.Spline
+        ),
         "TimedPath": Kind(
             {"path": Entries({"plain": ROWS, "table": POSES}), "stops": Numbers(1, False, 0.0), "frame": TEXT}
             | dict.fromkeys(("q_min", "q_max"), EACH)
@@ -235,6 +238,7 @@ _ADAPTATION: dict[str, Field] = {
     "composite_rate": POSITIVE,
     "concurrent": Table({"W": Numbers(depth=3, scalar=False), "tau": ROWS}, ("W", "tau")),
     "concurrent_weight": GAIN,
+    "offset": Flag(),
 }
 _FOLLOWED: dict[str, Field] = {"target": Entries({"plain": VECTOR, "table": MOTIONS})}
 _PID: dict[str, Field] = {

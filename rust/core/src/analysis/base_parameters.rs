@@ -10,7 +10,7 @@
 //! dependent parameter is always grouped with earlier parameters.
 
 use super::uniform::uniform;
-use crate::dynamics::{Model, Quantity, Query};
+use crate::dynamics::{JointTerms, Model};
 use crate::error::Result;
 use crate::interrupt;
 use crate::linalg::{axpy, dot};
@@ -118,9 +118,10 @@ fn snapped(x: f64) -> f64 {
 /// ```
 /// # use armlet_core::arm::Arm;
 /// use armlet_core::analysis::base_parameters::base_parameters;
+/// use armlet_core::dynamics::JointTerms;
 ///
 /// // Of the ten parameters of a pendulum, three determine its motion.
-/// let base = base_parameters(&Arm::pendulum(2.0, 5.0)?.into(), false, false)?;
+/// let base = base_parameters(&Arm::pendulum(2.0, 5.0)?.into(), JointTerms::default())?;
 /// assert_eq!((base.names.len(), base.count(), base.grouping().len()), (10, 3, 3));
 /// // The mass alone has no effect.
 /// assert!(base.unseen().contains(&base.names[0].as_str()));
@@ -139,13 +140,12 @@ fn fill(state: &mut u64, scale: f64, x: &mut [f64]) {
     x.iter_mut().for_each(|x| *x = scale * (2.0 * uniform(state) - 1.0));
 }
 
-/// Compute the base parameters of `arm` under the gravity of the model. `armature` adds the rotor inertias to the parameters, and
-/// `friction` adds viscous and Coulomb friction. Errors: `Memory` if the memory does not suffice, and `Input` for `armature` or `friction`
-/// of a planar PR arm.
-pub fn base_parameters(arm: &Model, armature: bool, friction: bool) -> Result<BaseParameters> {
+/// Compute the base parameters of `arm` under the gravity of the model. `terms` adds parameters of the joints. Errors: `Memory` if the
+/// memory does not suffice, and `Input` for joint terms of a planar PR arm.
+pub fn base_parameters(arm: &Model, terms: JointTerms) -> Result<BaseParameters> {
     let n = arm.n();
-    let query = Query { armature, friction, ..Quantity::Regressor.into() };
-    let names = arm.column_names(armature, friction);
+    let query = terms.regressor();
+    let names = arm.column_names(terms);
     let p = names.len();
     let states = if n == 0 { 0 } else { (ROWS * p).div_ceil(n) };
     memory::require(8 * p.saturating_mul(states * n + 3 * p + BLOCK * n))?;

@@ -12,7 +12,7 @@
 //! rank decision, so that units have no effect.
 
 use super::base_parameters::{BaseParameters, base_parameters};
-use crate::dynamics::{Model, Quantity, Query};
+use crate::dynamics::{JointTerms, Model, Query};
 use crate::error::{Error, Result, finite, positive};
 use crate::interrupt;
 use crate::linalg::householder::{reflect, reflector};
@@ -66,7 +66,7 @@ pub struct Identification {
 /// The parameters to identify, and the weights of the record.
 ///
 /// ```
-/// # use armlet_core::{arm::Arm, dynamics::Model};
+/// # use armlet_core::{arm::Arm, dynamics::{JointTerms, Model}};
 /// use armlet_core::analysis::identification::{IdentificationOptions, identify};
 /// # let model = Model::from(Arm::pendulum(2.0, 5.0)?);
 /// # let q: Vec<f64> = (0..30).map(|k| (0.3 * f64::from(k)).sin()).collect();
@@ -75,17 +75,16 @@ pub struct Identification {
 ///
 /// // The recorded torque has viscous friction of 0.3 N m s/rad and Coulomb friction of 0.1 N m.
 /// let tau: Vec<f64> = (0..30).map(|k| 2.0 * a[k] + 5.0 * q[k].sin() + 0.3 * v[k] + 0.1 * v[k].signum()).collect();
-/// let options = IdentificationOptions { friction: true, cutoff: 1e-9, ..IdentificationOptions::default() };
+/// let terms = JointTerms { friction: true, ..JointTerms::default() };
+/// let options = IdentificationOptions { terms, cutoff: 1e-9, ..IdentificationOptions::default() };
 /// let found = identify(&model, [&q, &v, &a, &tau], &options)?;
 /// assert!((found.values[3] - 0.3).abs() < 1e-9 && (found.values[4] - 0.1).abs() < 1e-9);
 /// # Ok::<(), armlet_core::error::Error>(())
 /// ```
 #[derive(Clone, Copy, Debug, Default)]
 pub struct IdentificationOptions<'a> {
-    /// Whether to identify rotor inertias.
-    pub armature: bool,
-    /// Whether to identify viscous and Coulomb friction.
-    pub friction: bool,
+    /// The parameters of the joints to identify: rotor inertias, viscous and Coulomb friction, torque offsets.
+    pub terms: JointTerms,
     /// Standard deviation of the torque of each joint, `(n,)`, N m or N, as weights; equal weights if `None`.
     pub noise: Option<&'a [f64]>,
     /// A direction is not determined by the record if its singular value is below this fraction of the largest.
@@ -144,13 +143,13 @@ pub fn identify(arm: &Model, [q, v, a, tau]: [&[f64]; 4], options: &Identificati
         return Err(Error::wrong("noise", "length", n, noise.len()));
     }
     noise.iter().try_for_each(|&x| positive("noise", x))?;
-    let base = base_parameters(arm, options.armature, options.friction)?;
+    let base = base_parameters(arm, options.terms)?;
     let (b, p) = (base.count(), base.names.len());
     if samples * n <= b {
         return Err(Error::input("q", format!("has too few samples: expected more than {} for {b} base parameters, got {samples}", b / n)));
     }
-    let tau: &[f64] = &without_known_rotors(arm, a, tau, options.armature)?;
-    let query = Query { armature: options.armature, friction: options.friction, ..Quantity::Regressor.into() };
+    let tau: &[f64] = &without_known_rotors(arm, a, tau, options.terms.armature)?;
+    let query = options.terms.regressor();
     memory::require(8 * (b + 1).saturating_mul(8 * b + 2 * BLOCK * n) + 8 * BLOCK * n * p)?;
     let mut triangle = Triangle::new(b + 1, BLOCK * n);
     let mut y = vec![0.0; BLOCK * n * p];
@@ -263,12 +262,15 @@ fn nearest(arm: &Model, base: &BaseParameters, values: &[f64], options: &Identif
     let projection = &base.independent.projection;
     let mut pi = arm.parameters();
     if let Model::Tree(arm) = arm {
-        if options.armature {
+        if options.terms.armature {
             pi.extend(arm.independent().map(|joint| joint.armature));
         }
-        if options.friction {
+        if options.terms.friction {
             pi.extend(arm.independent().map(|joint| joint.damping));
             pi.extend(arm.independent().map(|joint| joint.friction));
+        }
+        if options.terms.offset {
+            pi.extend(arm.independent().map(|_| 0.0));
         }
     }
     let row = |k: usize| &projection[k * p..(k + 1) * p];

@@ -11,8 +11,8 @@ impl PlanarPr<f64> {
     pub fn evaluate(&self, query: &Query, x: &[&[f64]], out: &mut [f64]) -> Result<()> {
         let q = x[0];
         let trig = [Real::sin_cos(q[0]), Real::sin_cos(q[1])];
-        if query.friction || query.armature {
-            return Err(Error::input("friction, armature", "are not part of this arm: expected False for planar_pr, got True"));
+        if query.friction || query.armature || query.offset {
+            return Err(Error::input("friction, armature, offset", "are not part of this arm: expected False for planar_pr, got True"));
         }
         match query.quantity {
             Quantity::MassMatrix => self.mass_matrix(&mut (), &trig, q, out),

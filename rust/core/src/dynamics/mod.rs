@@ -59,7 +59,7 @@ pub use model::{AnyArm, Model};
 pub use planar_pr::PlanarPr;
 pub use printed::CFunction;
 pub(crate) use printed::given;
-pub use query::{Quantity, Query, Size};
+pub use query::{JointTerms, Quantity, Query, Size};
 pub use workspace::Workspace;
 
 use crate::scalar::Real;

@@ -3,7 +3,7 @@
 //! Each quantity is a function that is not inlined. So laws and plants share one copy of the code, and each use costs one call.
 
 use super::workspace::Workspace;
-use super::{Dynamics, PlanarPr, Query, Size, newton_euler};
+use super::{Dynamics, JointTerms, PlanarPr, Query, Size, newton_euler};
 use crate::arm::{Arm, Joint, Tree};
 use crate::error::{Error, Result};
 use crate::kinematics::{self, Coordinates};
@@ -98,19 +98,16 @@ impl Model {
         [of_joints(|joint| joint.damping), of_joints(|joint| joint.friction)]
     }
 
-    /// Names of the columns of the regressor: inertial parameters, then armature if `armature`, then damping and friction if `friction`.
-    /// The planar PR arm has only `A`, `B` and `C`.
-    pub fn column_names(&self, armature: bool, friction: bool) -> Vec<String> {
+    /// Names of the columns of the regressor: inertial parameters, then the joint terms: armature, damping, friction and offset. The planar
+    /// PR arm has only `A`, `B` and `C`.
+    pub fn column_names(&self, terms: JointTerms) -> Vec<String> {
         let Model::Tree(arm) = self else { return ["A", "B", "C"].map(String::from).to_vec() };
         let of_joints = |what: &'static str| arm.joint_names().map(move |joint| format!("{what}[{joint}]"));
         let mut names: Vec<String> =
             arm.joints.iter().flat_map(|joint| parameter::NAMES.iter().map(move |name| format!("{name}[{}]", joint.name))).collect();
-        if armature {
-            names.extend(of_joints("armature"));
-        }
-        if friction {
-            names.extend(of_joints("damping"));
-            names.extend(of_joints("friction"));
+        let kinds = [(terms.armature, "armature"), (terms.friction, "damping"), (terms.friction, "friction"), (terms.offset, "offset")];
+        for (_, kind) in kinds.into_iter().filter(|(present, _)| *present) {
+            names.extend(of_joints(kind));
         }
         names
     }

@@ -155,6 +155,9 @@ return {prefix}_refuse({upper}_NOT_FINITE, {answers}, out);\n{calls}    return {
         if query.armature {
             text += "; columns of armature appended";
         }
+        if query.offset {
+            text += "; columns of torque offsets appended";
+        }
         text
     }
 
@@ -212,8 +215,8 @@ pub(crate) fn given(recorded: &Recorded) -> Vec<Option<f64>> {
 
 /// Record a query of the planar PR arm.
 fn planar_pr(arm: &PlanarPr<f64>, query: &Query) -> Result<Recorded> {
-    if query.friction || query.armature {
-        return Err(Error::input("friction, armature", "are not part of this arm: expected False for planar_pr, got True"));
+    if query.friction || query.armature || query.offset {
+        return Err(Error::input("friction, armature, offset", "are not part of this arm: expected False for planar_pr, got True"));
     }
     let length = if query.quantity == Quantity::Regressor { 6 } else { query.length(Size { n: 2, bodies: 2 }) };
     let mut known = true;

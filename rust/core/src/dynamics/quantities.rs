@@ -176,6 +176,10 @@ quantity!(Regressor, (tree, ws, trig, n, q, v, x, y, out, query, square), {
         }
         if query.friction {
             (out[at], out[at + n]) = (x[i], sign(v[i]));
+            at += 2 * n;
+        }
+        if query.offset {
+            out[at] = S::splat(1.0);
         }
     }
 });

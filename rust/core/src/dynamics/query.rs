@@ -137,11 +137,41 @@ pub struct Query {
     pub friction: bool,
     /// Whether the regressor has the additional columns `diag(a_r)` for rotor inertias, before the columns of friction.
     pub armature: bool,
+    /// Whether the regressor has the additional columns of the identity matrix for torque offsets, after the columns of friction.
+    pub offset: bool,
+}
+
+/// The columns that the regressor has in addition to those of the inertial parameters, in this order. Each kind has one column per joint,
+/// and friction has two.
+///
+/// ```
+/// # use armlet_core::{arm::Arm, dynamics::{JointTerms, Model}};
+/// let model = Model::from(Arm::pendulum(2.0, 5.0)?);
+/// let names = model.column_names(JointTerms { offset: true, ..JointTerms::default() });
+/// assert_eq!((names.len(), names[10].as_str()), (11, "offset[joint1]"));
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct JointTerms {
+    /// Rotor inertias, `diag(a_r)`.
+    pub armature: bool,
+    /// Viscous and Coulomb friction, `diag(v_r)` and `diag(sign v)`.
+    pub friction: bool,
+    /// Torque offsets, the identity matrix.
+    pub offset: bool,
+}
+
+impl JointTerms {
+    /// The query of a regressor with these columns.
+    pub fn regressor(self) -> Query {
+        let JointTerms { armature, friction, offset } = self;
+        Query { armature, friction, offset, ..Quantity::Regressor.into() }
+    }
 }
 
 impl From<Quantity> for Query {
     fn from(quantity: Quantity) -> Self {
-        Query { quantity, frame: 0, wrench: None, friction: false, armature: false }
+        Query { quantity, frame: 0, wrench: None, friction: false, armature: false, offset: false }
     }
 }
 
@@ -176,7 +206,10 @@ impl Query {
             Quantity::MassMatrix | Quantity::CoriolisMatrix => (n, n),
             Quantity::Christoffel => (n * n, n),
             Quantity::Gravity | Quantity::Bias | Quantity::InverseDynamics | Quantity::ForwardDynamics => (1, n),
-            Quantity::Regressor => (n, PARAMETERS * bodies + n * (usize::from(self.armature) + 2 * usize::from(self.friction))),
+            Quantity::Regressor => {
+                let kinds = usize::from(self.armature) + 2 * usize::from(self.friction) + usize::from(self.offset);
+                (n, PARAMETERS * bodies + n * kinds)
+            }
             Quantity::PathDynamics => (3, n),
             Quantity::Energy => (1, 2),
             Quantity::Pose => (4, 4),

@@ -4,7 +4,7 @@ use super::Arm;
 use super::evaluate::ArmCall;
 use crate::arrays::flag_or_false;
 use crate::errors::{Failure, entry};
-use armlet_core::dynamics::{Quantity, Query};
+use armlet_core::dynamics::{JointTerms, Quantity, Query};
 use armlet_macros::entered;
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
@@ -167,6 +167,7 @@ impl Arm {
     ///     v_r, a_r: reference velocities (rad/s or m/s) and accelerations (rad/s^2 or m/s^2), `(..., n)`, broadcast over the leading axes.
     ///     armature: append the `n` columns `diag(a_r)` (keyword only).
     ///     friction: append the `2 n` columns `diag(v_r)` for damping and `diag(sign v)` for Coulomb friction (keyword only).
+    ///     offset: append the `n` columns of the identity matrix for torque offsets, after all other columns (keyword only).
     ///     out: an array to write to (keyword only).
     ///
     /// Raises:
@@ -178,12 +179,12 @@ impl Arm {
     /// >>> al.planar_pr(2.0, 0.5, 0.5).regressor([0.0, 0.0], [0.0, 0.0], [0.0, 0.0], [1.0, 3.0])
     /// array([[1., 3., 0.],
     ///        [0., 1., 3.]])
-    #[arguments(q, v, v_r, a_r, *, armature=false, friction=false, out=None)]
+    #[arguments(q, v, v_r, a_r, *, armature=false, friction=false, offset=false, out=None)]
     fn regressor<'py>(&self) -> PyResult<Bound<'py, PyAny>> {
         const NAME: &str = "regressor";
         let flag = |name, value| entry(q.py(), NAME, || flag_or_false(NAME, name, value));
-        let (armature, friction) = (flag("armature", armature)?, flag("friction", friction)?);
-        let query = Query { armature, friction, ..Quantity::Regressor.into() };
+        let (armature, friction, offset) = (flag("armature", armature)?, flag("friction", friction)?, flag("offset", offset)?);
+        let query = JointTerms { armature, friction, offset }.regressor();
         self.evaluate(NAME, ["q", "v", "v_r", "a_r"], [q, v, v_r, a_r], query, out)
     }
 

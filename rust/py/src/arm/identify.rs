@@ -8,6 +8,7 @@ use crate::errors::{Failure, input_error};
 use crate::interrupts::long;
 use armlet_core::analysis::base_parameters::{self as base, BaseParameters};
 use armlet_core::analysis::{consistency, identification};
+use armlet_core::dynamics::JointTerms;
 use armlet_core::error::Error;
 use armlet_macros::entered;
 use pyo3::prelude::*;
@@ -18,7 +19,16 @@ fn made<'py>(py: Python<'py>, class: &str, fields: &Bound<'py, PyDict>) -> PyRes
     py.import("armlet.identification")?.getattr(class)?.call((), Some(fields))
 }
 
-fn base_object<'py>(arm: &Bound<'py, Arm>, found: &BaseParameters, armature: bool, friction: bool) -> Result<Bound<'py, PyAny>, Failure> {
+/// Read the flags of the joint terms.
+fn terms_of(function: &str, [armature, friction, offset]: [Option<&Bound<'_, PyAny>>; 3]) -> Result<JointTerms, Failure> {
+    Ok(JointTerms {
+        armature: flag_or_false(function, "armature", armature)?,
+        friction: flag_or_false(function, "friction", friction)?,
+        offset: flag_or_false(function, "offset", offset)?,
+    })
+}
+
+fn base_object<'py>(arm: &Bound<'py, Arm>, found: &BaseParameters, terms: JointTerms) -> Result<Bound<'py, PyAny>, Failure> {
     let py = arm.py();
     let (b, p) = (found.count(), found.names.len());
     let fields = PyDict::new(py);
@@ -29,8 +39,9 @@ fn base_object<'py>(arm: &Bound<'py, Arm>, found: &BaseParameters, armature: boo
     fields.set_item("names", PyTuple::new(py, &found.names)?)?;
     fields.set_item("grouping", PyTuple::new(py, found.grouping())?)?;
     fields.set_item("unseen", PyTuple::new(py, found.unseen())?)?;
-    fields.set_item("armature", armature)?;
-    fields.set_item("friction", friction)?;
+    fields.set_item("armature", terms.armature)?;
+    fields.set_item("friction", terms.friction)?;
+    fields.set_item("offset", terms.offset)?;
     fields.set_item("smallest_kept", found.independent.smallest_kept)?;
     fields.set_item("largest_dropped", found.independent.largest_dropped)?;
     Ok(made(py, "BaseParameters", &fields)?)
@@ -48,25 +59,26 @@ impl Arm {
     /// Args:
     ///     armature: include columns for the rotors' inertia (keyword only).
     ///     friction: include columns for damping and Coulomb friction (keyword only).
+    ///     offset: include columns for torque offsets (keyword only).
     ///
     /// Returns:
     ///     An `al.BaseParameters`: `.count`, `.projection` `(b, p)`, `.columns`, `.grouping`, `.values`, `.regressor(q, v, v_r, a_r)`.
     ///
     /// Raises:
-    ///     InputError: armature or friction for `planar_pr`, which has none.
+    ///     InputError: armature, friction or offset for `planar_pr`, which has none.
     ///
     /// Source: Gautier, Numerical calculation of the base inertial parameters of robots, Journal of Robotic Systems 8(4), 1991.
     ///
     /// >>> import armlet as al
     /// >>> al.pendulum(2.0, 3.0).base_parameters().grouping
     /// ('mcx[joint1]', 'mcy[joint1]', 'Izz[joint1]')
-    #[arguments(*, armature=false, friction=false)]
+    #[arguments(*, armature=false, friction=false, offset=false)]
     fn base_parameters<'py>(slf: &Bound<'py, Self>) -> Result<Bound<'py, PyAny>, Failure> {
         const NAME: &str = "base_parameters";
-        let (armature, friction) = (flag_or_false(NAME, "armature", armature)?, flag_or_false(NAME, "friction", friction)?);
+        let terms = terms_of(NAME, [armature, friction, offset])?;
         let arm = slf.get().model.core();
-        let found = long(slf.py(), || base::base_parameters(&arm, armature, friction))?;
-        base_object(slf, &found, armature, friction)
+        let found = long(slf.py(), || base::base_parameters(&arm, terms))?;
+        base_object(slf, &found, terms)
     }
 
     /// Check whether inertial parameters are physically possible: the 4 x 4 pseudo-inertia of every body is positive definite.
@@ -132,6 +144,8 @@ impl Arm {
     ///     tau: torques, N m or N, of the shape of `q`.
     ///     armature: also identify the rotors' inertia (keyword only). Otherwise the arm's armature is used.
     ///     friction: also identify damping and Coulomb friction (keyword only). Otherwise the torques must contain no friction.
+    ///     offset: also identify a constant torque offset of each joint, such as that of a torque sensor (keyword only). Otherwise an
+    ///         offset changes the estimates of gravity.
     ///     noise: standard deviation of the torque of each joint, `(n,)`, N m or N, for weights; equal weights if None (keyword only).
     ///     cutoff: the rank is the number of singular values above this fraction of the largest; 1e-6 if None (keyword only). These are the
     ///         singular values of `W_b` after each column is scaled to unit length.
@@ -140,8 +154,8 @@ impl Arm {
     ///     An `al.Identification`: `.values`, `.deviations`, `.rank`, `.condition`, `.residuals`, `.unidentified`, `.arm`.
     ///
     /// Raises:
-    ///     InputError: an argument is not finite, shapes differ, there are too few samples, or armature or friction is requested for
-    ///         `planar_pr`, which has none.
+    ///     InputError: an argument is not finite, shapes differ, there are too few samples, or armature, friction or offset is requested
+    ///         for `planar_pr`, which has none.
     ///
     /// Source: Gautier and Khalil, Exciting trajectories for the identification of base inertial parameters of robots, IJRR 11(4), 1992.
     ///
@@ -152,11 +166,11 @@ impl Arm {
     /// >>> found = arm.identify(q, v, a, arm.inverse_dynamics(q, v, a))
     /// >>> np.allclose(found.values, found.base.values)
     /// True
-    #[arguments(q, v, a, tau, *, armature=false, friction=false, noise=None, cutoff=None)]
+    #[arguments(q, v, a, tau, *, armature=false, friction=false, noise=None, cutoff=None, offset=false)]
     fn identify<'py>(slf: &Bound<'py, Self>) -> Result<Bound<'py, PyAny>, Failure> {
         const NAME: &str = "identify";
         let arm = slf.get().model.core();
-        let (armature, friction) = (flag_or_false(NAME, "armature", armature)?, flag_or_false(NAME, "friction", friction)?);
+        let terms = terms_of(NAME, [armature, friction, offset])?;
         let n = arm.n();
         let mut shape: Option<Vec<usize>> = None;
         let mut record = |name: &str, value: &Bound<'py, PyAny>| -> Result<Vec<f64>, Failure> {
@@ -175,11 +189,11 @@ impl Arm {
         let [q, v, a, tau] = [record("q", q)?, record("v", v)?, record("a", a)?, record("tau", tau)?];
         let noise = noise.map(|noise| per_entry(NAME, "noise", noise, n)).transpose()?;
         let cutoff = positive(NAME, "cutoff", cutoff, CUTOFF)?;
-        let options = identification::IdentificationOptions { armature, friction, noise: noise.as_deref(), cutoff };
+        let options = identification::IdentificationOptions { terms, noise: noise.as_deref(), cutoff };
         let found = long(py, || identification::identify(&arm, [&q, &v, &a, &tau], &options))?;
         let (b, p) = (found.base.count(), found.base.names.len());
         let fields = PyDict::new(py);
-        fields.set_item("base", base_object(slf, &found.base, armature, friction)?)?;
+        fields.set_item("base", base_object(slf, &found.base, terms)?)?;
         fields.set_item("values", copied(py, &[b], &found.values)?)?;
         fields.set_item("deviations", copied(py, &[b], &found.deviations)?)?;
         fields.set_item("covariance", copied(py, &[b, b], &found.covariance)?)?;

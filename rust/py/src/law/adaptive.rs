@@ -48,6 +48,7 @@ use pyo3::types::{PyBool, PyString, PyTuple};
 ///         them. It cannot be combined with `natural` or `base`.
 ///     friction: estimate friction: True for "viscous" and "coulomb", or some of "viscous", "coulomb", "stribeck" (keyword only).
 ///     armature: estimate the rotors' inertia (keyword only).
+///     offset: estimate a constant torque of each joint, such as the offset of a torque sensor or a constant load (keyword only).
 ///     friction_speed: `v_s` of "coulomb" and "stribeck", rad/s or m/s, > 0: scalar or `(n,)`; 0.1 if None (keyword only).
 ///     leakage: `sigma`, >= 0 (keyword only). Its unit is 1/s divided by the unit of `gamma`. With `leakage_form="e"` the unit is 1/rad or
 ///         1/m divided by the unit of `gamma`.
@@ -163,7 +164,7 @@ fn columns_of<'py>(
     given: &mut Arguments<'py>,
     n: usize,
     friction: Option<&Bound<'py, PyAny>>,
-    armature: Option<&Bound<'py, PyAny>>,
+    [armature, offset]: [Option<&Bound<'py, PyAny>>; 2],
     speed: Option<&Bound<'py, PyAny>>,
 ) -> Result<JointColumns, Failure> {
     let mut kinds = friction.map(kinds_of).transpose()?.unwrap_or_default();
@@ -177,6 +178,9 @@ fn columns_of<'py>(
     }
     if given.flag("armature", armature)? {
         kinds.push(JointColumn::Armature);
+    }
+    if given.flag("offset", offset)? {
+        kinds.push(JointColumn::Offset);
     }
     let smooth = kinds.iter().any(|kind| matches!(kind, JointColumn::Coulomb | JointColumn::Stribeck));
     require_partner("Adaptive", "friction_speed", speed, "friction of the kind 'coulomb' or 'stribeck'", smooth)?;
@@ -270,7 +274,7 @@ impl Adaptive {
     #[arguments(
         arm, motion, kp, kd, gamma, *, estimate=None, base=None, natural=false, projection=None, friction=false, armature=false,
         friction_speed=None, leakage=0.0, leakage_form="sigma", leakage_centre=None, dead_zone=0.0, composite=None, composite_rate=10.0,
-        concurrent=None, concurrent_weight=1.0
+        concurrent=None, concurrent_weight=1.0, offset=false
     )]
     fn new() -> Result<PyClassInitializer<Self>, Failure> {
         let mut given = Arguments::new(NAME, arm)?;
@@ -279,7 +283,7 @@ impl Adaptive {
         let motion = given.motion("motion", motion)?;
         let (kp, kd) = (given.gain("kp", kp, n)?, given.gain("kd", kd, n)?);
         let base = base.map(|base| base_of(&mut given, base, p)).transpose()?;
-        let columns = columns_of(&mut given, n, friction, armature, friction_speed)?;
+        let columns = columns_of(&mut given, n, friction, [armature, offset], friction_speed)?;
         let joint_parameters = columns.count();
         let estimated = base.as_ref().map_or(p, |base| base.columns.len()) + joint_parameters;
         let adaptation = if given.flag("natural", natural)? {

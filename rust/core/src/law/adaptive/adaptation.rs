@@ -88,7 +88,7 @@ impl Adaptation {
 ///
 /// ```
 /// # use armlet_core::arm::Arm;
-/// # use armlet_core::dynamics::Model;
+/// # use armlet_core::dynamics::{JointTerms, Model};
 /// # use armlet_core::motion::Motion;
 /// use armlet_core::analysis::base_parameters::base_parameters;
 /// use armlet_core::law::{Adaptation, AdaptiveSpec, Base, Gain};
@@ -96,7 +96,7 @@ impl Adaptation {
 ///
 /// // A pendulum has ten parameters, and three of them determine its motion.
 /// let model = Model::from(Arm::pendulum(2.0, 5.0)?);
-/// let found = base_parameters(&model, false, false)?.independent;
+/// let found = base_parameters(&model, JointTerms::default())?.independent;
 /// let base = Base { columns: found.columns, projection: found.projection };
 /// assert_eq!(base.project(&model.parameters()).len(), 3);
 /// let adaptation = Adaptation::Euclidean(gain(3, 2.0)?);

@@ -14,7 +14,7 @@
 //! W = Y_M + X,   X_dot = -lambda (Y_M + X) + Y_D,   X(0) = -Y_M(q_0, v_0)
 //! ```
 //!
-//! So `W(0) = 0`. The joint columns of armature are part of `Y_M`, and the joint columns of friction are part of `Y_D`. Known rotor
+//! So `W(0) = 0`. The joint columns of armature are part of `Y_M`, and the joint columns of friction and offsets are part of `Y_D`. Known rotor
 //! inertias `B` change the torque: `tau_W = X_tau - B v`, `X_tau_dot = -lambda X_tau + tau + lambda B v`.
 //!
 //! `Y_M = Y(q, 0, 0, v) - Y_g` with `Y_g = Y(q, 0, 0, 0)`. Row `i` of `C' v` is `(Y(q, v, e_i, 0) - Y_g)' v`.

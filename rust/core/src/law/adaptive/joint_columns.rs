@@ -6,6 +6,7 @@
 //! viscous            diag(v_r)
 //! Coulomb            diag(tanh(v_r / v_s))
 //! Stribeck           diag(exp(-(v_r / v_s)^2) tanh(v_r / v_s))
+//! offset             identity matrix: a constant torque, such as an error of the torque sensor or a constant load
 //! ```
 //!
 //! The columns are in this order. `v_r` and `a_r` are the reference velocity and acceleration of the adaptive law. The speed `v_s` smooths
@@ -20,13 +21,13 @@ use nalgebra::DVector;
 /// A kind of joint column. Each kind has one parameter per joint.
 ///
 /// ```
-/// # use armlet_core::{arm::Arm, dynamics::Model};
+/// # use armlet_core::{arm::Arm, dynamics::{JointTerms, Model}};
 /// use armlet_core::law::{JointColumn, JointColumns};
 ///
 /// let model = Model::from(Arm::pendulum(2.0, 5.0)?);
 /// let columns = JointColumns::new(1, &[JointColumn::Viscous, JointColumn::Coulomb], vec![0.05])?;
 /// assert!(columns.has(JointColumn::Coulomb) && !columns.has(JointColumn::Armature));
-/// assert_eq!(columns.names(&model), model.column_names(false, true)[10..]);
+/// assert_eq!(columns.names(&model), model.column_names(JointTerms { friction: true, ..JointTerms::default() })[10..]);
 /// # Ok::<(), armlet_core::error::Error>(())
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -39,6 +40,8 @@ pub enum JointColumn {
     Coulomb,
     /// `exp(-(v_r / v_s)^2) tanh(v_r / v_s)`: the additional friction at low speed, N m or N.
     Stribeck,
+    /// `1`: torque offset, N m or N.
+    Offset,
 }
 
 impl JointColumn {
@@ -49,6 +52,7 @@ impl JointColumn {
             JointColumn::Viscous => "damping",
             JointColumn::Coulomb => "friction",
             JointColumn::Stribeck => "stribeck",
+            JointColumn::Offset => "offset",
         }
     }
 }
@@ -112,14 +116,16 @@ impl JointColumns {
         if self.is_empty() { &[] } else { &self.speeds }
     }
 
-    /// The diagonals of the columns, `(n,)` each, one per kind. `speeds` are the smoothing speeds `v_s`.
-    pub(super) fn diagonals<S: Real>(&self, speeds: &[S], v_r: &DVector<S>, a_r: &DVector<S>) -> Vec<DVector<S>> {
+    /// The diagonals of the columns, `(n,)` each, one per kind. `speeds` are the smoothing speeds `v_s`, and `offset` is the factor of the
+    /// torque offsets: one, or zero for the momentum.
+    pub(super) fn diagonals<S: Real>(&self, speeds: &[S], [v_r, a_r]: [&DVector<S>; 2], offset: f64) -> Vec<DVector<S>> {
         let share = DVector::from_fn(speeds.len(), |i, _| v_r[i] / speeds[i]);
         let of = |kind: &JointColumn| match kind {
             JointColumn::Armature => a_r.clone(),
             JointColumn::Viscous => v_r.clone(),
             JointColumn::Coulomb => share.map(tanh),
             JointColumn::Stribeck => share.map(|r| decay(r * r) * tanh(r)),
+            JointColumn::Offset => DVector::from_element(speeds.len(), S::splat(offset)),
         };
         self.kinds.iter().map(of).collect()
     }
@@ -145,7 +151,7 @@ impl JointColumns {
             JointColumn::Armature => plant.armature(),
             JointColumn::Viscous => damping.clone(),
             JointColumn::Coulomb => coulomb.clone(),
-            JointColumn::Stribeck => vec![0.0; n],
+            JointColumn::Stribeck | JointColumn::Offset => vec![0.0; n],
         };
         self.kinds.iter().flat_map(of).collect()
     }

@@ -22,7 +22,7 @@ pub use truth::Truth;
 use super::definition::{Definition, JointReference, facts};
 use super::sizes::{require_same_dof, require_size};
 use super::terms::Term;
-use crate::dynamics::Model;
+use crate::dynamics::{JointTerms, Model};
 use crate::error::{Error, Result, finite};
 use crate::linalg::Gain;
 use crate::motion::Motion;
@@ -156,7 +156,7 @@ impl AdaptiveSpec {
 
     /// Names of the estimated parameters: of the bodies or the base set, then of the joint columns.
     pub fn parameter_names(&self) -> Vec<String> {
-        let all = self.model.column_names(false, false);
+        let all = self.model.column_names(JointTerms::default());
         let mut names = match &self.base {
             None => all,
             Some(base) => base.columns.iter().map(|&column| all[column].clone()).collect(),

@@ -21,7 +21,7 @@ pub(super) struct Regressor<'a> {
 impl AdaptiveSpec {
     /// The regressor with the smoothing speeds `speeds` of its joint columns.
     pub(super) fn regressor<'a>(&'a self, arm: &'a At<E>, speeds: &V, rates: [&V; 3]) -> Regressor<'a> {
-        let columns = self.columns.diagonals(speeds.as_slice(), rates[1], rates[2]);
+        let columns = self.columns.diagonals(speeds.as_slice(), [rates[1], rates[2]], 1.0);
         Regressor { law: self, arm, rates: rates.map(V::clone), columns }
     }
 
@@ -35,7 +35,7 @@ impl AdaptiveSpec {
         let zero = DVector::from_element(v.len(), S::zero());
         let gravity = arm.regressor(&zero, &zero, &zero);
         let y_m = arm.regressor(&zero, &zero, v) - gravity;
-        with_columns(y_m.select_columns(&self.body_columns()), &self.columns.diagonals(speeds, &zero, v))
+        with_columns(y_m.select_columns(&self.body_columns()), &self.columns.diagonals(speeds, [&zero, v], 0.0))
     }
 
     /// The regressor `Y_D` of the drift `g - C' v`, with friction, `(n, p)`.
@@ -55,12 +55,12 @@ impl AdaptiveSpec {
                 y_d[(i, at)] -= row[k] - of_gravity;
             }
         }
-        with_columns(y_d, &self.columns.diagonals(speeds, v, &zero))
+        with_columns(y_d, &self.columns.diagonals(speeds, [v, &zero], 1.0))
     }
 
     /// The regressor `Y(q, v, v, a)` on plain numbers, `(n, p)`.
     pub(super) fn plain_regressor(&self, arm: &At, v: &DVector<f64>, a: &DVector<f64>) -> DMatrix<f64> {
-        let columns = self.columns.diagonals(self.columns.speeds(), v, a);
+        let columns = self.columns.diagonals(self.columns.speeds(), [v, a], 1.0);
         with_columns(arm.regressor(v, v, a).select_columns(&self.body_columns()), &columns)
     }
 
