@@ -76,13 +76,27 @@ def test_programs_have_the_bits_of_single_steps(loop: tuple[Any, Any, list[float
         at = np.arange(0, STEPS, every)
         np.testing.assert_array_equal(run.q[: at.size], q[at])
         np.testing.assert_array_equal(run.v[: at.size], v[at])
-        np.testing.assert_array_equal(run.tau[: at.size], tau[at])
+        np.testing.assert_array_equal(np.asarray(run.tau)[: at.size], tau[at])
     # Records outside of programs, and rows of a batch, whose random numbers begin with the seed of row 0.
     last = al.simulate(plant, law, q0, t_eval=[0.0, 0.0215, 0.05, STEPS * DT, (STEPS + 0.5) * DT], **options)
     np.testing.assert_array_equal(last.q[[0, 2, 3, 4]], [*q[[0, 50, STEPS]], run.q[-1]])
     for keep in ("final", "metrics"):
         batch = al.simulate_batch(plant, law, [q0] * 3, keep=keep, **options)
         np.testing.assert_array_equal(batch.q[0, -1], run.q[-1])
+
+
+@pytest.mark.parametrize("sampling", [None, DT, SAMPLINGS["all"]], ids=["continuous", "every step", "all"])
+@pytest.mark.parametrize("law", [LOOPS["six axes"][1], al.Adaptive(SIX, moving(6), 40.0, 8.0, 0.2)], ids=["computed torque", "adaptive"])
+def test_long_batches_have_the_bits_of_single_runs(law: Any, sampling: Any) -> None:
+    """In a long batch, the program of a large step is not divided into parts. One run of the batch is not long."""
+    q0 = np.linspace(0.05, 0.15, 64)[:, None] * np.ones(6)
+    options: dict[str, Any] = {"dt": DT, "t_end": 0.52, "sample_time": sampling, "monitors": False, "check_limits": False}
+    batch = al.simulate_batch(al.RigidArm(SIX), law, q0, keep="final", **options)
+    run = al.simulate(al.RigidArm(SIX), law, q0[0], record_every=520, **options)
+    np.testing.assert_array_equal(batch.q[0, -1], run.q[-1])
+    np.testing.assert_array_equal(batch.v[0, -1], run.v[-1])
+    short = al.simulate_batch(al.RigidArm(SIX), law, q0[:9], keep="final", **options)
+    np.testing.assert_array_equal(short.q[:, -1], batch.q[:9, -1])
 
 
 @pytest.mark.parametrize("method", ["euler", "semi_implicit"])
@@ -92,7 +106,7 @@ def test_other_methods(name: str, method: str) -> None:
     q, _, tau = single_steps(plant, law, q0, SAMPLINGS[name], method)
     run = al.simulate(plant, law, q0, t_end=(STEPS + 0.5) * DT, dt=DT, sample_time=SAMPLINGS[name], method=method, monitors=False)
     np.testing.assert_array_equal(run.q[:-1], q)
-    np.testing.assert_array_equal(run.tau[:STEPS], tau)
+    np.testing.assert_array_equal(np.asarray(run.tau)[:STEPS], tau)
 
 
 def test_a_diverging_run_repeats_its_samples() -> None:

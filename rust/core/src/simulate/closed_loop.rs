@@ -10,6 +10,7 @@ use crate::plant::{Mode, PlantRates, PlantSpec, RecordedPlant};
 use crate::scalar::{Real, labelled_numbers};
 use crate::trace::expression::{clamp, vector};
 use crate::trace::{Sym, V, sym};
+use std::ops::Range;
 
 /// Options of a loop.
 pub struct Closing {
@@ -102,6 +103,11 @@ impl<'a> ClosedLoop<'a> {
     /// The size of the integrated state: the states of plant and law, and the integrals of the monitors.
     pub fn size(&self) -> usize {
         self.sizes.states + self.sizes.p + monitors::integrals(self.closing.monitored).count()
+    }
+
+    /// The range of the law's states in the state.
+    pub fn law_states(&self) -> Range<usize> {
+        self.sizes.states..self.sizes.states + self.sizes.p
     }
 
     /// Whether the input is held.

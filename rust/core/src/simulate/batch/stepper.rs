@@ -69,7 +69,7 @@ impl BatchStepper {
         let mut made = BatchStepper { plant: plant.clone(), law, options, recorded: None };
         let problem = made.problem();
         problem.validate()?;
-        let recorded = (!plant.sticks()).then(|| recorded_step(&problem, Common::of(&problem, packed)));
+        let recorded = (!plant.sticks()).then(|| recorded_step(&problem, Common { long: packed, ..Common::of(&problem, packed) }));
         made.recorded = recorded;
         Ok(made)
     }

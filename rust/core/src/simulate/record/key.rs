@@ -34,6 +34,8 @@ pub struct Key {
 pub struct Common {
     /// Whether programs compute one run per lane.
     pub lanes: bool,
+    /// Whether a large step is also one program, because there are many steps.
+    pub long: bool,
     /// Whether all runs have the same exogenous input.
     pub shared: bool,
     /// The monitored quantities.
@@ -48,6 +50,7 @@ impl Common {
     pub fn of(problem: &Problem, lanes: bool) -> Self {
         Common {
             lanes,
+            long: false,
             shared: problem.shares_exogenous(),
             monitored: Monitored::of(problem),
             sums: problem.sums_in_programs(),
@@ -57,7 +60,7 @@ impl Common {
 
     /// Return the properties for functions and state rates of one run, whose programs compute no metrics and no records.
     pub fn of_functions(problem: &Problem) -> Self {
-        Common { lanes: false, shared: false, monitored: Monitored::of(problem), sums: false, notes: None }
+        Common { lanes: false, long: false, shared: false, monitored: Monitored::of(problem), sums: false, notes: None }
     }
 
     /// Return the metrics that the programs of run `run` compute.

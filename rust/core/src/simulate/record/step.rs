@@ -32,6 +32,8 @@ use std::sync::Arc;
 
 /// Rates with at most this number of operations are part of the program of a step.
 const LARGE: u32 = 700;
+/// The same limit for many steps in lanes. Their programs are faster, and repay a longer compilation.
+const LARGE_IN_LANES: u32 = 3000;
 
 /// The recorded loop of all runs with one structure.
 pub struct Recorded {
@@ -96,7 +98,8 @@ fn record(problem: &Problem, run: usize, common: Common, plain: Option<bool>) ->
     let controlled = (problem.plant(run).seen(), parts);
     let mut slots = StepSlots::new(Signature::new(given), &closed, context, controlled, (metrics, reference));
     let torque_states = law.torque_states().filter(|_| parts.delays || parts.limits_rate);
-    let tracing = trace(closed, extras, (method, law.route().is_recordable(), plain), torque_states, &slots);
+    let most = if common.long { LARGE_IN_LANES } else { LARGE };
+    let tracing = trace(closed, extras, (method, law.route().is_recordable(), plain, most), torque_states, &slots);
     slots.end(tracing.cuts.len(), noted);
     debug_assert_eq!(sym::recorded().1 as usize, slots.signature.angle(), "all inputs have slots");
     let recording = sym::finish();
@@ -105,11 +108,11 @@ fn record(problem: &Problem, run: usize, common: Common, plain: Option<bool>) ->
 }
 
 /// Record the rates and the step, and the law if `with_law` is true. `in_parts` selects whether the step is divided into parts. If it is
-/// `None`, the size of the rates decides.
+/// `None`, the step is divided if the rates have more than `most` operations.
 fn trace(
     mut closed: ClosedLoop,
     extras: MetricsAndRecords,
-    (method, with_law, in_parts): (ExplicitSteps, bool, Option<bool>),
+    (method, with_law, in_parts, most): (ExplicitSteps, bool, Option<bool>, u32),
     torque_states: Option<usize>,
     slots: &StepSlots,
 ) -> Tracing {
@@ -131,17 +134,21 @@ fn trace(
     let (sums, notes) = (start.summing(&held[0]), start.noting(&held[0]));
     let (along, sampled) = (start.along(&closed.tau), is_sampled.then(|| start.along(controller.acting(&law))));
     let before = sym::recorded().0;
-    let all = stage_results(&mut closed, &stage_input, &stage);
-    let stages = in_parts.unwrap_or(sym::recorded().0 - before > LARGE).then(|| {
+    let all = stage_outputs(&mut closed, &stage_input, &stage, slots);
+    let stages = in_parts.unwrap_or(sym::recorded().0 - before > most).then(|| {
         let sampled = is_sampled.then(|| {
-            let law = controller.sample(&mut closed, &stage_input, &stage);
+            // The first stage is at the state of the step, to which no segment copies the states of the law.
+            let first = [&stage[..closed.law_states().start], &x[closed.law_states().start..]].concat();
+            let law = controller.sample(&mut closed, &stage_input, &first);
             controller.hold(&mut closed, &law);
-            (stage_results(&mut closed, &stage_input, &stage).0, entries(law.concat()))
+            [stage_outputs(&mut closed, &stage_input, &stage, slots), slots.law_outputs(&entries(law.concat()))].concat()
         });
         if is_sampled {
             controller.hold(&mut closed, &held);
         }
-        Stages { all, sampled }
+        let kept = if closed.is_held() { closed.law_states() } else { 0..0 };
+        let moving = [0..kept.start, kept.end..x.len()].map(|part| slots.rates.part(part.start, part.len()));
+        Stages { all, sampled, moving }
     });
     let step = |closed: &mut ClosedLoop, along: StepResults| {
         let system = RecordedLoop { closed, slots, cuts: stages.as_ref().map(|_| Vec::new()) };
@@ -159,11 +166,18 @@ fn trace(
     Tracing { law: entries(law.concat()), stages, cuts: cuts.unwrap_or_default(), step: held, sampled, sums, notes }
 }
 
-/// Record the rates of a stage. Return them, and the input of the plant if the law is in every stage.
-fn stage_results(closed: &mut ClosedLoop, u: &Exogenous<Sym>, x: &[Sym]) -> (Vec<u32>, Vec<u32>) {
+/// Record the rates of a stage. Return the slots and operations of the rates that depend on the stage, and of the plant's input if the law is
+/// in every stage. Rates of a held law are the same in all stages.
+fn stage_outputs(closed: &mut ClosedLoop, u: &Exogenous<Sym>, x: &[Sym], slots: &StepSlots) -> Vec<(u32, u32)> {
     let mut rates = vec![Sym::zero(); x.len()];
     closed.rhs(u, x, &mut rates);
-    (entries(rates), if closed.is_held() { Vec::new() } else { entries(closed.tau.clone()) })
+    let mut outputs = slots.rates.outputs(&entries(rates));
+    if closed.is_held() {
+        outputs.drain(closed.law_states());
+    } else {
+        outputs.extend(slots.tau.outputs(&entries(closed.tau.clone())));
+    }
+    outputs
 }
 
 /// Records the metrics and records at the start of a step.
@@ -243,12 +257,20 @@ impl System<Sym> for RecordedLoop<'_, '_> {
             self.closed.rhs(u, x, dx);
             return;
         };
-        let StepSlots { stage, stage_input: Instant { slots, .. }, .. } = self.slots;
-        let input = u.desired.iter().chain(&u.wrench).take(slots.count).copied();
-        let mut outputs = stage.outputs(&entries(x.to_vec()));
-        outputs.extend(slots.outputs(&entries(input.collect())));
-        cuts.push(Cut { end: sym::recorded().0, outputs });
+        let StepSlots { stage, stage_input: Instant { slots, desired }, .. } = *self.slots;
+        let input = entries(u.desired.iter().chain(&u.wrench).take(slots.count).copied().collect());
+        let (mut outputs, mut given) = (stage.outputs(&entries(x.to_vec())), slots.outputs(&input));
+        if self.closed.is_held() {
+            // The plant reads no state of the law. Only a sample at the start of the step reads the desired motions.
+            outputs.drain(self.closed.law_states());
+            given.drain(..if cuts.is_empty() { 0 } else { desired });
+        }
+        cuts.push(Cut { end: sym::recorded().0, outputs: [outputs, given].concat() });
         dx.fill_with(sym::input);
+        if self.closed.is_held() {
+            let law = self.closed.law_states();
+            dx[law.clone()].copy_from_slice(&self.closed.law_rate()[..law.len()]);
+        }
     }
     fn pairs(&self) -> Pairs {
         self.closed.pairs()

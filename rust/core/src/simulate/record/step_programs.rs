@@ -33,11 +33,14 @@ pub struct StepResults {
     pub notes: Option<Vec<u32>>,
 }
 
-/// The rates of one stage, and the results of the law that the stage evaluates.
+/// The stages of a step that is divided into parts.
 pub struct Stages {
-    pub all: (Vec<u32>, Vec<u32>),
-    /// The first stage of a step that begins with a sample. `None` if the law is in every stage.
-    pub sampled: Option<(Vec<u32>, Vec<u32>)>,
+    /// The results of a stage, as pairs of a slot and the index of an operation.
+    pub all: Vec<(u32, u32)>,
+    /// The results of the first stage of a step that begins with a sample. `None` if the law is in every stage.
+    pub sampled: Option<Vec<(u32, u32)>>,
+    /// The slots of the rates that depend on the stage.
+    pub moving: [Slots; 2],
 }
 
 /// The results of the program that computes records. A record is the state, the input and the monitors.
@@ -81,8 +84,9 @@ enum Step {
         rates: Program,
         /// The rates of the first stage of a step that begins with a sample.
         sampled: Option<Program>,
-        /// The slots of the rates of a stage. The stored rates of every stage follow.
-        slots: Slots,
+        /// The slots of the rates of a stage that depend on the stage. The stored rates of every stage follow, each `stride` slots later.
+        moving: [Slots; 2],
+        stride: usize,
     },
 }
 
@@ -181,7 +185,7 @@ impl Programs {
     /// step begins with a sample of the law. The first stage then writes the law's results to this frame, as every stage does if the law is
     /// in every stage. After the first stage, `first_stage` is called.
     pub fn advance(&self, frame: &mut Frame, is_sampled: bool, mut first_stage: impl FnMut(&Self, &mut Frame)) {
-        let Step::Stages { segments, rates, sampled, slots } = &self.step else { unreachable!("the step has no parts") };
+        let Step::Stages { segments, rates, sampled, moving, stride } = &self.step else { unreachable!("the step has no parts") };
         let lanes = frame.lanes();
         for (k, segment) in segments.iter().enumerate() {
             segment.run(frame);
@@ -192,7 +196,9 @@ impl Programs {
             if k == 0 {
                 first_stage(self, frame);
             }
-            frame.numbers_mut().copy_within(slots.numbers(lanes), slots.part((k + 1) * slots.count, 0).first * lanes);
+            for slots in moving {
+                frame.numbers_mut().copy_within(slots.numbers(lanes), (slots.first + (k + 1) * stride) * lanes);
+            }
         }
     }
 }
@@ -246,11 +252,6 @@ impl Making<'_, '_> {
         let all = cuts.iter().zip(starts).enumerate();
         all.map(|(k, (cut, start))| self.part(&format!("segment{}", k + 1), start, &cut.outputs, places, None)).collect()
     }
-
-    /// Make the program of the rates of a stage, and of the results of the law that it evaluates.
-    fn stage(&mut self, name: &str, (rates, law): &(Vec<u32>, Vec<u32>)) -> Program {
-        self.program(name, &[self.slots.law_outputs(law), self.slots.rates.outputs(rates)].concat())
-    }
 }
 
 /// Return the stream of the exogenous inputs of whole steps.
@@ -273,9 +274,9 @@ pub fn make(ops: &[Op], slots: &StepSlots, tracing: &Tracing, (lanes, engine): (
     let (step, law) = match &tracing.stages {
         Some(stages) => {
             let (segments, law) = (making.segments(&cuts, &places), making.law(&tracing.law));
-            let rates = making.stage("rates", &stages.all);
-            let sampled = stages.sampled.as_ref().map(|first| making.stage("sampled_rates", first));
-            (Step::Stages { segments, rates, sampled, slots: slots.rates }, law)
+            let rates = making.program("rates", &stages.all);
+            let sampled = stages.sampled.as_ref().map(|first| making.program("sampled_rates", first));
+            (Step::Stages { segments, rates, sampled, moving: stages.moving, stride: slots.rates.count }, law)
         }
         None => {
             let names = ["sampled_step", "summed_sampled_step", "noted_sampled_step"];

@@ -27,6 +27,9 @@ use std::sync::{Arc, Mutex, PoisonError};
 /// The number type of a group of runs.
 pub type Lanes = Array8;
 
+/// The number of evaluations of the rates in a batch from which the program of a large step repays its compilation.
+const LONG: usize = 1 << 17;
+
 /// The structures of the runs of a problem. Runs with one structure use one program. A structure is recorded when it first occurs.
 pub struct Structures {
     /// The structures recorded so far.
@@ -52,9 +55,9 @@ impl Structures {
         // A program requires the same sample times in all lanes. With random jitter, each run has different sample times.
         let lanes = batch && problem.options.sampling.as_ref().is_none_or(|sampling| sampling.jitter == 0.0);
         let notes = problem.notes_in_programs().then(|| monitors::names(problem).len());
-        let common = Common { notes, ..Common::of(problem, lanes) };
-        let parameters = structure::loop_parameters(problem, 0, common);
         let evaluations = problem.options.method.evaluations_per_step().unwrap_or(1) as usize * fixed.schedule.steps * problem.runs();
+        let common = Common { notes, long: lanes && evaluations >= LONG, ..Common::of(problem, lanes) };
+        let parameters = structure::loop_parameters(problem, 0, common);
         let seen = step::of_run(problem, 0, common, &parameters);
         let first = &seen.recorded;
         let engine = if lanes || first.programs.count(evaluations) || first.programs.repays() { engine() } else { Engine::Interpreter };
@@ -201,7 +204,7 @@ fn loop_of<'a, 'b, S: Real>(
 /// Compute run `run` in lane `lane` of a group with the interpreter of its recording.
 fn interpreted(structures: &Structures, group: RunGroup, fixed: &Fixed, (run, lane): (usize, usize), faults: &mut Faults) {
     let RunGroup { problem, division, stop, sink, .. } = group;
-    let common = Common { lanes: false, sums: false, notes: None, ..structures.common };
+    let common = Common { lanes: false, long: false, sums: false, notes: None, ..structures.common };
     let parameters = structure::loop_parameters(problem, run, common);
     let recorded = step::of_run(problem, run, common, &parameters).recorded.clone();
     let mut closed = loop_of::<f64>(problem, (&recorded, Engine::Interpreter), |_| run, None, |_| &parameters.values);
