@@ -23,7 +23,7 @@ unexport PYTHONPATH PYTHONHOME
 SOURCES := $(shell find rust python tests examples docs requirements -type f -not -name '*.so' -not -path '*/__pycache__/*' 2>/dev/null) \
 	$(wildcard Cargo.toml Cargo.lock pyproject.toml Makefile README.md LICENSE)
 
-.PHONY: help demo test quick test-aarch64 test-latency test-peers test-sweep-kill test-stacks test-paths test-browser test-mutants test-scipy fuzz check bench docs audit wheels lock clean tools
+.PHONY: help demo test quick test-aarch64 test-latency test-peers test-sweep-kill test-stacks test-paths test-worst test-browser test-mutants test-scipy fuzz check bench docs audit wheels lock clean tools
 
 help: ## this list
 	@awk -F ':.*## ' '/^[a-z0-9-]+:.*## / { printf "make %-15s %s\n", $$1, $$2 }' Makefile
@@ -69,6 +69,12 @@ test-paths: $(BUILD)/installed $(BUILD)/requirements ## the planners on 10,000,0
 	@mkdir -p $(BUILD)/elsewhere
 	cd $(BUILD)/elsewhere && ARMLET_RANDOM_PATHS=$(CASES) ARMLET_RANDOM_LINKS=$(CASES) ARMLET_RANDOM_JOBS="$${JOBS:-$$(nproc)}" \
 		$(PY) -m pytest -c $(ROOT)/pyproject.toml --rootdir $(ROOT) $(ROOT)/tests/identities/test_random_plans.py $(PYTEST)
+
+DRAWS ?= 1000000
+test-worst: $(BUILD)/installed $(BUILD)/requirements ## worst cases against 1,000,000 random draws (DRAWS=) in a hundredth of the runs: an hour
+	@mkdir -p $(BUILD)/elsewhere
+	cd $(BUILD)/elsewhere && ARMLET_RANDOM_DRAWS=$(DRAWS) $(PY) -m pytest -c $(ROOT)/pyproject.toml --rootdir $(ROOT) \
+		$(ROOT)/tests/api/test_worst_case.py $(PYTEST)
 
 SIGNALS ?= 100
 test-latency: $(BUILD)/installed ## Ctrl-C within 100 ms and the interpreter lock within 50 ms, in a table by call (SIGNALS=): 40 minutes

@@ -106,7 +106,7 @@ from .samples import Samples, select_samples
 from .scenario import Scenario
 from .srdf import Srdf, SrdfGroup, load_srdf
 from .status import Status
-from .sweeping import SweepTable, Tuning, sweep, tune
+from .sweeping import SweepTable, Tuning, WorstCase, sweep, tune, worst_case
 
 __all__ = [  # noqa: RUF022 - in the order of `dir`
     "Adaptive",
@@ -197,6 +197,7 @@ __all__ = [  # noqa: RUF022 - in the order of `dir`
     "VelocityArm",
     "Verification",
     "Wall",
+    "WorstCase",
     "__version__",
     "bang_bang_time",
     "build_info",
@@ -243,6 +244,7 @@ __all__ = [  # noqa: RUF022 - in the order of `dir`
     "tune",
     "velocity_bounds",
     "verify",
+    "worst_case",
 ]
 
 

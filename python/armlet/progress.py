@@ -10,7 +10,7 @@ from typing import Any, TextIO
 from .arguments import shown
 from .errors import InputError
 
-__all__ = ["Progress", "reporter"]
+__all__ = ["Progress", "reporter", "search_reporter"]
 
 
 class Progress:
@@ -62,3 +62,11 @@ def reporter(caller: str, progress: Any, what: str) -> Any:
     if not callable(progress):
         raise InputError(f"{caller}: progress is not callable: expected a function, True or None, got {shown(progress)}")
     return progress
+
+
+def search_reporter(caller: str, progress: Any, what: str, total: int) -> Callable[[int, float], object]:
+    """Return the progress callback of a search. Its arguments are the number of finished `what` and the best value so far."""
+    report = reporter(caller, progress, what)
+    if isinstance(report, Progress):
+        return lambda done, best: report(done, total)
+    return report or (lambda done, best: None)

@@ -165,7 +165,7 @@ def test_wrong_arguments(arguments: list[str], capsys: pytest.CaptureFixture[str
     err = capsys.readouterr().err
     assert "usage: armlet" in err
     # Without arguments the help lists all commands.
-    commands = ("demo", "info", "run", "check", "export", "new", "sweep", "schema", "view", "lab")
+    commands = ("demo", "info", "run", "check", "export", "new", "sweep", "worst", "schema", "view", "lab")
     assert arguments or all(f"  {command} " in err for command in commands)
 
 

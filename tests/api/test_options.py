@@ -48,6 +48,7 @@ ELSEWHERE = {
     "loop_program": "the keywords of simulate; its own options select a listing",
     "sweep": "the tests of sweeps",
     "tune": "the tests of this file",
+    "worst_case": "the tests of worst cases",
     "verify": "the tests of comparisons",
     "Run.animate": "a figure",
     "Run.plot": "a figure",
@@ -73,7 +74,7 @@ ELSEWHERE = {
 }
 #: Classes of results, whose fields are optional.
 RESULTS = {"BatchRun", "ElasticLimits", "Equilibrium", "Events", "ModelError", "PriorityDiagnosis", "Run", "Sensitivity", "SolveError"}
-RESULTS |= {"BaseParameters", "LogReport", "Status", "Tuning"}
+RESULTS |= {"BaseParameters", "LogReport", "Status", "Tuning", "WorstCase"}
 
 
 def functions() -> Iterator[tuple[str, Any]]:

@@ -138,6 +138,7 @@ PYTHON: dict[str, Any] = {
     "Scenario": SCENARIO,
     "SweepTable": al.sweep(SCENARIO, {"law.kp": [50.0, 100.0]}),
     "Tuning": al.tune(SCENARIO, {"law.kp": {"uniform": [1.0, 2.0]}}, "error_rms1", candidates=5, generations=0),
+    "WorstCase": al.worst_case(SCENARIO, {"law.kp": {"uniform": [1.0, 2.0]}}, "error_rms", runs=8),
     "Verification": al.Verification((), ("none",)),
     "Integration": ODE,
     "DenseOutput": ODE.dense,

@@ -185,6 +185,7 @@ class Objects:
             "TorqueSensor": lambda: "al.TorqueSensor()",
             "Status": lambda: "al.Status.SUCCESS",
             "Tuning": lambda: f"al.tune({self.scenario()}, {{'law.gamma': [1.0, 5.0]}}, 'error_rms1', candidates=4, generations=1)",
+            "WorstCase": lambda: f"al.worst_case({self.scenario()}, {{'law.gamma': [1.0, 5.0]}}, 'error_rms', runs=8)",
             "Wall": lambda: "al.Wall('link2', [0.5, 0.0, 0.0], [1.0, 0.0, 0.0], stiffness=1e3)",
             "RigidArm": lambda: f"al.RigidArm({self.arm})",
         }

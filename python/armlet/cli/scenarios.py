@@ -1,4 +1,4 @@
-"""The commands for scenario files (`armlet run`, `check`, `export`, `new`, `sweep`, `schema`), and `view` and `lab` for the browser."""
+"""Commands for scenario files (`armlet run`, `check`, `export`, `new`, `sweep`, `worst`, `schema`), and `view`, `lab` for the browser."""
 
 from __future__ import annotations
 
@@ -24,6 +24,7 @@ from ..run.sensitivity import series_of
 from ..scenario import TEMPLATES, Scenario, schema, template
 from ..scenario.file import read
 from ..sweeping.execution import cells_of, rehearse, sweep
+from ..sweeping.worst import worst_case
 
 __all__ = ["register"]
 
@@ -62,7 +63,7 @@ def _warnings_on_lines() -> Iterator[None]:
 def _prepare(args: argparse.Namespace) -> None:
     """Make the folder of the output and check that it is writable, before the run starts."""
     if args.plot:
-        require("run: --plot")
+        require(f"{args.command}: --plot")
     if args.out is not None or args.plot:
         folder_for(args.out or Path())
 
@@ -77,11 +78,7 @@ def _results(run: Run, scenario: Scenario, args: argparse.Namespace) -> list[Pat
     if args.plot:
         from matplotlib.figure import Figure
 
-        figure = Figure()
-        run.plot(figure)
-        figure.suptitle(literal(scenario.data.get("title", "")), usetex=False)
-        write_whole(stem.with_suffix(".png"), lambda file: figure.savefig(file, dpi=150, format="png"))
-        written.append(stem.with_suffix(".png"))
+        written.append(_figure_file(run, scenario, stem.with_suffix(".png")))
         for name, one in (run.sensitivity or {}).items():
             figure = Figure()
             one.plot(figure)
@@ -89,6 +86,17 @@ def _results(run: Run, scenario: Scenario, args: argparse.Namespace) -> list[Pat
             write_whole(path, partial(figure.savefig, dpi=150, format="png"))
             written.append(path)
     return written
+
+
+def _figure_file(run: Run, scenario: Scenario, path: Path) -> Path:
+    """Write the figure of a run of the scenario, and return its path."""
+    from matplotlib.figure import Figure
+
+    figure = Figure()
+    run.plot(figure)
+    figure.suptitle(literal(scenario.data.get("title", "")), usetex=False)
+    write_whole(path, lambda file: figure.savefig(file, dpi=150, format="png"))
+    return path
 
 
 def _check(args: argparse.Namespace) -> int:
@@ -186,6 +194,26 @@ def _sweep(args: argparse.Namespace) -> int:
     return 0
 
 
+def _worst(args: argparse.Namespace) -> int:
+    scenario = Scenario.load(args.scenario)
+    if "worst" not in scenario.data:
+        raise InputError(f"{args.scenario}: $.worst: is missing: expected a table with the keys vary, criterion, runs, starts, seed")
+    _prepare(args)
+    found = worst_case(scenario, progress=sys.stderr.isatty())
+    print(found)
+    stem = (args.out or Path()) / f"{args.scenario.stem}.worst"
+    written = []
+    if args.out is not None:
+        path = stem.with_name(f"{stem.name}.toml")
+        found.scenario.save(path)
+        written = [path, found.tried.to_csv(stem.with_name(f"{stem.name}.csv"))]
+    if args.plot:
+        written.append(_figure_file(found.run, scenario, stem.with_name(f"{stem.name}.png")))
+    for path in written:
+        print(f"wrote {path}")
+    return 0
+
+
 def _resume(args: argparse.Namespace) -> str:
     """The advice after an interruption of a sweep."""
     return f": finished chunks are in {args.out}; the same command continues the sweep"
@@ -220,7 +248,7 @@ def register(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> N
     run.add_argument("scenario", type=Path, metavar="FILE.toml")
     run.add_argument("--out", type=Path, metavar="DIR", help="folder for the run (npz), its table (csv) and its figure")
     run.add_argument("--plot", action="store_true", help="write a figure into DIR, or into the current folder")
-    run.set_defaults(run=_run)
+    run.set_defaults(run=_run, command="run")
 
     check = commands.add_parser(
         "check", help="report errors of a scenario file without running it; list the joints and frames of a robot file"
@@ -254,6 +282,14 @@ def register(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> N
         "--workers", type=_workers, metavar="N", help="number of worker processes (default: none, the sweep uses threads of this process)"
     )
     sweep.set_defaults(run=_sweep, resume=_resume)
+
+    worst = commands.add_parser("worst", help="search for the worst case of a scenario file over the box of its table [worst]")
+    worst.add_argument("scenario", type=Path, metavar="FILE.toml")
+    worst.add_argument(
+        "--out", type=Path, metavar="DIR", help="folder for the worst scenario (toml), the table of all runs (csv) and the figure"
+    )
+    worst.add_argument("--plot", action="store_true", help="write a figure of the worst run into DIR, or into the current folder")
+    worst.set_defaults(run=_worst, command="worst")
 
     schema = commands.add_parser("schema", help="print the JSON schema of scenario files, which editors use to complete and check them")
     schema.set_defaults(run=_schema)

@@ -25,7 +25,7 @@ from .recorded import Array
 from .sensitivity import derived, naming, options_at, require_names, split, vary, vary_rows
 from .simulation import simulate, simulate_batch
 
-__all__ = ["gradient", "of_loops", "require_still_reference"]
+__all__ = ["MOVING", "gradient", "of_loops", "require_still_reference"]
 
 
 @border

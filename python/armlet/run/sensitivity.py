@@ -212,7 +212,9 @@ def naming(function: str, loops: Varied) -> Iterator[None]:
             raise
         place = error.index[0]
         name = next(named.name for named, part in split(loops.names) if part.start <= place < part.stop)
-        raise InputError(f"{function}: {name} {error.problem}") from None
+        named_error = InputError(f"{function}: {name} {error.problem}")
+        named_error.argument, named_error.problem = name, error.problem
+        raise named_error from None
 
 
 def _columns(rates: Mapping[str, Array], part: slice) -> dict[str, Array]:

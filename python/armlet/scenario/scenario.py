@@ -6,6 +6,7 @@ the message: `$.law.kd[1]: is not positive definite: expected > 0, got -2`.
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
@@ -17,6 +18,7 @@ from typing import Any
 from ..arguments import file_path, instance, require_shallow, shown
 from ..border import bordered
 from ..errors import InputError, ModelError, SolveError
+from ..files import write_whole
 from ..pickling import sealed
 from ..robot_files import robot_text
 from ..run.records import Run
@@ -26,6 +28,7 @@ from .built import Built, summary
 from .fields import Kind, OneOf
 from .file import read
 from .tables import SCENARIO, arguments
+from .toml import toml_text
 
 __all__ = ["Built", "Scenario", "change", "pathed"]
 
@@ -238,6 +241,33 @@ class Scenario:
             object.__setattr__(made, name, part)
         return made
 
+    def save(self, path: str | PathLike[str]) -> None:
+        """Write the scenario as a TOML file that `load` reads. The file is complete or absent.
+
+        Args:
+            path: path of the file. A relative path of the robot file is rewritten relative to the folder of this file.
+
+        Raises:
+            OSError: the file cannot be written.
+
+        >>> import armlet as al, tempfile
+        >>> from pathlib import Path
+        >>> law = {"kind": "PDGravity", "target": [0.5], "kp": 20.0, "kd": 5.0}
+        >>> run = {"q0": [0.0], "t_end": 1.0, "dt": 1e-3}
+        >>> scenario = al.Scenario({"arm": {"kind": "pendulum", "inertia": 1.0, "gravity_moment": 5.0}, "law": law, "run": run})
+        >>> path = Path(tempfile.mkdtemp()) / "pendulum.toml"
+        >>> scenario.save(path)
+        >>> al.Scenario.load(path).data == scenario.data
+        True
+        """
+        name = file_path("Scenario.save", path)
+        data, folder = _plain(self.data), Path(name).parent
+        for table in ("arm", "model"):
+            robot = data.get(table, {}).get("path")
+            if robot is not None and "://" not in robot and not Path(robot).is_absolute():
+                data[table]["path"] = _relative(Path(self.folder) / robot, folder)
+        write_whole(Path(name), lambda file: file.write(toml_text(data).encode()))
+
     def standalone(self) -> Scenario:
         """Return the scenario with the text of its robot file inside.
 
@@ -251,6 +281,14 @@ class Scenario:
                 file = path if "://" in path else str(Path(self.folder) / path)
                 data[table]["xml"] = robot_text("Scenario.standalone", "path", file)
         return Scenario(data, self.folder, self.name)
+
+
+def _relative(file: Path, folder: Path) -> str:
+    """Return the path of a file relative to a folder, or its absolute path if they are on different drives."""
+    try:
+        return Path(os.path.relpath(file, folder)).as_posix()
+    except ValueError:
+        return file.resolve().as_posix()
 
 
 def _require_tables(function: str, data: object) -> None:

@@ -337,13 +337,27 @@ _PAIR = Numbers(1, False)
 _VARY = Entries(
     {
         "plain": Values(),
-        "table": Table({"linspace": _PAIR, "geomspace": _PAIR, "uniform": _PAIR, "log_uniform": _PAIR, "normal": _PAIR}),
+        "table": Table({"linspace": _PAIR, "geomspace": _PAIR, "uniform": _PAIR, "log_uniform": _PAIR, "normal": _PAIR, "integers": _PAIR}),
     }
 )
 SWEEP = Table({"vary": Keyed(_VARY), "draws": Integer(1), "seed": Integer(), "chunk": Integer(1)}, ("vary",))
+_CRITERION = Entries({"plain": TEXT, "table": Keyed(EACH_POSITIVE)})
+WORST = Table(
+    {"vary": Keyed(_VARY), "criterion": _CRITERION, "runs": Integer(8), "starts": Integer(1), "seed": Integer()}, ("vary", "criterion")
+)
 
 SCENARIO = Table(
-    {"title": TEXT, "arm": ARMS, "model": ARMS, "plant": PLANTS, "motion": MOTIONS, "law": LAWS, "run": RUN, "sweep": SWEEP},
+    {
+        "title": TEXT,
+        "arm": ARMS,
+        "model": ARMS,
+        "plant": PLANTS,
+        "motion": MOTIONS,
+        "law": LAWS,
+        "run": RUN,
+        "sweep": SWEEP,
+        "worst": WORST,
+    },
     ("arm", "law", "run"),
 )
 

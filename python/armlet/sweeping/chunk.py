@@ -23,9 +23,11 @@ from ..scenario import Scenario
 from ..status import Status, having
 from .parameter_space import Cells, columns
 
-__all__ = ["TRIES", "Chunk", "Columns", "joined", "of_cell", "run_chunk"]
+__all__ = ["TRIES", "Chunk", "Columns", "Measure", "joined", "of_cell", "run_chunk"]
 
 Columns = dict[str, NDArray[Any]]
+#: A function that computes columns from the records of a batch, one row per run.
+Measure = Callable[[BatchRun], Columns]
 STATES = ("q0", "v0", "theta0", "theta_dot0")
 #: Largest number of attempts to run a cell that raises an error or ends its worker process.
 TRIES = 3
@@ -78,11 +80,13 @@ def run_chunk(
     metrics: Mapping[str, Any],
     *,
     strict: bool = False,
+    measure: Measure | None = None,
 ) -> Columns:
     """Run the cells from `start` (inclusive) to `stop` (exclusive), and return their rows of the table.
 
     A cell that raises an error has `Status.INTERRUPTED`, NaN, and the text in the column `error`. This column is absent if no cell of the
-    chunk has an error. With `strict` the first error is raised instead.
+    chunk has an error. With `strict` the first error is raised instead. `measure` computes the columns from the records of a batch. None
+    means the metrics.
     """
     made: dict[str, Any] = {}
     errors: dict[int, str] = {}
@@ -92,6 +96,7 @@ def run_chunk(
         return one, one._build(made)
 
     groups: dict[tuple[Any, ...], list[tuple[int, Any]]] = {}
+    seeds: dict[tuple[Any, ...], int] = {}
     for row in range(stop - start):
         try:
             one, built = of_cell(start + row, cells[start + row], build)
@@ -101,19 +106,23 @@ def run_chunk(
             errors[row] = _text(error)
             continue
         options = {key: value for key, value in one.data["run"].items() if key not in STATES}
-        sampled = isinstance(options.get("sample_time"), Mapping)
+        sampling = options.get("sample_time")
+        if isinstance(sampling, Mapping):
+            options["sample_time"] = {key: value for key, value in sampling.items() if key != "seed"}
         kind = (type(built.plant).__name__, type(built.law).__name__, built.plant.arm.n, repr(options))
-        # Row j of a batch has the seed `seed + j`, and consecutive cells have consecutive seeds. So cells with noise or jitter share a
-        # batch only if their numbers are consecutive.
-        place = row - len(groups.get((*kind, 0), ())) if sampled else 0
-        key = next((k for k in groups if k[:-1] == kind and groups[k][-1][0] == row - 1), (*kind, row)) if sampled else (*kind, place)
+        key = (*kind, 0)
+        if isinstance(sampling, Mapping):
+            # Row j of a batch has the seed `seed + j`. So cells with noise or jitter share a batch only if their seeds are consecutive.
+            seed = cells.sampling_seed(start + row, sampling.get("seed", 0))
+            key = next((k for k in groups if k[:-1] == kind and seeds[k] == seed - 1), (*kind, row))
+            seeds[key] = seed
         groups.setdefault(key, []).append((row, built))
     found: Columns = {}
     status = np.full(stop - start, Status.INTERRUPTED, dtype=np.int32)
     for members in groups.values():
-        for ran, batch in _batches(members, start, cells, (threads, metrics), None if strict else errors):
+        for ran, batch in _batches(members, start, cells, (threads, metrics, measure), None if strict else errors):
             index = [row for row, _ in ran]
-            part = batch.metrics().columns()
+            part = batch.metrics().columns() if measure is None else measure(batch)
             if found and set(part) != set(found):
                 raise InputError("sweep: cells have different metrics: expected one number of joints and one kind of plant in all cells")
             for name, column in part.items():
@@ -129,8 +138,8 @@ def _rows(chunk: Chunk, errors: Mapping[int, str], status: NDArray[np.int32], fo
 
 
 Members = list[tuple[int, Any]]
-#: Number of threads, and arguments of `armlet.metrics`.
-How = tuple[int | None, Mapping[str, Any]]
+#: Number of threads, arguments of `armlet.metrics`, and the function of `run_chunk`.
+How = tuple[int | None, Mapping[str, Any], Measure | None]
 
 
 def _batches(
@@ -158,7 +167,9 @@ def _text(error: Exception) -> str:
     return " ".join(f"{type(error).__name__}: {error}".split())[:LONGEST]
 
 
-def _batch(members: Members, start: int, cells: Cells, threads: int | None, metrics: Mapping[str, Any]) -> BatchRun:
+def _batch(
+    members: Members, start: int, cells: Cells, threads: int | None, metrics: Mapping[str, Any], measure: Measure | None
+) -> BatchRun:
     given = dict(members[0][1].arguments)
     given.pop("sensitivity", None)
     for name in STATES:
@@ -166,12 +177,13 @@ def _batch(members: Members, start: int, cells: Cells, threads: int | None, metr
             given[name] = np.array([built.arguments[name] for _, built in members], dtype=np.float64)
     if given.get("method", "rk4") in _core.ADAPTIVE_METHODS and given.get("t_eval") is None:
         given |= {"t_eval": np.linspace(0.0, given["t_end"], 1001), "record_every": 1}
-    if isinstance(given.get("sample_time"), Sampling):
-        given["sample_time"] = replace(given["sample_time"], seed=cells.sampling_seed(start + members[0][0]))
+    if isinstance(sampling := given.get("sample_time"), Sampling):
+        given["sample_time"] = replace(sampling, seed=cells.sampling_seed(start + members[0][0], sampling.seed))
     plants, laws = [built.plant for _, built in members], [built.law for _, built in members]
     with quiet():  # the table has the columns `energy_error` and `input_ratio`
         given.setdefault("check_limits", False)  # in a sweep `rehearse` has checked the first and the last cell
-        return simulate_batch(plants, laws, **given, threads=threads, keep="metrics", metrics=metrics)
+        kept: dict[str, Any] = {"keep": "metrics", "metrics": metrics} if measure is None else {"keep": "all"}
+        return simulate_batch(plants, laws, **given, threads=threads, **kept)
 
 
 def joined(parts: Sequence[Columns]) -> Columns:

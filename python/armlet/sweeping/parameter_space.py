@@ -8,8 +8,9 @@ depend on the order or number of workers.
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from statistics import NormalDist
 from typing import Any
 
@@ -19,10 +20,10 @@ from numpy.typing import NDArray
 from ..arguments import instance, integer, require_shallow, shown, text
 from ..errors import InputError
 
-__all__ = ["MOST", "Cells", "columns", "drawn"]
+__all__ = ["MOST", "Cells", "ListedCells", "columns", "drawn", "place_in", "rate_in", "value_at"]
 
 LISTS = ("linspace", "geomspace")
-DISTRIBUTIONS = ("uniform", "log_uniform", "normal")
+DISTRIBUTIONS = ("uniform", "log_uniform", "normal", "integers")
 # Largest number of values in one list. The expanded list is kept in memory.
 MOST = 10_000_000
 # Largest number of cells of a sweep. Its table is kept in memory.
@@ -34,8 +35,9 @@ class Cells:
     """The cells of a sweep: values by path for each cell.
 
     Args:
-        vary: for each path a list of values. With `draws` also `{"uniform": [a, b]}`, `{"log_uniform": [a, b]}` and
-            `{"normal": [mean, deviation]}`. `of` also accepts `{"linspace": [a, b, n]}` and `{"geomspace": [a, b, n]}`, and expands them.
+        vary: for each path a list of values. With `draws` also `{"uniform": [a, b]}`, `{"log_uniform": [a, b]}`,
+            `{"normal": [mean, deviation]}` and `{"integers": [a, b]}` with `a` and `b` included. `of` also accepts
+            `{"linspace": [a, b, n]}` and `{"geomspace": [a, b, n]}`, and expands them.
         draws: number of random cells. Each takes a random value of every list and distribution. None makes a cell for every combination
             of the values.
         seed: seed of the draws, an integer >= 0.
@@ -86,9 +88,26 @@ class Cells:
         u = np.random.Generator(np.random.PCG64(np.random.SeedSequence([self.seed, i]))).random(len(self.vary))
         return {path: drawn(spec, float(each)) for (path, spec), each in zip(self.vary.items(), u, strict=True)}
 
-    def sampling_seed(self, i: int) -> int:
-        """Return the seed of the random numbers of noise and jitter in run `i`. Consecutive cells have consecutive seeds."""
+    def sampling_seed(self, i: int, stated: int = 0) -> int:
+        """Return the seed of noise and jitter in run `i`. `stated` is that of its scenario. Consecutive cells have consecutive seeds."""
         return (self.seed << 32) + i
+
+
+@dataclass(frozen=True)
+class ListedCells(Cells):
+    """Cells whose values are stored in a list, one entry per cell. With `own_seeds`, noise and jitter have the seed of the scenario."""
+
+    rows: Sequence[dict[str, Any]] = field(default=())
+    own_seeds: bool = False
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    def __getitem__(self, i: int) -> dict[str, Any]:
+        return self.rows[i]
+
+    def sampling_seed(self, i: int, stated: int = 0) -> int:
+        return stated if self.own_seeds else super().sampling_seed(i, stated)
 
 
 def _listed(path: str, spec: Any, draws: int | None) -> Any:
@@ -118,9 +137,16 @@ def _listed(path: str, spec: Any, draws: int | None) -> Any:
         raise InputError(f'sweep: $.sweep.vary."{path}": {kind} is random: expected draws, the number of random cells')
     if len(numbers) != 2 or not all(real):
         raise fault(f"{kind} = [{'mean, deviation' if kind == 'normal' else 'low, high'}]")
-    if numbers[1] < 0 if kind == "normal" else numbers[1] < numbers[0] or (kind == "log_uniform" and numbers[0] <= 0):
-        raise fault({"normal": "a deviation >= 0", "uniform": "low <= high", "log_uniform": "0 < low <= high"}[kind])
-    return {kind: [float(x) for x in numbers]}
+    whole = kind != "integers" or all(x == int(x) for x in numbers)
+    if not whole or (numbers[1] < 0 if kind == "normal" else numbers[1] < numbers[0] or (kind == "log_uniform" and numbers[0] <= 0)):
+        bounds = {
+            "normal": "a deviation >= 0",
+            "uniform": "low <= high",
+            "log_uniform": "0 < low <= high",
+            "integers": "integers low <= high",
+        }
+        raise fault(bounds[kind])
+    return {kind: [int(x) if kind == "integers" else float(x) for x in numbers]}
 
 
 def drawn(spec: Any, u: float) -> Any:
@@ -128,12 +154,43 @@ def drawn(spec: Any, u: float) -> Any:
     if not isinstance(spec, Mapping):
         return spec[min(int(u * len(spec)), len(spec) - 1)]
     ((kind, (a, b)),) = spec.items()
+    if kind == "integers":
+        return a + min(int(u * (b - a + 1)), b - a)
     if kind == "uniform":
-        return a + (b - a) * u
+        return min(max(a + (b - a) * u, a), b)
     if kind == "log_uniform":
         return min(max(a * math.exp(math.log(b / a) * u), a), b)
     # random() can return exactly 0, where the inverse of the normal distribution is infinite.
     return a + b * NormalDist().inv_cdf(max(u, 2.0**-54))
+
+
+def value_at(data: Mapping[str, Any], path: str) -> Any:
+    """Return the value in the tables `data` at `path`, such as `law.kd[1]`. Return None if there is none."""
+    at: Any = data
+    try:
+        for key in re.findall(r"[^.\[\]]+", path):
+            at = at[int(key)] if isinstance(at, Sequence) and not isinstance(at, str) else at[key]
+    except (KeyError, IndexError, TypeError, ValueError):
+        return None
+    return at
+
+
+def place_in(spec: Any, value: Any) -> float:
+    """Return the position in [0, 1] at which `drawn` returns `value`: 1/2 for a value that is outside of the interval or the list."""
+    if not isinstance(spec, Mapping):
+        return (spec.index(value) + 0.5) / len(spec) if value in spec else 0.5
+    ((kind, (low, high)),) = spec.items()
+    if isinstance(value, bool) or not isinstance(value, int | float) or not low <= value <= high or low == high:
+        return 0.5
+    if kind == "integers":
+        return float((value - low + 0.5) / (high - low + 1))
+    return float((value - low) / (high - low) if kind == "uniform" else math.log(value / low) / math.log(high / low))
+
+
+def rate_in(spec: Mapping[str, Any], value: float) -> float:
+    """Return the derivative of a value with respect to its position in the interval."""
+    ((kind, (low, high)),) = spec.items()
+    return float(high - low if kind == "uniform" else value * math.log(high / low))
 
 
 def columns(rows: Sequence[Mapping[str, Any]]) -> dict[str, NDArray[Any]]:

@@ -9,8 +9,8 @@ intervals: "uniform" searches on a linear scale, and "log_uniform" on a logarith
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from os import PathLike
 from typing import Any, Literal, TypeAlias
 
@@ -23,13 +23,13 @@ from ..border import border, bordered
 from ..errors import InputError
 from ..extras import extra
 from ..pickling import sealed
-from ..progress import Progress, reporter
+from ..progress import search_reporter
 from ..scenario import Scenario
 from ..status import Status, having
 from .chunk import run_chunk
 from .descent import Descent
 from .execution import SweepTable, metrics_arguments
-from .parameter_space import MOST, Cells, columns, drawn
+from .parameter_space import MOST, Cells, ListedCells, columns, drawn
 
 __all__ = ["Tuning", "tune"]
 
@@ -78,19 +78,6 @@ class Tuning:
 
     def __repr__(self) -> str:
         return f"Tuning({self})"
-
-
-@dataclass(frozen=True)
-class _ListedCells(Cells):
-    """Cells whose values are stored in a list, one entry per cell."""
-
-    rows: Sequence[dict[str, Any]] = field(default=())
-
-    def __len__(self) -> int:
-        return len(self.rows)
-
-    def __getitem__(self, i: int) -> dict[str, Any]:
-        return self.rows[i]
 
 
 @border
@@ -172,14 +159,15 @@ def tune(
     if not isinstance(cost, str) and not callable(cost) and not (method == "gradient" and isinstance(cost, Mapping)):
         raise InputError(f"tune: cost is of the wrong type: expected the name of a metric or a function, got {shown(cost)}")
     metrics = metrics_arguments("tune", metrics, base)
-    listener = _listener(progress, generations)
+    listener = search_reporter("tune", progress, "generations", generations)
     space = _ranges(vary, seed)
     conditions = _conditions(over, seed, candidates)
     if method == "gradient":
         if metrics:
             raise InputError(f"tune: {next(iter(metrics))} is not used: expected no arguments of armlet.metrics with gradients")
         search = Descent(bare, space, conditions, cost, by == "worst", FAILED)
-        return _descended(optimize, base, search, (starts, generations, tolerance, seed), _listener(progress, starts * generations))
+        listener = search_reporter("tune", progress, "iterations", starts * generations)
+        return _descended(optimize, base, search, (starts, generations, tolerance, seed), listener)
     assert not isinstance(cost, Mapping), "a table of terms requires the gradient method"
     tried: list[dict[str, Any]] = []
     paid: list[Array] = []
@@ -187,7 +175,7 @@ def tune(
 
     def run(rows: list[dict[str, Any]]) -> Array:
         """Return the cost of each candidate in `rows`."""
-        cells = _ListedCells({}, None, seed, [row | condition for row in rows for condition in conditions])
+        cells = ListedCells({}, None, seed, [row | condition for row in rows for condition in conditions])
         table = SweepTable(run_chunk(bare, cells, 0, len(cells), threads, metrics, strict=True))
         each = _costs(table, cost).reshape(len(rows), len(conditions))
         found: Array = each.max(axis=1) if by == "worst" else each.mean(axis=1)
@@ -267,19 +255,11 @@ def _scipy() -> Any:
     return extra("tune", "scipy.optimize", "tune")
 
 
-def _listener(progress: Any, generations: int) -> Callable[[int, float], object]:
-    """Return the function that reports progress. Its arguments are the number of the generation and the lowest cost so far."""
-    report = reporter("tune", progress, "generations")
-    if isinstance(report, Progress):
-        return lambda k, cost: report(k, generations)
-    return report or (lambda k, cost: None)
-
-
 def _ranges(vary: Mapping[str, Any], seed: int) -> Mapping[str, Any]:
     """Return the search intervals by path. Raise InputError if an entry is not an interval."""
     space = Cells.of(vary, 1, seed).vary
     for path, spec in space.items():
-        if not isinstance(spec, Mapping) or "normal" in spec:
+        if not isinstance(spec, Mapping) or not set(spec) & {"uniform", "log_uniform"}:
             raise InputError(f'tune: vary."{path}" is no range: expected a table with uniform or log_uniform, got {shown(vary[path])}')
     return space
 
