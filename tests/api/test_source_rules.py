@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import ast
 import importlib.util
+import subprocess
+import sys
 from pathlib import Path
 from types import ModuleType
 
@@ -121,3 +123,9 @@ def test_arms_of_models_are_not_constructed_again() -> None:
         if isinstance(node, ast.Call) and ast.unparse(node) in texts
     ]
     assert again == []
+
+
+def test_python_files_are_formatted() -> None:
+    command = [sys.executable, "-m", "ruff", "format", "--check", "--no-cache", "python", "tests", "tools", "examples", "benches", "docs"]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=60)
+    assert done.returncode == 0, done.stdout

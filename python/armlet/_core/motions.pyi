@@ -38,9 +38,7 @@ class BangBang(Motion):
 class Table(Motion):
     def __new__(cls, dt: float, q: ArrayLike, v: ArrayLike, a: ArrayLike, *, start: float | None = None) -> Self: ...
     @staticmethod
-    def at(
-        t: ArrayLike, q: ArrayLike, v: ArrayLike | None = None, a: ArrayLike | None = None, *, spline: str | None = None
-    ) -> Spline: ...
+    def at(t: ArrayLike, q: ArrayLike, v: ArrayLike | None = None, a: ArrayLike | None = None, *, spline: str | None = None) -> Spline: ...
 
 @final
 class Spline(Motion):
