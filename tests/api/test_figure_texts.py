@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
-import matplotlib
 import models
 import numpy as np
 import pytest
@@ -15,7 +13,6 @@ from matplotlib.figure import Figure
 from test_figures import DRAWN
 
 import armlet as al
-from armlet.demo import demonstrate
 
 SEVEN = models.SEVEN_AXES
 SIX = models.SIX_AXES
@@ -124,20 +121,6 @@ def test_texts_of_a_figure(name: str) -> None:
     figure = Figure()
     FIGURES[name](figure)
     assert faults(figure) == []
-
-
-def test_texts_of_the_demonstration(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    drawn: list[list[str]] = []
-    save = Figure.savefig
-
-    def savefig(figure: Figure, file: Any, **options: Any) -> None:
-        drawn.append(faults(figure))
-        save(figure, file, **options)
-
-    monkeypatch.setattr(Figure, "savefig", savefig)
-    matplotlib.use("agg")
-    demonstrate(tmp_path)
-    assert len(drawn) >= 4 and [found for found in drawn if found] == []
 
 
 def test_faults_are_detected() -> None:

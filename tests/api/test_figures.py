@@ -11,6 +11,7 @@ import matplotlib
 import models
 import numpy as np
 import pytest
+from boxes import faults
 from matplotlib.figure import Figure
 
 import armlet as al
@@ -184,14 +185,15 @@ def test_without_matplotlib_nothing_is_drawn(name: str, monkeypatch: pytest.Monk
 
 @pytest.mark.slow
 def test_no_text_of_the_demonstration_is_cut_off(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Titles and axis labels are within their figures."""
+    """Titles and axis labels are within their figures. No texts overlap, and every axis has a unit."""
     drawn: list[str] = []
     cut: list[str] = []
+    wrong: list[str] = []
     save = Figure.savefig
 
     def savefig(figure: Figure, file: Any, **options: Any) -> None:
         save(figure, file, **options)
-        figure.draw_without_rendering()
+        wrong.extend(faults(figure))
         for ax in figure.axes:
             texts = [ax.title, ax._left_title, ax._right_title, ax.xaxis.label, ax.yaxis.label]
             for text in (text for text in texts if text.get_text()):
@@ -202,4 +204,5 @@ def test_no_text_of_the_demonstration_is_cut_off(tmp_path: Path, monkeypatch: py
     monkeypatch.setattr(Figure, "savefig", savefig)
     demonstrate(tmp_path)
     assert not cut, cut
+    assert not wrong, wrong
     assert len(drawn) > 40

@@ -39,6 +39,8 @@ MOST = 100_000_000
 class Log:
     """Samples of an arm's motion over time, as `read_log` returns them. All numbers have SI units.
 
+    The arguments are attributes too. Series that were not recorded are None.
+
     Args:
         t: times, (K,), s. They increase.
         q: joint positions, (K, n), rad or m.
@@ -51,7 +53,6 @@ class Log:
         start: the value of the recording's clock at the first sample, s (keyword only).
 
     Attributes:
-        t, q, v, tau, theta, references, names, units, start: as above. Series that were not recorded are None.
         report: what the file showed (`LogReport`).
 
     Raises:
