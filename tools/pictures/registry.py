@@ -27,6 +27,12 @@ ROOT = Path(__file__).resolve().parents[2]
 IMAGES = ROOT / "docs/images"
 HASHES = IMAGES / "pictures.toml"
 BLOCK = re.compile(r"^```python\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+#: The modules that draw the figure of a call, such as `run.plot()`.
+PLOTS = {
+    "run": {"figures.run", "figures.panels", "figures.estimates"},
+    "program": {"figures.program"},
+    "log": {"figures.log"},
+}
 #: Sources that every picture depends on.
 STYLE = ("python/armlet/figures/style.py",)
 
@@ -117,8 +123,9 @@ def example(name: str, script: Path) -> None:
     source = script.read_text(encoding="utf-8")
     # Such as `armlet.figures.time_path` and `from armlet.demo import pictures`.
     used = {found.replace(" import ", ".") for found in re.findall(r"armlet\.((?:figures|demo)(?:\.| import )[a-z]\w*)", source)}
-    if ".plot(" in source:
-        used |= {"figures.run", "figures.panels", "figures.estimates"}
+    for call, modules in PLOTS.items():
+        if f"{call}.plot(" in source:
+            used |= modules
     inputs = (script.relative_to(ROOT).as_posix(), *(f"python/armlet/{module.replace('.', '/')}.py" for module in sorted(used)))
     PICTURES[name] = Picture(name, source.split('"""')[1].splitlines()[0], inputs)
 
