@@ -190,6 +190,12 @@ def test_index_links_to_every_page() -> None:
     assert [name for name in names if f"]({name})" not in index] == [] and "methods/adaptive.md" in names
 
 
+def test_pages_are_short() -> None:
+    """No page has more than 300 lines, except for the exam, the list of all names, and a page that its method page does not yet share."""
+    long = [name_of(page) for page in PAGES if len(page.read_text().splitlines()) > 300]
+    assert set(long) <= {"docs/exam.md", "docs/reference.md", "docs/priority.md"}
+
+
 def test_reference_lists_every_name() -> None:
     listed = re.findall(r"^   (\w+)$", (ROOT / "docs/reference.md").read_text(), re.MULTILINE)
     assert sorted(listed) == sorted(set(al.__all__) - {"__version__"})
