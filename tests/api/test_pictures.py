@@ -106,3 +106,6 @@ def test_a_lesson_sets_mathematics_as_mathematics(page: str) -> None:
     assert [span for span in re.findall(r"`([^`\n]+)`", prose) if symbols.match(span)] == []
     tags = [int(tag) for tag in re.findall(r"\\tag\{(\d+)\}", text)]
     assert tags == list(range(1, len(tags) + 1)) and len(tags) >= 3
+    # A code host reads a backslash before a sign, such as `\\,`, as an escaped sign of Markdown.
+    inline = re.findall(r"\$[^$\n]+\$", re.sub(r"`[^`\n]*`", "", prose))
+    assert len(inline) > 10 and [formula for formula in inline if re.search(r"\\[^A-Za-z ]", formula)] == []

@@ -119,7 +119,8 @@ def simulate(
             is a second criterion for a law that acts at every instant without `tau_max` and `force`. The steps are too coarse if the
             Lyapunov function rises tenfold and the residual of its balance exceeds a tenth of it. Without `monitors` the steps are not
             checked.
-        UserWarning: a continuous joint starts more than half a turn from its target (`Arm.nearest`). `check_limits=False` omits this.
+        UserWarning: a continuous joint starts more than half a turn from its target, so that another turn is nearer (`Arm.nearest`).
+            `check_limits=False` omits this.
         UserWarning: a `force` that is a function and changes within less than half of a fixed step.
             `metrics(run)["energy_error"]` is the residual of the energy balance as a fraction of the energy.
 
