@@ -87,7 +87,7 @@ from .friction_models import LuGre, StickSlip
 from .identification import BaseParameters, Identification, ParameterReport
 from .integration import DenseOutput, Integration, integrate
 from .interop import Verification, from_mujoco, from_pinocchio, scipy_method, to_control, verify
-from .logs import Log, LogReport, read_log
+from .logs import Log, LogFit, LogReport, fit_log, read_log
 from .null_space import NullSpace
 from .printed import export_c
 from .priority import PriorityDiagnosis, diagnose_priority
@@ -147,6 +147,7 @@ __all__ = [  # noqa: RUF022 - in the order of `dir`
     "JointTracking",
     "Law",
     "Log",
+    "LogFit",
     "LogReport",
     "LoopProgram",
     "LuGre",
@@ -210,6 +211,7 @@ __all__ = [  # noqa: RUF022 - in the order of `dir`
     "example_urdf",
     "exciting_motion",
     "export_c",
+    "fit_log",
     "from_mujoco",
     "from_pinocchio",
     "gradient",

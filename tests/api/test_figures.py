@@ -27,6 +27,12 @@ def run() -> al.Run:
     return al.simulate(al.RigidArm(ARM), al.PDGravity(ARM, [0.1, 0.2], 20.0, 5.0), [0.0, 0.0], t_end=0.1, dt=1e-3)
 
 
+def fitted() -> Any:
+    t = np.arange(0.0, 3.0, 0.01)
+    q, v, a = al.Sinusoid([0.0, 0.0], [1.0, 1.2], [5.0, 7.0], [0.0, 1.0])(t)
+    return al.fit_log(ARM, al.Log(t, q, tau=ARM.inverse_dynamics(q, v, a), names=ARM.joint_names), ["inertia"])
+
+
 def table() -> Any:
     loop = {"arm": {"kind": "example", "name": "planar_2r"}, "law": {"kind": "PDGravity", "target": [0.1, 0.2], "kp": 20.0, "kd": 5.0}}
     scenario = al.Scenario.from_dict(loop | {"run": {"q0": [0.0, 0.0], "t_end": 0.1, "dt": 1e-3}})
@@ -44,6 +50,7 @@ DRAWN: dict[str, tuple[str, Callable[..., Any]]] = {
     "run": ("Run.plot", lambda fig: run().plot(fig)),
     "compare": ("compare", lambda fig: al.compare([run()], fig=fig)),
     "log": ("Log.plot", lambda fig: al.read_log(run()).plot(fig)),
+    "fit": ("LogFit.plot", lambda fig: fitted().plot(fig)),
     "mintime": ("MinimumTime.plot", lambda fig: MinimumTime(0.0, 1.0, 1.0, 0.5, 1.0).plot(fig)),
     "path": ("PathTiming.plot", lambda fig: PathTiming(ARM, al.time_path(ARM, [[0.0, 0.0], [1.0, 0.5]], tau_max=20.0), 20.0).plot(fig)),
     "program": (

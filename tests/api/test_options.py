@@ -70,11 +70,12 @@ ELSEWHERE = {
     "integrate": "options that describe the problem, for every method, and the method",
     "load_urdf": "a file",
     "read_log": "a file; its own tests",
+    "fit_log": "a log; its own tests",
     "Log": "the series of a recording; its own tests",
 }
 #: Classes of results, whose fields are optional.
 RESULTS = {"BatchRun", "ElasticLimits", "Equilibrium", "Events", "ModelError", "PriorityDiagnosis", "Run", "Sensitivity", "SolveError"}
-RESULTS |= {"BaseParameters", "LogReport", "Status", "Tuning", "WorstCase"}
+RESULTS |= {"BaseParameters", "LogFit", "LogReport", "Status", "Tuning", "WorstCase"}
 
 
 def functions() -> Iterator[tuple[str, Any]]:

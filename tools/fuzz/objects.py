@@ -148,6 +148,12 @@ class Objects:
             "Plant": self.plant,
             "Task": self.task,
             "Run": self.single,
+            "Log": lambda: f"al.read_log({self.single()})",
+            "LogReport": lambda: f"al.read_log({self.single()}).report",
+            "LogFit": lambda: (
+                f"al.fit_log({self.arm}, al.Log(np.arange(400) * 0.01, *np.random.default_rng(0).normal(size=(1, 400, {self.n})), "
+                f"tau=np.random.default_rng(1).normal(size=(400, {self.n}))), ['viscous'])"
+            ),
             "BatchRun": self.batch,
             "Scenario": self.scenario,
             "SweepTable": lambda: f"al.sweep({self.scenario()}, {{'law.gamma': [1.0, 2.0]}})",

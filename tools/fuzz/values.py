@@ -159,6 +159,7 @@ class Values(Objects):
             "events": lambda: chance.choice(["[al.Event.joint(0, 0.01)]", "lambda t, q, v: q[0] - 0.01"]),
             "runs": lambda: f"[{self.run()}]",
             "run": self.run,
+            "log": lambda: f"al.read_log({self.run()})",
             "progress": lambda: "lambda done, total: None",
             "fig": lambda: "Figure()",
             "executor": lambda: "None",

@@ -1,4 +1,7 @@
-"""The figure of a log: positions, velocities and torques over time. References are dashed, and gaps are grey."""
+"""The figures of a log and of its fit: positions, velocities and torques over time; measured and fitted torques.
+
+References are dashed, and gaps are grey.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +19,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["plot"]
+__all__ = ["plot", "plot_fit"]
 
 _TITLES = {"q": "Joint positions", "v": "Joint velocities", "tau": "Joint torques", "theta": "Motor positions"}
 
@@ -69,3 +72,24 @@ def _series(ax: Axes, shown: Any, joints: Joints, log: Any, name: str) -> None:
     labels = {"q": f"position ({unit})", "v": f"velocity ({unit}/s)", "tau": f"torque ({'N m' if unit == 'rad' else 'N'})"}
     ax.set_ylabel(literal(labels.get(name, f"position ({unit})")))
     ax.set_title(_TITLES[name])
+
+
+def plot_fit(fit: Any, fig: Figure | None = None) -> NDArray[Any]:
+    """Draw an `armlet.LogFit` into `fig` (None: a new pyplot figure); returns the axes as an array, (n, 1).
+
+    Raises:
+        ImportError: matplotlib is not installed.
+    """
+    require("LogFit.plot")
+    with sheet(fig, (8.0, 1.8 * len(fit.joints) + 0.8)) as figure:
+        axes: NDArray[Any] = figure.subplots(len(fit.joints), 1, squeeze=False, sharex=True)
+        for i, ax in enumerate(axes[:, 0]):
+            lines = [ax.plot(fit.t, fit.measured[:, i], color="0.6", label="measured")[0]]
+            lines += ax.plot(fit.t, fit.measured[:, i] - fit.residual[:, i], color=COLOURS[0], linewidth=1.0, label="model")
+            lines += ax.plot(fit.t, fit.residual[:, i], color=COLOURS[1], linewidth=0.8, label="residual")
+            unit = "N" if fit.model.joint_types[i] == "prismatic" else "N m"
+            ax.set_ylabel(f"torque ({unit})" if unit == "N m" else f"force ({unit})")
+            ax.set_title(literal(fit.joints[i]))
+        axes[-1, 0].set_xlabel("time (s)")
+        legend_below(figure, lines)
+    return axes

@@ -1,0 +1,122 @@
+"""The result of `fit_log`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..border import bordered
+from ..pickling import sealed
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from .._core import Arm
+
+__all__ = ["LogFit"]
+
+_Array = NDArray[np.float64]
+
+#: Two parameters are strongly correlated above this absolute correlation.
+STRONG = 0.95
+#: A joint hardly moves if its range is below this fraction of the largest range.
+STILL = 0.01
+
+
+@bordered
+@sealed
+@dataclass(frozen=True, eq=False)
+class LogFit:
+    """The parameters of an arm that fit the torques of a log, with their accuracy. `print(fit)` shows them."""
+
+    #: Names of the b fitted parameters: sums of parameters of bodies, and parameters of joints.
+    names: tuple[str, ...]
+    #: Values and standard deviations, (b,), in SI units. The deviation of a parameter that the log does not determine is infinite.
+    values: _Array
+    deviations: _Array
+    #: Covariance of the values, (b, b).
+    covariance: _Array
+    #: Number of combinations of parameters that the log determines, and condition number of the columns with length one.
+    rank: int
+    condition: float
+    #: Root mean square of the torque that the model does not explain, (n,), N m or N.
+    residuals: _Array
+    #: The arm with the fitted parameters of bodies, rotors and friction.
+    model: Arm
+    #: The kinds of parameters that were fitted, and the names of the joints.
+    kinds: tuple[str, ...]
+    joints: tuple[str, ...]
+    #: Times of the K filtered samples, s, their torques, and the torques that the model does not explain, (K, n), N m or N.
+    t: _Array
+    measured: _Array
+    residual: _Array
+    #: Range of each joint's positions, (n,), rad or m, and the cutoff of the filter, Hz.
+    ranges: _Array
+    cutoff: float
+    #: With `consistent=True`: the fit before the projection, which has the inertial parameters.
+    before: LogFit | None = None
+
+    def _of_joints(self, kind: str) -> _Array:
+        found = dict(zip(self.names, self.values, strict=True))
+        return np.array([found.get(f"{kind}[{joint}]", 0.0) for joint in self.model.joint_names])
+
+    @property
+    def offsets(self) -> _Array:
+        """Fitted torque offset of each joint, (n,), N m or N; zeros if they were not fitted, or are grouped with other parameters."""
+        return self._of_joints("offset")
+
+    @property
+    def stribeck(self) -> _Array:
+        """Fitted Stribeck friction of each joint, (n,), N m or N; zeros if it was not fitted."""
+        return self._of_joints("stribeck")
+
+    @property
+    def unidentifiable(self) -> tuple[str, ...]:
+        """In words: the parameters that the log does not determine, and the joints that hardly move."""
+        hidden = [name for name, deviation in zip(self.names, self.deviations, strict=True) if not np.isfinite(deviation)]
+        if not hidden:
+            return ()
+        still = [joint for joint, moved in zip(self.joints, self.ranges, strict=True) if moved <= STILL * self.ranges.max(initial=0.0)]
+        lines = [f"not identifiable from this log: {name}" for name in hidden]
+        return (*lines, *(f"joint {joint!r} hardly moves: move it while the other joints move" for joint in still))
+
+    @property
+    def correlated(self) -> tuple[tuple[str, str, float], ...]:
+        """Pairs of parameters whose estimates have an absolute correlation above 0.95, with the correlation, the largest first."""
+        scale = np.sqrt(np.diag(self.covariance))
+        scale = np.where(scale > 0.0, scale, np.inf)
+        ratio = self.covariance / np.outer(scale, scale)
+        pairs = [(i, k) for i, k in np.argwhere(np.abs(np.triu(ratio, 1)) > STRONG).tolist() if np.isfinite(self.deviations[[i, k]]).all()]
+        pairs.sort(key=lambda pair: -abs(ratio[pair]))
+        return tuple((self.names[i], self.names[k], float(ratio[i, k])) for i, k in pairs)
+
+    def plot(self, fig: Figure | None = None) -> NDArray[Any]:
+        """Draw the measured torque, the torque of the model and the residual of each joint, and return the axes.
+
+        Args:
+            fig: a figure of matplotlib; None for a new one.
+
+        Returns:
+            The axes, as an array.
+
+        Raises:
+            ImportError: matplotlib is not installed.
+        """
+        from ..figures.log import plot_fit
+
+        return plot_fit(self, fig)
+
+    def __str__(self) -> str:
+        head = f"rank {self.rank} of {len(self.names)}, condition {self.condition:.3g}, residuals "
+        lines = [head + ", ".join(f"{residual:.3g}" for residual in self.residuals)]
+        rows = zip(self.values, self.deviations, self.names, strict=True)
+        lines += [f"  {value: .6g} +- {deviation:.2g}  {name}" for value, deviation, name in rows]
+        lines += self.unidentifiable
+        lines += [f"correlated ({ratio:.3f}): {first} and {second}" for first, second, ratio in self.correlated[:5]]
+        return "\n".join(lines)
+
+    def __repr__(self) -> str:
+        return f"<LogFit: rank {self.rank} of {len(self.names)}, condition {self.condition:.3g}>"
