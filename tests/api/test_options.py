@@ -52,6 +52,7 @@ ELSEWHERE = {
     "verify": "the tests of comparisons",
     "Run.animate": "a figure",
     "Run.plot": "a figure",
+    "Run.report": "a page",
     "Scenario": "the folder of files and the name in messages",
     "Scenario.from_dict": "the folder of files",
     "Simulator.set_state": "the state, as given",

@@ -9,7 +9,6 @@ from __future__ import annotations
 import argparse
 import io
 import os
-import platform
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -19,6 +18,7 @@ from ..arguments import one_line
 from ..errors import ArmletError
 from ..extras import missing
 from ..figures.style import available
+from ..reports.page import versions
 from .scenarios import register
 
 __all__ = ["main"]
@@ -40,11 +40,7 @@ def _demo(args: argparse.Namespace) -> int:
 
 
 def _info(args: argparse.Namespace) -> int:
-    import numpy
-
-    rows = {"armlet": _core.__version__, "python": platform.python_version(), "numpy": numpy.__version__}
-    rows |= {"platform": f"{platform.system()} {platform.machine()}"}
-    rows |= {name.replace("_", " "): value for name, value in _core.build_info().items() if name != "version"}
+    rows = versions()
     width = max(map(len, rows))
     for name, value in rows.items():
         print(f"{name:<{width}}  {value}")

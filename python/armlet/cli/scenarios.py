@@ -64,7 +64,7 @@ def _prepare(args: argparse.Namespace) -> None:
     """Make the folder of the output and check that it is writable, before the run starts."""
     if args.plot:
         require(f"{args.command}: --plot")
-    if args.out is not None or args.plot:
+    if args.out is not None or args.plot or args.report:
         folder_for(args.out or Path())
 
 
@@ -75,6 +75,8 @@ def _results(run: Run, scenario: Scenario, args: argparse.Namespace) -> list[Pat
         run.save(stem.with_suffix(".npz"))
         run.to_csv(stem.with_suffix(".csv"))
         written += [stem.with_suffix(".npz"), stem.with_suffix(".csv")]
+    if args.report:
+        written.append(_report_file(run, scenario, stem.with_suffix(".html")))
     if args.plot:
         from matplotlib.figure import Figure
 
@@ -86,6 +88,12 @@ def _results(run: Run, scenario: Scenario, args: argparse.Namespace) -> list[Pat
             write_whole(path, partial(figure.savefig, dpi=150, format="png"))
             written.append(path)
     return written
+
+
+def _report_file(run: Run, scenario: Scenario, path: Path) -> Path:
+    """Write the report of a run of the scenario, and return its path."""
+    run.report(path, title=scenario.data.get("title", path.stem), inputs=scenario.data)
+    return path
 
 
 def _figure_file(run: Run, scenario: Scenario, path: Path) -> Path:
@@ -207,6 +215,8 @@ def _worst(args: argparse.Namespace) -> int:
         path = stem.with_name(f"{stem.name}.toml")
         found.scenario.save(path)
         written = [path, found.tried.to_csv(stem.with_name(f"{stem.name}.csv"))]
+    if args.report:
+        written.append(_report_file(found.run, found.scenario, stem.with_name(f"{stem.name}.html")))
     if args.plot:
         written.append(_figure_file(found.run, scenario, stem.with_name(f"{stem.name}.png")))
     for path in written:
@@ -248,6 +258,7 @@ def register(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> N
     run.add_argument("scenario", type=Path, metavar="FILE.toml")
     run.add_argument("--out", type=Path, metavar="DIR", help="folder for the run (npz), its table (csv) and its figure")
     run.add_argument("--plot", action="store_true", help="write a figure into DIR, or into the current folder")
+    run.add_argument("--report", action="store_true", help="write a report (HTML) into DIR, or into the current folder")
     run.set_defaults(run=_run, command="run")
 
     check = commands.add_parser(
@@ -289,6 +300,7 @@ def register(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> N
         "--out", type=Path, metavar="DIR", help="folder for the worst scenario (toml), the table of all runs (csv) and the figure"
     )
     worst.add_argument("--plot", action="store_true", help="write a figure of the worst run into DIR, or into the current folder")
+    worst.add_argument("--report", action="store_true", help="write a report (HTML) of the worst run into DIR, or into the current folder")
     worst.set_defaults(run=_worst, command="worst")
 
     schema = commands.add_parser("schema", help="print the JSON schema of scenario files, which editors use to complete and check them")

@@ -48,7 +48,7 @@ from .recorded import Array, Recorded
 from .speeds import commands_speeds, input_ratio
 from .task_errors import frame_errors
 
-__all__ = ["Metrics", "metrics"]
+__all__ = ["Metrics", "metrics", "violations"]
 
 PER_JOINT = ("error_rms", "error_peak", "error_final", "overshoot", "tau_rms", "tau_peak")
 PER_TASK = ("position_error_rms", "position_error_peak", "position_error_final")
@@ -222,7 +222,7 @@ def metrics(
             found["tau_peak"] = np.abs(run.tau).max(axis=-2)
             found["input_ratio"] = input_ratio(run, found["tau_peak"])
         found["time_outside_limits"] = _outside(run, t)
-        found["monitor_violations"] = _violations(run.monitors, tolerance, per_run)
+        found["monitor_violations"] = np.zeros(per_run) + sum(violations(run.monitors, tolerance).values())
         missing = energy_error(run.monitors)
         found["energy_error"] = np.full(per_run, np.nan) if missing is None else missing
     for name, values in found.items():
@@ -308,16 +308,17 @@ def _outside(run: Recorded, t: Array) -> Array:
     return result
 
 
-def _violations(monitors: Mapping[str, Array], tolerance: float, shape: tuple[int, ...]) -> Array:
-    count = np.zeros(shape)
+def violations(monitors: Mapping[str, Array], tolerance: float) -> dict[str, Array]:
+    """Return the number of records that violate each monitor with a condition, () or (B,) each."""
+    found: dict[str, Array] = {}
     for name, scale in (("lyapunov_balance", "lyapunov"), ("energy_balance", "energy"), ("skewness", None)):
         if name in monitors and monitors[name].shape[-1]:
             size = _largest_so_far(np.abs(monitors[scale])) if scale is not None and scale in monitors else 1.0
-            count = count + (~(np.abs(monitors[name]) <= tolerance * size)).sum(axis=-1)
+            found[name] = (~(np.abs(monitors[name]) <= tolerance * size)).sum(axis=-1)
     if "lyapunov" in monitors and monitors["lyapunov"].shape[-1]:
         values = monitors["lyapunov"]
-        count = count + (np.diff(values, axis=-1) > tolerance * _largest_so_far(values)[..., 1:]).sum(axis=-1)
-    return np.asarray(count, dtype=np.float64)
+        found["lyapunov"] = (np.diff(values, axis=-1) > tolerance * _largest_so_far(values)[..., 1:]).sum(axis=-1)
+    return found
 
 
 def _largest_so_far(values: Array) -> Array:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from os import PathLike
 from typing import TYPE_CHECKING, Any
 
@@ -122,6 +122,24 @@ class Run(_Stored):
 
         animate(self, path, arm, **keywords)
 
+    def report(self, path: str | PathLike[str], *, title: str | None = None, inputs: Mapping[str, Any] | None = None) -> None:
+        """Write a report as one HTML file without network: figure, metrics, monitors with verdicts, the loop's numbers, versions.
+
+        Without matplotlib (extra `plot`) the report has a sentence in place of the figure.
+
+        Args:
+            path: path of the file. The file is complete or absent.
+            title: heading of the report. None means the name of the law.
+            inputs: tables that the report shows as text, such as `scenario.data` with the method and the seeds.
+
+        Raises:
+            InputError: an argument is not valid; the message names it.
+            OSError: the file cannot be written.
+        """
+        from ..reports.runs import write_run
+
+        write_run(self, path, title, inputs)
+
     def to_csv(self, path: str | PathLike[str]) -> None:
         """Write the table of `to_pandas` with its index as CSV. pandas is not required.
 
@@ -234,6 +252,22 @@ class BatchRun(_Stored):
 
     def __iter__(self) -> Iterator[Run]:
         return (self[i] for i in range(len(self)))
+
+    def report(self, path: str | PathLike[str], *, title: str | None = None, inputs: Mapping[str, Any] | None = None) -> None:
+        """Write a report as one HTML file without network: statuses, the range of the runs over time, metrics, failed runs, versions.
+
+        Args:
+            path: path of the file. The file is complete or absent.
+            title: heading of the report. None means the name of the law.
+            inputs: tables that the report shows as text, such as `scenario.data`.
+
+        Raises:
+            InputError: an argument is not valid; the message names it.
+            OSError: the file cannot be written.
+        """
+        from ..reports.runs import write_batch
+
+        write_batch(self, path, title, inputs)
 
     def to_pandas(self) -> pd.DataFrame:
         """Convert the series of all runs to one table of pandas. It requires pandas (extra `data`).
