@@ -21,14 +21,14 @@ from armlet.figures import COLOURS
 def adaptive(ax):
     """Adaptive control: the tracking error goes to zero, although the law does not know the parameters of the robot."""
     arm = al.planar_pr(A=2.0, B=0.5, C=0.5)
-    motion = al.Sinusoid(offset=[0.0, 0.3], amplitude=[0.5, 0.8], frequency=[1.0, 1.7], phase=[0.0, 0.0])
+    motion = al.Sinusoid(offset=[0.0, 0.3], amplitude=[0.5, 0.8], frequency=[3.0, 2.0], phase=[0.0, 0.0])
     law = al.Adaptive(arm, motion, kp=[40.0, 20.0], kd=[20.0, 10.0], gamma=5.0)
-    run = al.simulate(al.RigidArm(arm), law, [0.2, -0.3], t_end=20.0, dt=1e-3)
+    run = al.simulate(al.RigidArm(arm), law, [0.2, -0.3], t_end=8.0, dt=1e-3)
     e = np.array([motion(t)[0] for t in run.t]) - run.q
     ax.plot(run.t, e[:, 0], color=COLOURS[0], label="$e_1$ (m)")
     ax.plot(run.t, e[:, 1], color=COLOURS[1], label="$e_2$ (rad)")
     ax.set(title="Adaptive tracking: parameters unknown", xlabel="time (s)", ylabel="tracking error (m or rad)")
-    return f"adaptive: |e| = {np.abs(e[-1]).max():.1e} after 20 s"
+    return f"adaptive: |e| = {np.abs(e[-1]).max():.1e} after 8 s"
 
 
 def priority(ax):

@@ -77,7 +77,8 @@ def test_the_list_of_examples() -> None:
     for name, picture in PICTURES.items():
         if picture.draw is None:
             script = Path(picture.inputs[0])
-            assert f'| <img src="../docs/images/{name}" width="360" alt="{picture.title}"> | [{picture.title}]({script.name}): ' in text
+            own = text[text.index(f"**[{picture.title}]({script.name})** ") :].split("\n**[")[0]
+            assert f'<img src="../docs/images/{name}" width="600" alt="{picture.title}">' in own
 
 
 @pytest.mark.parametrize("page", LESSONS)
