@@ -194,9 +194,12 @@ def _fitted(
         rows = (W / noise[:, None]).reshape(count * n, b)
         lengths = np.linalg.norm(rows, axis=0)
         lengths[lengths == 0.0] = 1.0
-        U, sigma, V = np.linalg.svd(rows / lengths, full_matrices=False)
+        # The triangle of the columns and the torque has all that the solution requires, in few rows.
+        both = np.column_stack([rows / lengths, (target / noise).reshape(-1)])
+        triangle: Array = np.asarray(np.linalg.qr(both, mode="r"))
+        U, sigma, V = np.linalg.svd(triangle[:b, :b])
         rank = int(np.count_nonzero(sigma > RANK * sigma[0]))
-        values = (V[:rank].T @ ((U[:, :rank].T @ (target / noise).reshape(-1)) / sigma[:rank])) / lengths
+        values = (V[:rank].T @ ((U[:, :rank].T @ triangle[:b, b]) / sigma[:rank])) / lengths
         error = target - W @ values
         # A joint that the model describes exactly has the noise of rounding.
         noise = np.maximum(np.sqrt(np.mean(error**2, axis=0)), 1e-12 * (1.0 + np.abs(samples.tau).max()))
