@@ -85,6 +85,26 @@ def test_same_seed_same_bits_and_progress() -> None:
     assert not np.array_equal(one.tried["law.kd"], other.tried["law.kd"])
 
 
+def test_many_runs_are_reported_in_pieces_and_can_be_interrupted(interrupted: Callable[[str], tuple[list[str], float]]) -> None:
+    done: list[int] = []
+    search = CubeSearch(lambda u: u.sum(axis=1), lambda u: None, [Axis("ordered")], 5000, 0)
+    search.search(np.array([0.5]), 1, lambda runs, least: done.append(runs))
+    assert done[:3] == [1024, 2048, 2500]
+    words, seconds = interrupted(
+        """
+        import armlet as al
+        arm, law = {"kind": "planar_pr", "A": 2.0, "B": 0.5, "C": 0.5}, {"kind": "PDGravity", "target": [1.0, 0.0], "kp": 100.0, "kd": 20.0}
+        scenario = al.Scenario({"arm": arm, "law": law, "run": {"q0": [0.9, 0.0], "t_end": 5.0, "dt": 1e-3}})
+        print("ready", flush=True)
+        try:
+            al.worst_case(scenario, {"law.kd": {"uniform": [18.0, 22.0]}}, "error_rms", runs=10**5)
+        except KeyboardInterrupt:
+            print("stopped", flush=True)
+        """
+    )
+    assert words == ["stopped"] and seconds < 5.0
+
+
 def limits_margin(run: al.Run) -> float:
     """The margin "limits", from its definition: the smallest distance to a limit, divided by half the range of the joint."""
     assert run.limits is not None and run.tau is not None

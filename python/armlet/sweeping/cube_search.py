@@ -32,6 +32,8 @@ FINEST = 2.0**-12
 MIXED = 4
 #: Largest number of points that are drawn together at the end.
 TOGETHER = 64
+#: Largest number of points between two reports of the progress.
+PIECE = 1024
 
 
 @dataclass(frozen=True)
@@ -112,11 +114,12 @@ class CubeSearch:
             if point.tobytes() not in self.known and len(fresh) < self.left:
                 self.known.add(point.tobytes())
                 fresh.append(i)
-        if fresh:
-            values[fresh] = self.evaluate(points[fresh])
-            self.points += list(points[fresh])
-            self.values += values[fresh].tolist()
-            self.stages += [stage] * len(fresh)
+        for first in range(0, len(fresh), PIECE):
+            part = fresh[first : first + PIECE]
+            values[part] = self.evaluate(points[part])
+            self.points += list(points[part])
+            self.values += values[part].tolist()
+            self.stages += [stage] * len(part)
             self.report(self.budget - self.left, self.values[self.best])
         return values
 
