@@ -196,8 +196,8 @@ def test_a_thumb_reaches_every_page(browser: Browser, site: str) -> None:
     page.locator(".sidebar-drawer a[href='adaptive.html']").tap()
     page.wait_for_url("**/adaptive.html")
     page.locator("label[for=__toc]:visible").first.tap()
-    page.locator(".toc-drawer a[href='#the-pr-robot']").tap()
-    page.wait_for_url("**/adaptive.html#the-pr-robot")
+    page.locator(".toc-drawer a[href='#stability-proof']").tap()
+    page.wait_for_url("**/adaptive.html#stability-proof")
     # The drawer covers the page until it is closed.
     page.wait_for_timeout(500)
     page.screenshot(path=PICTURES / "docs_phone_menu.png")
