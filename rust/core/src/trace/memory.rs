@@ -19,6 +19,7 @@
 //! On aarch64, the instruction cache is not updated by writes. It is flushed before the first run.
 
 use std::io::{Error, ErrorKind, Result};
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 #[cfg(all(target_os = "macos", target_arch = "aarch64"))]
 #[path = "memory_apple.rs"]
@@ -43,7 +44,22 @@ mod pages {
 pub type Function = extern "C" fn(*mut f64, *const f64, *const f64, usize);
 
 /// Machine code of one [`Function`] in executable, read-only memory.
-pub struct Code(pages::Pages);
+pub struct Code {
+    pages: pages::Pages,
+    /// The position of the code in the pages.
+    start: usize,
+}
+
+/// The size of a cache line, and of the part of an address that selects the line of an instruction cache.
+const LINE: usize = 64;
+const PAGE: usize = 4096;
+
+/// Return the position in a page at which code of this length begins: where the previous code ended. If all codes began at the start of a
+/// page, the programs of one loop would displace each other from the first lines of the instruction cache.
+fn next_start(length: usize) -> usize {
+    static END: AtomicUsize = AtomicUsize::new(0);
+    END.fetch_add(length.next_multiple_of(LINE), Ordering::Relaxed) % PAGE
+}
 
 impl Code {
     /// Copy machine code to new memory, and make this memory executable.
@@ -54,12 +70,14 @@ impl Code {
         if bytes.is_empty() {
             return Err(Error::new(ErrorKind::InvalidInput, "no machine code"));
         }
-        pages::executable(bytes).map(Code)
+        let start = next_start(bytes.len());
+        let placed = [vec![0; start].as_slice(), bytes].concat();
+        Ok(Code { pages: pages::executable(&placed)?, start })
     }
 
     /// The address of the machine code.
     pub fn address(&self) -> *const u8 {
-        self.0.as_ptr()
+        self.pages.as_ptr().wrapping_add(self.start)
     }
 
     /// Call the function.
