@@ -59,10 +59,10 @@ test-aarch64: tools ## machine code for aarch64 in an emulator (Debian's gcc-aar
 	@sh tools/aarch64.sh "$(BUILD)/aarch64"
 
 STACKS ?= 1000000
-test-stacks: $(BUILD)/installed $(BUILD)/requirements ## the disturbance laws of task priority on 1,000,000 random stacks (STACKS=): minutes
+test-stacks: $(BUILD)/installed $(BUILD)/requirements ## the disturbance laws and the certificates of task priority on 1,000,000 random stacks (STACKS=): minutes
 	@mkdir -p $(BUILD)/elsewhere
 	cd $(BUILD)/elsewhere && ARMLET_RANDOM_STACKS=$(STACKS) $(PY) -m pytest -c $(ROOT)/pyproject.toml --rootdir $(ROOT) \
-		$(ROOT)/tests/identities/test_priority_stacks.py $(PYTEST)
+		$(ROOT)/tests/identities/test_priority_stacks.py $(ROOT)/tests/identities/test_inequality_stacks.py $(PYTEST)
 
 CASES ?= 10000000
 test-paths: $(BUILD)/installed $(BUILD)/requirements ## the planners on 10,000,000 random problems (CASES=), an independent checker decides: hours

@@ -57,6 +57,7 @@ from ._core import (
     TorqueOptimum,
     VelocityArm,
     Wall,
+    Within,
     __version__,
     bang_bang_time,
     build_info,
@@ -78,6 +79,7 @@ from ._core import (
     trapezoid_time,
     velocity_bounds,
 )
+from .active_bounds import Active
 from .cartesian import CartesianPath, cartesian_path
 from .elastic import ElasticLimits, Equilibrium, elastic_limits, equilibrium
 from .errors import ArmletError, FormatError, InputError, InternalError, ModelError, SolveError
@@ -109,6 +111,7 @@ from .status import Status
 from .sweeping import SweepTable, Tuning, WorstCase, sweep, tune, worst_case
 
 __all__ = [  # noqa: RUF022 - in the order of `dir`
+    "Active",
     "Adaptive",
     "Arm",
     "ArmPrioritySolver",
@@ -198,6 +201,7 @@ __all__ = [  # noqa: RUF022 - in the order of `dir`
     "VelocityArm",
     "Verification",
     "Wall",
+    "Within",
     "WorstCase",
     "__version__",
     "bang_bang_time",

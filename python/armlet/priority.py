@@ -1,6 +1,6 @@
 """Diagnosis of prioritised tasks: the feasible part of a command, and the overlap of the levels, sum rank J_i - rank J_E.
 
-J_i is the Jacobian of level i, and J_E the matrix of the rows of all J_i.
+J_i is the Jacobian of level i, and J_E the matrix of the rows of all J_i. `active_bounds` has the reasons that bounds give.
 """
 
 from __future__ import annotations
@@ -13,7 +13,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _core
+from ._core import Within
 from .border import border, bordered
+from .errors import InputError
 from .pickling import sealed
 
 __all__ = ["PriorityDiagnosis", "diagnose_priority"]
@@ -44,6 +46,8 @@ class PriorityDiagnosis:
         losses: for each level, (rows_i,), in the unit of the task: the part along `lost` of the remaining command; None without `rhs`. The
             remaining command is `rhs` minus the task velocity that the higher levels cause.
         compatible: whether every loss is zero up to rounding, so that the whole command is feasible; None without `rhs`.
+        why: for each level, the sentence of `PrioritySolution.why`; None without bounds. With bounds, `losses` are the parts of the
+            commands that the method "exact" does not reach within the bounds.
     """
 
     n: int
@@ -60,6 +64,7 @@ class PriorityDiagnosis:
     text: str
     losses: list[Array] | None = None
     compatible: bool | None = None
+    why: list[str] | None = None
 
     def __str__(self) -> str:
         return self.text
@@ -67,7 +72,12 @@ class PriorityDiagnosis:
 
 @border
 def diagnose_priority(
-    jacobians: Sequence[ArrayLike], *, rhs: Sequence[ArrayLike] | None = None, rounding: float = 8 * float(np.finfo(np.float64).eps)
+    jacobians: Sequence[ArrayLike],
+    *,
+    rhs: Sequence[ArrayLike | Within] | None = None,
+    rounding: float = 8 * float(np.finfo(np.float64).eps),
+    v_min: ArrayLike | None = None,
+    v_max: ArrayLike | None = None,
 ) -> PriorityDiagnosis:
     """Diagnose which directions of each level are feasible.
 
@@ -76,9 +86,11 @@ def diagnose_priority(
 
     Args:
         jacobians: one (rows_i, n) per level, the highest priority first.
-        rhs: the task velocities (rows_i,) per level, to test whether they are feasible; None: only directions are diagnosed.
+        rhs: the task velocities (rows_i,) per level, to test whether they are feasible; None: only directions are diagnosed. A level may
+            have bounds, `Within(lower, upper)`.
         rounding: relative error of the entries of `jacobians`. It is 8 eps (1 + sum |q|) for Jacobians computed from joint positions q,
             with eps = 2.2e-16.
+        v_min, v_max: bounds of the joint velocities, a number or (n,), rad/s or m/s; they require `rhs`.
 
     Returns:
         A `PriorityDiagnosis`: the kind, ranks and singular values of each level, lost directions, and, with `rhs`, the lost part of each
@@ -93,7 +105,19 @@ def diagnose_priority(
     >>> d = al.diagnose_priority([[[1.0, 0.0]], [[2.0, 0.0]]], rhs=[[1.0], [2.0]])
     >>> d.kind, d.ranks, d.projected_ranks, d.stacked_rank, d.overlap, d.compatible
     ('algorithmic', [1, 1], [1, 0], 1, 1, True)
+    >>> al.diagnose_priority([[[1.0, 0.0]]], rhs=[[1.0]], v_max=0.5).why
+    ['level 1 misses row 1 by 0.5: joint 1 at its upper bound (level 0) takes 100 %']
     >>> print(d)
     algorithmic: stacked rank 1 of 2 joints; level 2 commands 0 of 1 rows (the rest taken by higher levels), compatibly.
     """
-    return PriorityDiagnosis(**_core.diagnose_priority(jacobians, rhs, rounding))
+    bounded = v_min is not None or v_max is not None or any(isinstance(target, Within) for target in rhs or ())
+    if rhs is None or not bounded:
+        if bounded:
+            raise InputError("diagnose_priority: rhs is missing: expected commands with v_min or v_max, got None")
+        return PriorityDiagnosis(**_core.diagnose_priority(jacobians, rhs, rounding))
+    directions = _core.diagnose_priority(jacobians, None, rounding)
+    solution = _core.solve_priority(jacobians, rhs, method="exact", rounding=rounding, v_min=v_min, v_max=v_max)
+    losses = [-violation for violation in solution.violations]
+    why = [solution.why(k) for k in range(1, len(losses) + 1)]
+    compatible = all(sentence.endswith("is reached") for sentence in why)
+    return PriorityDiagnosis(**directions, losses=losses, compatible=compatible, why=why)

@@ -162,6 +162,11 @@ CASES: dict[str, Case] = {
         for m in ("clamp", "exact", "damped", "chiaverini", "sns")
     },
     "diagnose_priority": Case(partial(al.diagnose_priority, SINGULAR), {"rhs": COMMAND, "rounding": 1e-2}),
+    "diagnose_priority with bounds": Case(
+        partial(al.diagnose_priority, SINGULAR, rhs=COMMAND, v_max=[0.9, 0.8, 0.7]),
+        {"v_min": [-0.2] * 3, "v_max": [0.2] * 3},
+        {"v_min*": "the commands are limited by the upper bounds"},
+    ),
     "inverse_kinematics": Case(
         kinematics,
         {

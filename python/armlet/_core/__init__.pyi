@@ -70,6 +70,8 @@ from .printing import _c_of_law as _c_of_law
 from .printing import _c_of_observer as _c_of_observer
 from .priority import PrioritySolution as PrioritySolution
 from .priority import PrioritySolver as PrioritySolver
+from .priority import Within as Within
+from .priority import _priority_reasons as _priority_reasons
 from .priority import diagnose_priority as diagnose_priority
 from .priority import solve_priority as solve_priority
 from .priority import velocity_bounds as velocity_bounds
@@ -154,6 +156,7 @@ __all__ = [
     "TorqueOptimum",
     "VelocityArm",
     "Wall",
+    "Within",
     "_BatchStepper",
     "__version__",
     "_adjoint",
@@ -161,6 +164,7 @@ __all__ = [
     "_c_of_arm",
     "_c_of_law",
     "_c_of_observer",
+    "_priority_reasons",
     "_restore",
     "_restore_arm",
     "_restore_arm_solver",

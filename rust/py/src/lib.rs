@@ -99,7 +99,8 @@ mod _core {
     use super::printed::{_c_of_arm, _c_of_law, _c_of_observer};
     #[pymodule_export]
     use super::priority::{
-        _restore_arm_solver, ArmPrioritySolver, PrioritySolution, PrioritySolver, diagnose_priority, solve_priority, velocity_bounds,
+        _priority_reasons, _restore_arm_solver, ArmPrioritySolver, PrioritySolution, PrioritySolver, Within, diagnose_priority,
+        solve_priority, velocity_bounds,
     };
     #[pymodule_export]
     use super::samples::_select_samples;

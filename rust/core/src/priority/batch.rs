@@ -4,7 +4,7 @@
 
 use super::branch_free::{self, BranchFree, MOST_OPERATIONS, Regular, regular_ranks};
 use super::method::PriorityMethod;
-use super::solution::Solution;
+use super::solution::{Bounded, Solution};
 use super::solver::PrioritySolver;
 use super::stack::{Stack, level_ranges};
 use crate::error::Result;
@@ -23,14 +23,14 @@ impl PrioritySolver {
     /// entries of the Jacobians.
     ///
     /// The results are a flag, then `v`. The flag is one if `v` is valid, otherwise zero. The return value is `None` if the program would be
-    /// too long.
+    /// too long, or if the solver has bounds.
     pub fn recorded<T>(
         &self,
         inputs: usize,
         set_up: impl FnOnce() -> T,
         stack: impl FnOnce(T, &[Sym]) -> (Sym, Vec<Sym>, Vec<Sym>),
     ) -> Option<Evaluation> {
-        if Regular::<Sym>::operations(self.n(), self.rows()) > MOST_OPERATIONS {
+        if self.is_bounded() || Regular::<Sym>::operations(self.n(), self.rows()) > MOST_OPERATIONS {
             return None;
         }
         let set_up = || (self.regular::<Sym>(), set_up());
@@ -49,11 +49,11 @@ impl PrioritySolver {
 /// use armlet_core::priority::StackRows;
 ///
 /// // Two stacks with one level of one row. Both have the same Jacobian.
-/// let given = StackRows { jacobians: &[&[1.0, 1.0]], velocities: &[&[2.0, 4.0]] };
+/// let given = StackRows { jacobians: &[&[1.0, 1.0]], velocities: &[&[2.0, 4.0]], uppers: &[] };
 /// # use armlet_core::priority::{PriorityOptions, PrioritySolver, StackAnswers, StackBatch};
 /// # let (mut v, mut r, mut ranks, mut scales, mut status) = ([0.0; 4], [0.0; 2], [0; 2], [0.0; 2], [0; 2]);
 /// # let residuals = vec![&mut r[..]];
-/// # let mut answers = StackAnswers { v: &mut v, residuals, ranks: &mut ranks, scales: &mut scales, status: &mut status };
+/// # let mut answers = StackAnswers { v: &mut v, residuals, ranks: &mut ranks, scales: &mut scales, status: &mut status, bounded: None };
 /// let mut batch = StackBatch::new(&PrioritySolver::new(2, &[1], &PriorityOptions::default())?, 2);
 /// batch.solve(&given, 0, 2, &mut answers);
 /// assert!(v.iter().zip([1.0, 1.0, 2.0, 2.0]).all(|(v, expected)| (v - expected).abs() < 1e-15));
@@ -63,6 +63,8 @@ impl PrioritySolver {
 pub struct StackRows<'a> {
     pub jacobians: &'a [&'a [f64]],
     pub velocities: &'a [&'a [f64]],
+    /// The upper bounds of the levels, whose `velocities` are then lower bounds. Empty if no level has bounds.
+    pub uppers: &'a [&'a [f64]],
 }
 
 /// The results of a batch: `v`, shape `(count, n)`, and for each level residuals, shape `(count, rows_i)`. `ranks` and `scales` have the
@@ -75,10 +77,10 @@ pub struct StackRows<'a> {
 ///
 /// let (mut v, mut residual, mut ranks, mut scales, mut status) = ([0.0; 4], [0.0; 2], [0; 2], [0.0; 2], [0; 2]);
 /// let residuals = vec![&mut residual[..]];
-/// let mut answers = StackAnswers { v: &mut v, residuals, ranks: &mut ranks, scales: &mut scales, status: &mut status };
+/// let mut answers = StackAnswers { v: &mut v, residuals, ranks: &mut ranks, scales: &mut scales, status: &mut status, bounded: None };
 /// # let solver = PrioritySolver::new(2, &[1], &PriorityOptions::new(PriorityMethod::Exact))?;
 /// // The Jacobian of the second stack is zero.
-/// let given = StackRows { jacobians: &[&[0.0, 2.0, 0.0, 0.0]], velocities: &[&[1.0, 1.0]] };
+/// let given = StackRows { jacobians: &[&[0.0, 2.0, 0.0, 0.0]], velocities: &[&[1.0, 1.0]], uppers: &[] };
 /// StackBatch::new(&solver, 2).solve(&given, 0, 2, &mut answers);
 /// assert_eq!((v, residual, ranks), ([0.0, 0.5, 0.0, 0.0], [0.0, 1.0], [1, 0]));
 /// assert_eq!(status, [Status::Success as i32, Status::Degraded as i32]);
@@ -90,6 +92,61 @@ pub struct StackAnswers<'a> {
     pub ranks: &'a mut [i64],
     pub scales: &'a mut [f64],
     pub status: &'a mut [i32],
+    /// The bounds of the solutions, if the solver has bounds.
+    pub bounded: Option<BoundedAnswers<'a>>,
+}
+
+/// The bounds of the solutions of a batch. The first three have the shape `(count, limits + rows)`, with the numbers of
+/// [`Bounded`](super::Bounded). `changes` and `certificate` have the shape `(count,)`.
+///
+/// ```
+/// use armlet_core::priority::{BoundedAnswers, PriorityOptions, PrioritySolver, StackAnswers, StackBatch, StackRows};
+///
+/// let options = PriorityOptions { v_max: Some(vec![1.0, 1.0]), ..PriorityOptions::default() };
+/// let (mut violations, mut sides, mut multipliers, mut changes, mut certificate) = ([0.0; 3], [0; 3], [0.0; 3], [0], [0.0]);
+/// # let (mut v, mut r, mut ranks, mut scales, mut status) = ([0.0; 2], [0.0], [0], [0.0], [0]);
+/// let bounded = BoundedAnswers {
+///     violations: &mut violations, sides: &mut sides, multipliers: &mut multipliers, changes: &mut changes, certificate: &mut certificate,
+/// };
+/// # let residuals = vec![&mut r[..]];
+/// # let bounded = Some(bounded);
+/// # let mut answers = StackAnswers { v: &mut v, residuals, ranks: &mut ranks, scales: &mut scales, status: &mut status, bounded };
+/// // Both joints are at their upper bounds, and the task is one short.
+/// let given = StackRows { jacobians: &[&[1.0, 1.0]], velocities: &[&[3.0]], uppers: &[] };
+/// StackBatch::new(&PrioritySolver::new(2, &[1], &options)?, 1).solve(&given, 0, 1, &mut answers);
+/// assert_eq!((sides, violations[2]), ([1, 1, 0], -1.0));
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
+pub struct BoundedAnswers<'a> {
+    pub violations: &'a mut [f64],
+    pub sides: &'a mut [i64],
+    pub multipliers: &'a mut [f64],
+    pub changes: &'a mut [i64],
+    pub certificate: &'a mut [f64],
+}
+
+impl<'a> BoundedAnswers<'a> {
+    /// Split off the results of the first `count` stacks.
+    fn first(&mut self, count: usize) -> BoundedAnswers<'a> {
+        let width = self.violations.len() / self.changes.len().max(1);
+        BoundedAnswers {
+            violations: cut(&mut self.violations, count * width),
+            sides: cut(&mut self.sides, count * width),
+            multipliers: cut(&mut self.multipliers, count * width),
+            changes: cut(&mut self.changes, count),
+            certificate: cut(&mut self.certificate, count),
+        }
+    }
+
+    /// Write the bounds of stack `i`.
+    fn set(&mut self, i: usize, bounded: &Bounded) {
+        let width = bounded.violations.len();
+        let rows = i * width..(i + 1) * width;
+        self.violations[rows.clone()].copy_from_slice(&bounded.violations);
+        self.multipliers[rows.clone()].copy_from_slice(&bounded.multipliers);
+        self.sides[rows].iter_mut().zip(&bounded.sides).for_each(|(to, side)| *to = i64::from(*side));
+        (self.changes[i], self.certificate[i]) = (bounded.changes as i64, bounded.certificate);
+    }
 }
 
 impl<'a> StackAnswers<'a> {
@@ -101,6 +158,7 @@ impl<'a> StackAnswers<'a> {
             ranks: cut(&mut self.ranks, count * rows.len()),
             scales: cut(&mut self.scales, count * rows.len()),
             status: cut(&mut self.status, count),
+            bounded: self.bounded.as_mut().map(|bounded| bounded.first(count)),
         }
     }
 
@@ -109,6 +167,9 @@ impl<'a> StackAnswers<'a> {
         let (n, levels) = (solution.v.len(), solution.levels.len());
         self.v[i * n..(i + 1) * n].copy_from_slice(&solution.v);
         self.status[i] = solution.status.code();
+        if let (Some(answers), Some(bounded)) = (&mut self.bounded, &solution.bounded) {
+            answers.set(i, bounded);
+        }
         for (k, level) in solution.levels.iter().enumerate() {
             let residual = solution.residual(k);
             self.residuals[k][i * residual.len()..(i + 1) * residual.len()].copy_from_slice(residual);
@@ -133,9 +194,9 @@ fn cut<'a, T>(all: &mut &'a mut [T], size: usize) -> &'a mut [T] {
 /// let mut batch = StackBatch::new(&solver, 64);
 /// # let (mut v, mut r1, mut r2, mut ranks, mut scales, mut status) = ([0.0; 128], [0.0; 64], [0.0; 64], [0; 128], [0.0; 128], [0; 64]);
 /// # let residuals = vec![&mut r1[..], &mut r2[..]];
-/// # let mut answers = StackAnswers { v: &mut v, residuals, ranks: &mut ranks, scales: &mut scales, status: &mut status };
+/// # let mut answers = StackAnswers { v: &mut v, residuals, ranks: &mut ranks, scales: &mut scales, status: &mut status, bounded: None };
 /// let commands: Vec<f64> = (0..64).map(f64::from).collect();
-/// let given = StackRows { jacobians: &[&[1.0, 0.0], &[0.0, 2.0]], velocities: &[&commands, &[1.0]] };
+/// let given = StackRows { jacobians: &[&[1.0, 0.0], &[0.0, 2.0]], velocities: &[&commands, &[1.0]], uppers: &[] };
 /// batch.solve(&given, 0, 64, &mut answers);
 /// assert!((v[126] - 63.0).abs() < 1e-13 && (v[127] - 0.5).abs() < 1e-15);
 /// assert_eq!(ranks, [1; 128]);
@@ -155,13 +216,16 @@ impl StackBatch {
     /// Create a solver for batches of `rows` stacks, with the sizes and options of `solver`.
     pub fn new(solver: &PrioritySolver, rows: usize) -> Self {
         let (n, total) = (solver.n(), solver.rows().iter().sum::<usize>());
-        let mut program =
-            if rows < FEWEST_ROWS { None } else { branch_free::recorded::<Regular<Sym>>(&solver.given, &solver.settings, true) };
+        let mut program = if rows < FEWEST_ROWS || solver.is_bounded() {
+            None
+        } else {
+            branch_free::recorded::<Regular<Sym>>(&solver.given, &solver.settings, true)
+        };
         if let Some(program) = &mut program {
             program.inputs(total * (n + 1), 1).fill(solver.settings.rounding);
         }
         let ranks = regular_ranks(n, solver.rows()).map(|rank| rank as i64).collect();
-        StackBatch { program, single: solver.clone(), failed: Solution::new(n, solver.rows()), ranks, declined: Vec::new() }
+        StackBatch { program, single: solver.clone(), failed: solver.failed(), ranks, declined: Vec::new() }
     }
 
     /// The solver of single stacks from which this solver was made.
@@ -222,10 +286,15 @@ impl StackBatch {
 /// Solve stack `i` of the batch alone. `declined`: whether the algorithm `regular` has already reported that it is not valid for this
 /// stack.
 fn solve_one<'a>(solver: &'a mut PrioritySolver, given: &StackRows, i: usize, declined: bool) -> Result<&'a Solution> {
-    let Stack { n, rows, jacobian, command } = &mut solver.given;
+    // A row does not depend on the active set of another row.
+    solver.clear_active_set();
+    let Stack { n, rows, jacobian, command, upper, .. } = &mut solver.given;
     for ((level, jacobians), velocities) in level_ranges(rows).zip(given.jacobians).zip(given.velocities) {
         jacobian[level.start * *n..level.end * *n].copy_from_slice(row(jacobians, level.len() * *n, i));
         command[level.clone()].copy_from_slice(row(velocities, level.len(), i));
+    }
+    for (level, uppers) in level_ranges(rows).zip(given.uppers) {
+        upper[level.clone()].copy_from_slice(row(uppers, level.len(), i));
     }
     if declined { solver.run_declined() } else { solver.run() }
 }

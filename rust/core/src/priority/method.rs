@@ -68,6 +68,11 @@ impl PriorityMethod {
         }
     }
 
+    /// Whether the method accepts bounds of levels and of joint velocities.
+    pub fn accepts_bounds(self) -> bool {
+        self != PriorityMethod::Chiaverini
+    }
+
     /// Whether the method damps small singular values of the projected Jacobian.
     pub(super) fn damps(self) -> bool {
         match self {
@@ -117,9 +122,11 @@ pub struct PriorityOptions {
     /// The joint metric `W`, shape `(n, n)`, row-major, symmetric and positive definite. Of all `v` with the same task velocities, the
     /// methods prefer the smallest `v' W v`. `None` means the identity.
     pub weight: Option<Vec<f64>>,
-    /// The lower joint velocity bounds for `sns`, shape `(n,)`, rad/s or m/s. Infinite entries are allowed. `None` means `-v_max`.
+    /// For each level, whether bounds `l <= J_i v <= u` replace its task velocity. Empty if no level has bounds.
+    pub intervals: Vec<bool>,
+    /// The lower joint velocity bounds above all levels, shape `(n,)`, rad/s or m/s. Infinite entries are allowed. `None` means `-v_max`.
     pub v_min: Option<Vec<f64>>,
-    /// The upper joint velocity bounds for `sns`, shape `(n,)`, rad/s or m/s. `None` means `-v_min`.
+    /// The upper joint velocity bounds above all levels, shape `(n,)`, rad/s or m/s. `None` means `-v_min`.
     pub v_max: Option<Vec<f64>>,
 }
 
@@ -127,5 +134,15 @@ impl PriorityOptions {
     /// Return default options with this method.
     pub fn new(method: PriorityMethod) -> Self {
         PriorityOptions { method, ..PriorityOptions::default() }
+    }
+
+    /// The lower and upper bounds of the joint velocities, shape `(n,)` each. If only one bound exists, its negative is the other bound.
+    pub fn velocity_bounds(&self) -> Option<(Vec<f64>, Vec<f64>)> {
+        let mirrored = |x: &Vec<f64>| x.iter().map(|bound| -bound).collect();
+        match (&self.v_min, &self.v_max) {
+            (Some(low), high) => Some((low.clone(), high.clone().unwrap_or_else(|| mirrored(low)))),
+            (None, Some(high)) => Some((mirrored(high), high.clone())),
+            (None, None) => None,
+        }
     }
 }

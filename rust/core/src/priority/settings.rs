@@ -27,15 +27,23 @@ impl Settings {
         };
         eps.iter().flatten().try_for_each(|e| positive("eps", *e))?;
         let metric = options.weight.as_ref().map(|weight| Metric::new(weight, n)).transpose()?;
+        let scales = options.method == PriorityMethod::Sns;
+        let limited = options.v_min.is_some() || options.v_max.is_some();
+        if (options.intervals.contains(&true) && (scales || !options.method.accepts_bounds()))
+            || (limited && !options.method.accepts_bounds())
+        {
+            let problem = format!("is wrong: expected clamp, damped or exact for a stack with bounds, got {}", options.method.name());
+            return Err(Error::input("method", problem));
+        }
+        if ![0, levels].contains(&options.intervals.len()) {
+            return Err(Error::wrong("intervals", "length", format!("0 or {levels}"), options.intervals.len()));
+        }
         let mut settings = Settings { method: options.method, eps, rounding: 0.0, metric, bounds: None };
         settings.set_rounding(options.rounding.unwrap_or(DEFAULT_ROUNDING))?;
-        // If only one bound exists, its negative is the other bound.
-        let mirrored = |x: &Vec<f64>| x.iter().map(|b| -b).collect::<Vec<f64>>();
-        let (low, high) = match (&options.v_min, &options.v_max) {
-            (Some(low), high) => (low.clone(), high.clone().unwrap_or_else(|| mirrored(low))),
-            (None, Some(high)) => (mirrored(high), high.clone()),
-            (None, None) if options.method != PriorityMethod::Sns => return Ok(settings),
-            (None, None) => {
+        let (low, high) = match options.velocity_bounds() {
+            Some(bounds) => bounds,
+            None if options.method != PriorityMethod::Sns => return Ok(settings),
+            None => {
                 return Err(Error::input(
                     "v_max",
                     format!("is missing: expected velocity bounds of shape ({n},) for method sns, got None"),

@@ -28,7 +28,35 @@ pub struct Solution {
     pub levels: Vec<LevelSolution>,
     /// `Success`, or `Degraded` if a level is singular or was scaled.
     pub status: Status,
+    /// The bounds of the solve; `None` for a stack without bounds.
+    pub bounded: Option<Bounded>,
     ranges: Vec<Range<usize>>,
+}
+
+/// The bounds of a solution. Each array has one entry per row: first the joint velocities if they have bounds, then the rows of all levels.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Bounded {
+    /// The number of rows of joint velocities.
+    pub limits: usize,
+    /// The violations `w = J v - clip(J v, l, u)`, in the units of the tasks.
+    pub violations: Vec<f64>,
+    /// The active bound of each row: 1 for the upper bound, -1 for the lower bound, 0 for none. It is 0 for tasks.
+    pub sides: Vec<i8>,
+    /// The multipliers of the level that a row limits first, >= 0 at an upper bound and <= 0 at a lower bound. For a violated row it is the
+    /// violation.
+    pub multipliers: Vec<f64>,
+    /// The number of changes of the active set.
+    pub changes: usize,
+    /// The largest residual of the conditions of Karush, Kuhn and Tucker, divided by their largest term.
+    pub certificate: f64,
+}
+
+impl Bounded {
+    /// Allocate the bounds of a failed solve.
+    pub(super) fn new(limits: usize, rows: usize) -> Self {
+        let nan = || vec![f64::NAN; limits + rows];
+        Bounded { limits, violations: nan(), sides: vec![0; limits + rows], multipliers: nan(), changes: 0, certificate: f64::NAN }
+    }
 }
 
 /// The outcome of one level.
@@ -66,7 +94,7 @@ impl Solution {
     pub(super) fn new(n: usize, rows: &[usize]) -> Self {
         let levels = vec![LevelSolution { rank: 0, singular: true, scale: f64::NAN }; rows.len()];
         let residuals = vec![f64::NAN; rows.iter().sum()];
-        Solution { v: vec![f64::NAN; n], residuals, levels, status: Status::Diverged, ranges: level_ranges(rows).collect() }
+        Solution { v: vec![f64::NAN; n], residuals, levels, status: Status::Diverged, bounded: None, ranges: level_ranges(rows).collect() }
     }
 
     /// Set the status from the outcomes of the levels.

@@ -1,9 +1,10 @@
 //! One prioritised solve.
 
-use super::method::PriorityOptions;
+use super::method::{PriorityMethod, PriorityOptions};
 use super::solution::Solution;
 use super::solver::PrioritySolver;
 use crate::error::{Error, Result};
+use crate::linalg::dot;
 use nalgebra::{DMatrix, DVector};
 
 /// Solve one prioritised problem. `jacobians`: shape `(rows_i, n)` each, row-major, the highest level first. `velocities`: task velocities,
@@ -19,6 +20,35 @@ use nalgebra::{DMatrix, DVector};
 pub fn solve_priority(n: usize, jacobians: &[&[f64]], velocities: &[&[f64]], options: &PriorityOptions) -> Result<Solution> {
     let rows: Vec<usize> = velocities.iter().map(|v| v.len()).collect();
     PrioritySolver::new(n, &rows, options)?.solve(jacobians, velocities).cloned()
+}
+
+/// Return the certificate of joint velocities `v` that were computed without bounds. It is the largest residual of the conditions of Karush,
+/// Kuhn and Tucker, divided by their largest term. `rows`: number of rows of each level. `jacobian` and `command`: stacked, row-major.
+///
+/// The stack is solved again by the active-set method. The certificate is that of this solution, and at least its relative distance from
+/// `v`. It is NaN for `chiaverini`, which minimises no objective, and for `sns`. Errors: as for [`PrioritySolver::new`].
+///
+/// ```
+/// use armlet_core::priority::{PriorityMethod, PriorityOptions, certificate};
+/// let options = PriorityOptions::new(PriorityMethod::Exact);
+/// let of = |v| certificate(&[1], &options, &[1.0, 1.0], &[2.0], v);
+/// assert!(of(&[1.0, 1.0])? < 1e-15 && of(&[2.0, 0.0])? > 0.1);
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
+pub fn certificate(rows: &[usize], options: &PriorityOptions, jacobian: &[f64], command: &[f64], v: &[f64]) -> Result<f64> {
+    if matches!(options.method, PriorityMethod::Chiaverini | PriorityMethod::Sns) {
+        return Ok(f64::NAN);
+    }
+    let mut solver = PrioritySolver::new(v.len(), rows, &PriorityOptions { intervals: vec![true; rows.len()], ..options.clone() })?;
+    solver.upper().copy_from_slice(command);
+    let (own_jacobian, own_command) = solver.inputs();
+    own_jacobian.copy_from_slice(jacobian);
+    own_command.copy_from_slice(command);
+    let solution = solver.run()?;
+    let apart = solution.v.iter().zip(v).map(|(x, v)| (x - v).powi(2)).sum::<f64>().sqrt();
+    let norm = dot(v, v).max(dot(&solution.v, &solution.v)).sqrt();
+    let distance = if norm > 0.0 { apart / norm } else { 0.0 };
+    Ok(solution.bounded.as_ref().map_or(f64::NAN, |bounded| bounded.certificate.max(distance)))
 }
 
 /// Solve `J_i v = v_i` with priorities, the highest level first. `levels`: pairs of `J_i`, shape `(rows_i, n)`, and `v_i`, shape

@@ -7,10 +7,11 @@
 
 use super::branch_free::{BranchFree, Compiled, Regular, TwoRowLevels, regular_ranks};
 use super::hierarchy::Hierarchy;
+use super::inequality::Inequalities;
 use super::method::{PriorityMethod, PriorityOptions};
 use super::settings::Settings;
-use super::solution::{LevelSolution, Solution};
-use super::stack::{ScaledStack, Stack};
+use super::solution::{Bounded, LevelSolution, Solution};
+use super::stack::{ScaledStack, Stack, level_ranges};
 use crate::error::{Error, Result};
 use crate::linalg::dot;
 use crate::memory;
@@ -42,6 +43,8 @@ pub struct PrioritySolver {
     two_rows: Option<Compiled<TwoRowLevels<f64>>>,
     pub(super) scaled: ScaledStack,
     pub(super) hierarchy: Hierarchy,
+    /// The solver of stacks with bounds, if the stack has bounds.
+    inequalities: Option<Box<Inequalities>>,
     solution: Solution,
 }
 
@@ -60,13 +63,19 @@ impl PrioritySolver {
         let (total, most) = rows.iter().fold((0, n), |(total, most): (usize, usize), &m| (total.saturating_add(m), most.max(m)));
         memory::require((18_usize.saturating_mul(most)).saturating_add(8_usize.saturating_mul(total)).saturating_mul(8 * most))?;
         let settings = Settings::new(n, rows.len(), options)?;
-        let given = Stack::new(n, rows);
+        let given = Stack::with_intervals(n, rows, &options.intervals);
+        let bounded = !given.upper.is_empty() || (settings.bounds.is_some() && settings.method != PriorityMethod::Sns);
+        let mut solution = Solution::new(n, rows);
+        if bounded {
+            solution.bounded = Some(Bounded::new(settings.bounds.as_ref().map_or(0, |_| n), given.command.len()));
+        }
         Ok(PrioritySolver {
             regular: Compiled::new(&given, &settings),
             two_rows: TwoRowLevels::<f64>::applies(rows, settings.method).then(|| Compiled::new(&given, &settings)),
             scaled: ScaledStack::new(&given),
             hierarchy: Hierarchy::new(&given, settings.method),
-            solution: Solution::new(n, rows),
+            inequalities: bounded.then(|| Box::new(Inequalities::new(&given, &settings))),
+            solution,
             settings,
             given,
         })
@@ -145,6 +154,42 @@ impl PrioritySolver {
         (&mut self.given.jacobian, &mut self.given.command)
     }
 
+    /// The stacked Jacobians, shape `(sum rows, n)`, row-major, the stacked task velocities or lower bounds, and the upper bounds. The last
+    /// are empty if no level has bounds.
+    pub fn stack(&self) -> [&[f64]; 3] {
+        [&self.given.jacobian, &self.given.command, &self.given.upper]
+    }
+
+    /// The memory of the upper bounds of levels with bounds, shape `(sum rows,)`. Their lower bounds are in the place of task velocities.
+    pub fn upper(&mut self) -> &mut [f64] {
+        &mut self.given.upper
+    }
+
+    /// Start each solve of a stack with bounds with the active set of the last solve. Its result then depends on earlier solves, but only by
+    /// rounding errors.
+    pub fn keep_active_set(&mut self) {
+        self.inequalities.iter_mut().for_each(|inequalities| inequalities.keep_active_set());
+    }
+
+    /// Forget the active set of the last solve, so that the next result does not depend on earlier solves.
+    pub fn clear_active_set(&mut self) {
+        self.inequalities.iter_mut().for_each(|inequalities| inequalities.clear_active_set());
+    }
+
+    /// The solution of a failed solve: all numbers are NaN.
+    pub(super) fn failed(&self) -> Solution {
+        let mut failed = Solution::new(self.n(), self.rows());
+        if let Some(bounded) = &self.solution.bounded {
+            failed.bounded = Some(Bounded::new(bounded.limits, self.given.command.len()));
+        }
+        failed
+    }
+
+    /// Whether the joint velocities or a level have bounds.
+    pub fn is_bounded(&self) -> bool {
+        self.inequalities.is_some()
+    }
+
     /// Solve for one Jacobian per level, shape `(rows_i, n)`, row-major, and one task velocity per level, shape `(rows_i,)`.
     ///
     /// Errors: `WrongShape` for wrong sizes, `Input` for numbers that are not finite, `Solve` if the result overflows.
@@ -165,6 +210,9 @@ impl PrioritySolver {
     /// Solve for the numbers in [`PrioritySolver::inputs`]. Errors: `Input` for numbers that are not finite, `Solve` if the result
     /// overflows.
     pub fn run(&mut self) -> Result<&Solution> {
+        if self.inequalities.is_some() {
+            return self.run_bounded();
+        }
         let PrioritySolver { settings, given, regular, solution, .. } = self;
         let Some([v, residuals, ..]) = regular.solve(settings.rounding, given) else { return self.run_declined() };
         solution.v.copy_from_slice(v);
@@ -207,6 +255,27 @@ impl PrioritySolver {
         self.finish()
     }
 
+    /// Solve a stack with bounds. Errors: as for [`PrioritySolver::run`], and `Input` for bounds out of order.
+    fn run_bounded(&mut self) -> Result<&Solution> {
+        let PrioritySolver { settings, given, inequalities, solution, .. } = self;
+        if let Some(inequalities) = inequalities {
+            inequalities.solve(given, settings, solution)?;
+        }
+        for (i, rows) in level_ranges(&given.rows).enumerate() {
+            for i in rows.filter(|_| !given.is_interval(i)) {
+                let residual = given.command[i] - dot(&given.jacobian[i * given.n..(i + 1) * given.n], &solution.v);
+                solution.residuals[i] = residual;
+                if let Some(bounded) = &mut solution.bounded {
+                    bounded.violations[bounded.limits + i] = -residual;
+                }
+            }
+        }
+        if solution.v.iter().any(|v| !v.is_finite()) {
+            return Err(overflow());
+        }
+        Ok(&self.solution)
+    }
+
     /// Compute the joint velocities from the metric coordinates, and residuals and status. For `sns`, remove rounding excess over bounds.
     fn finish(&mut self) -> Result<&Solution> {
         let PrioritySolver { settings, given, hierarchy, solution, .. } = self;
@@ -223,8 +292,7 @@ impl PrioritySolver {
             sound += *r * 0.0;
         }
         if sound != 0.0 {
-            let problem = "the joint velocities that the task asks for overflow: scale the task or use method \"clamp\"";
-            return Err(Error::Solve { status: Status::Diverged, t: 0.0, problem: problem.into() });
+            return Err(overflow());
         }
         solution.conclude();
         Ok(&self.solution)
@@ -234,4 +302,9 @@ impl PrioritySolver {
     pub fn solution(&self) -> &Solution {
         &self.solution
     }
+}
+
+fn overflow() -> Error {
+    let problem = "the joint velocities that the task asks for overflow: scale the task or use method \"clamp\"";
+    Error::Solve { status: Status::Diverged, t: 0.0, problem: problem.into() }
 }

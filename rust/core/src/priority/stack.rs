@@ -18,18 +18,57 @@ pub(super) struct Stack {
     pub jacobian: Vec<f64>,
     /// The task velocities `v_i`, shape `(sum rows,)`.
     pub command: Vec<f64>,
+    /// The upper bounds of the levels with bounds, whose lower bounds are in `command`, shape `(sum rows,)`. Empty without such levels.
+    pub upper: Vec<f64>,
+    /// For each level, whether it has bounds in place of a task velocity. Empty without such levels.
+    pub intervals: Vec<bool>,
 }
 
 impl Stack {
     /// Allocate a stack for `n` joints and these numbers of rows.
     pub fn new(n: usize, rows: &[usize]) -> Self {
         let total: usize = rows.iter().sum();
-        Stack { n, rows: rows.to_vec(), jacobian: vec![0.0; total * n], command: vec![0.0; total] }
+        Stack {
+            n,
+            rows: rows.to_vec(),
+            jacobian: vec![0.0; total * n],
+            command: vec![0.0; total],
+            upper: Vec::new(),
+            intervals: Vec::new(),
+        }
+    }
+
+    /// Allocate a stack in which some levels have bounds.
+    pub fn with_intervals(n: usize, rows: &[usize], intervals: &[bool]) -> Self {
+        let mut stack = Stack::new(n, rows);
+        if intervals.contains(&true) {
+            stack.upper = vec![0.0; stack.command.len()];
+            stack.intervals = intervals.to_vec();
+        }
+        stack
+    }
+
+    /// Whether level `i` has bounds in place of a task velocity.
+    pub fn is_interval(&self, i: usize) -> bool {
+        self.intervals.get(i).is_some_and(|interval| *interval)
+    }
+
+    /// Copy the tasks of another stack. Rows with bounds become rows of zeros.
+    pub fn load_tasks(&mut self, given: &Stack) {
+        let n = self.n;
+        self.jacobian.copy_from_slice(&given.jacobian);
+        self.command.copy_from_slice(&given.command);
+        for (level, rows) in level_ranges(&given.rows).enumerate() {
+            for i in rows.filter(|i| given.is_interval(level) && given.upper[*i] != given.command[*i]) {
+                self.jacobian[i * n..(i + 1) * n].fill(0.0);
+                self.command[i] = 0.0;
+            }
+        }
     }
 
     /// Check the sizes, and copy one Jacobian and one task velocity per level. Errors: `WrongShape` for wrong sizes.
     pub fn load(&mut self, jacobians: &[&[f64]], velocities: &[&[f64]]) -> Result<()> {
-        let Stack { n, rows, jacobian, command } = self;
+        let Stack { n, rows, jacobian, command, .. } = self;
         for (name, got) in [("jacobians", jacobians.len()), ("velocities", velocities.len())] {
             if got != rows.len() {
                 return Err(Error::wrong(name, "number of levels", rows.len(), got));
@@ -147,7 +186,7 @@ impl ScaledStack {
 
     /// The levels, the highest priority first.
     pub fn levels(&self) -> impl Iterator<Item = Level<'_>> {
-        let ScaledStack { stack: Stack { n, rows, jacobian, command }, eps, exponents } = self;
+        let ScaledStack { stack: Stack { n, rows, jacobian, command, .. }, eps, exponents } = self;
         let (n, count) = (*n, rows.len());
         level_ranges(rows).enumerate().map(move |(i, rows)| {
             let (jacobian, command) = (&jacobian[rows.start * n..rows.end * n], &command[rows]);
@@ -167,6 +206,6 @@ fn moderating_exponent(block: &[f64]) -> i32 {
 }
 
 /// Return two factors with the product `2^exponent`. A single factor could overflow.
-fn factors(exponent: i32) -> [f64; 2] {
+pub(super) fn factors(exponent: i32) -> [f64; 2] {
     if exponent == 0 { [1.0; 2] } else { [exponent / 2, exponent - exponent / 2].map(|e| 2f64.powi(e)) }
 }

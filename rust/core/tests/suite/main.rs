@@ -37,6 +37,7 @@ mod plan_support;
 mod plan_time_path;
 mod plan_torque_optimal;
 mod priority_allocation;
+mod priority_bounds;
 mod priority_classes;
 mod priority_inputs;
 mod priority_lanes;

@@ -71,8 +71,9 @@ fn solved(b: &Batch, solver: &PrioritySolver, count: usize, threads: usize) -> A
         ranks: &mut ranks,
         scales: &mut scales,
         status: &mut status,
+        bounded: None,
     };
-    let given = StackRows { jacobians: &jacobians, velocities: &velocities };
+    let given = StackRows { jacobians: &jacobians, velocities: &velocities, uppers: &[] };
     assert!(!solve_stacks(solver, &given, answers, threads, &mut || false));
     Answers { v: bits(&v), residuals: residuals.iter().map(|r| bits(r)).collect(), ranks, scales: bits(&scales), status }
 }
@@ -145,12 +146,13 @@ fn the_number_of_threads_and_of_rows_changes_no_bit() {
     let fewer = solved(&b, &solver, 1237, 2);
     assert_eq!(fewer.v[..], one.v[..1237 * b.n]);
     // `poll` requests a stop. The work must end before the last row.
-    let many = StackRows { jacobians: &[&[1.0, 0.0]], velocities: &[&[1.0]] };
+    let many = StackRows { jacobians: &[&[1.0, 0.0]], velocities: &[&[1.0]], uppers: &[] };
     let small = PrioritySolver::new(2, &[1], &PriorityOptions::new(PriorityMethod::Chiaverini)).unwrap();
     let rows = 200_000;
     let (mut v, mut r, mut ranks, mut scales, mut status) =
         (vec![0.0; 2 * rows], vec![0.0; rows], vec![0; rows], vec![0.0; rows], vec![-1; rows]);
-    let answers = StackAnswers { v: &mut v, residuals: vec![&mut r], ranks: &mut ranks, scales: &mut scales, status: &mut status };
+    let answers =
+        StackAnswers { v: &mut v, residuals: vec![&mut r], ranks: &mut ranks, scales: &mut scales, status: &mut status, bounded: None };
     assert!(solve_stacks(&small, &many, answers, 1, &mut || true));
     assert_eq!(status[rows - 1], -1);
 }

@@ -60,7 +60,8 @@ pub fn for_arm(arm: &Bound<'_, PyAny>, tasks: &Bound<'_, PyAny>, keywords: Keywo
     let tree = model.tree("arm")?;
     let (tasks, functions) = each(NAME, tasks, |task| task.function(tree))?;
     let options = with_limits(&model, keywords.options(NAME, model.n(), functions.len())?)?;
-    let core = Core::new(tree, functions, &options)?;
+    let mut core = Core::new(tree, functions, &options)?;
+    core.solver_mut().keep_active_set();
     let mut named = vec![("method", keywords.method.into_pyobject(py).map_err(PyErr::from)?.into_any().unbind())];
     for (name, value) in [("eps", keywords.eps), ("weight", keywords.weight), ("v_min", keywords.v_min), ("v_max", keywords.v_max)] {
         if let Some(value) = value {

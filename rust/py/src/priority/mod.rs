@@ -4,16 +4,21 @@
 //! task with its priority, and a *stack* is the Jacobians and the velocities of all levels.
 
 mod arm_solver;
+mod details;
 mod diagnosis;
+mod single;
 mod solution;
 mod solve;
 mod solver;
 mod stack;
 mod stacks;
+mod within;
 
 pub use arm_solver::ArmPrioritySolver;
+pub use details::_priority_reasons;
 pub use diagnosis::{diagnose_priority, velocity_bounds};
 pub use solution::{PrioritySolution, residual_list, status_member};
 pub use solve::solve_priority;
 pub use solver::{_restore_arm_solver, PrioritySolver};
 pub use stack::{Keywords, method_name, per_joint};
+pub use within::Within;

@@ -3,10 +3,11 @@
 use super::solution::PrioritySolution;
 use super::stack::{Keywords, Stack, items, method_name};
 use super::stacks;
+use super::within::Targets;
 use crate::arrays::{of_shape, optional_number};
 use crate::errors::Failure;
 use armlet_core::error::Error;
-use armlet_core::priority::{DEFAULT_ROUNDING, PrioritySolver as Core};
+use armlet_core::priority::{DEFAULT_ROUNDING, PriorityOptions, PrioritySolver as Core};
 use armlet_macros::entered;
 use pyo3::prelude::*;
 use pyo3::types::{PyList, PyTuple};
@@ -19,27 +20,39 @@ struct LastSolver {
     rows: Arc<[usize]>,
 }
 
+/// The options of a call that set no other keywords than `method` and `rounding`.
+fn plain_options(solver: &Core, rounding: Option<f64>) -> PriorityOptions {
+    PriorityOptions { rounding, ..PriorityOptions::new(solver.method()) }
+}
+
 thread_local! {
     /// The solver of the last single solve on this thread that set no other keywords than `method` and `rounding`. A loop over single stacks
     /// of equal sizes with one method therefore allocates the solver's buffers once.
     static LAST: RefCell<Option<LastSolver>> = const { RefCell::new(None) };
 }
 
-fn solver(function: &str, n: usize, rows: &[usize], keywords: &Keywords) -> Result<Core, Failure> {
+fn solver(function: &str, n: usize, rows: &[usize], keywords: &Keywords, intervals: &[bool]) -> Result<(Core, PriorityOptions), Failure> {
     if keywords.plain()
+        && intervals.is_empty()
         && let Some(LastSolver { solver: mut last, .. }) = LAST.take()
         && last.n() == n
         && last.rows() == rows
         && last.method().name() == keywords.method
     {
         last.set_rounding(keywords.rounding.unwrap_or(DEFAULT_ROUNDING))?;
-        return Ok(last);
+        let options = plain_options(&last, keywords.rounding);
+        return Ok((last, options));
     }
-    Ok(Core::new(n, rows, &keywords.options(function, n, rows.len())?)?)
+    let options = PriorityOptions { intervals: intervals.to_vec(), ..keywords.options(function, n, rows.len())? };
+    Ok((Core::new(n, rows, &options)?, options))
 }
 
 /// Copy one stack to the inputs of the solver, and solve it.
-fn solve_row(solver: &mut Core, stack: &Stack) -> Result<(), Error> {
+fn solve_row(solver: &mut Core, stack: &Stack, upper: Option<&Stack>) -> Result<(), Error> {
+    if let Some(upper) = upper {
+        let all: Vec<f64> = (0..upper.rows.len()).flat_map(|level| upper.velocity(level, 0)).copied().collect();
+        solver.upper().copy_from_slice(&all);
+    }
     let (jacobian, command) = solver.inputs();
     let (mut at, mut to) = (0, 0);
     for (level, m) in stack.rows.iter().enumerate() {
@@ -58,17 +71,17 @@ fn solve_row(solver: &mut Core, stack: &Stack) -> Result<(), Error> {
 ///
 /// Args:
 ///     jacobians: one `(..., rows_i, n)` per level, the highest priority first. Zero rows, and more rows than joints, are allowed.
-///     velocities: one `(..., rows_i)` per level, in the unit of the task.
+///     velocities: one `(..., rows_i)` per level, in the unit of the task. `Within(lower, upper)` bounds a level instead.
 ///     method: "exact" is the equation above. "clamp" is continuous and bounded, and equals "exact" where all singular values are at least
-///         `eps`. "damped" and "chiaverini" use damped pseudoinverses. "sns" keeps `v` between `v_min` and `v_max`, and requires at least
-///         one of them. The method and all further arguments are keyword only.
+///         `eps`. "damped" and "chiaverini" use damped pseudoinverses. "sns" keeps the direction of the commands, and requires `v_min` or
+///         `v_max`. The method and all further arguments are keyword only.
 ///     eps: threshold on singular values, > 0, one number or one per level; None: 0.02 times each level's largest row norm. "exact" and
 ///         "sns" do not accept it.
 ///     rounding: relative error of the entries of the Jacobians; None: 8 times the machine epsilon. For Jacobians that were computed from
 ///         angles `q`, pass `8 (1 + sum|q|)` times the machine epsilon.
 ///     weight: joint metric `W`, `(n, n)`, symmetric and positive definite: `v' W v` is minimised; None: the identity.
-///     v_min, v_max: bounds for "sns", a number or `(n,)`, rad/s or m/s. A missing bound is minus the other bound. Other methods do
-///         not accept them.
+///     v_min, v_max: bounds of `v` above all levels, a number or `(n,)`, rad/s or m/s. A missing bound is minus the other bound.
+///         "chiaverini" accepts no bounds.
 ///
 /// Returns:
 ///     A `PrioritySolution`. A batch does not raise for one invalid row. A row whose numbers are not finite, or whose result overflows, is
@@ -76,7 +89,7 @@ fn solve_row(solver: &mut Core, stack: &Stack) -> Result<(), Error> {
 ///
 /// Raises:
 ///     InputError: shapes do not fit, the stack is empty, the method is unknown, "sns" has no bounds, or an option is out of its range. A
-///         number that is not finite also raises it in a single stack.
+///         number that is not finite also raises it in a single stack, and so do bounds out of order, with their level and row.
 ///     SolveError: the result of a single stack overflows.
 ///
 /// Source: Siciliano and Slotine, A general framework for managing multiple tasks in highly redundant robotic systems, ICAR 1991.
@@ -97,14 +110,19 @@ pub fn solve_priority() -> Result<PrioritySolution, Failure> {
         return Ok(solution);
     }
     let (jacobians, velocities) = (items(NAME, "jacobians", jacobians)?, items(NAME, "velocities", velocities)?);
-    let stack = Stack::read_or_lend(py, NAME, ["jacobians", "velocities"], &jacobians, Some(&velocities), true)?;
-    let solver = solver(NAME, stack.n, &stack.rows, &keywords)?;
+    const NAMES: [&str; 2] = ["jacobians", "velocities"];
+    let Targets { lower, upper, intervals } = Targets::new(velocities);
+    let mut stack = Stack::read_or_lend(py, NAME, NAMES, &jacobians, Some(&lower), intervals.is_empty())?;
+    stack.intervals = intervals;
+    let upper = if upper.is_empty() { None } else { Some(Stack::read(py, NAME, NAMES, &jacobians, Some(&upper))?) };
+    let (solver, options) = solver(NAME, stack.n, &stack.rows, &keywords, &stack.intervals)?;
     if stack.lead.is_empty() {
-        return single(py, solver, &stack, keywords.plain());
+        let reusable = keywords.plain() && upper.is_none();
+        return single(py, solver, &stack, upper.as_ref(), options, reusable);
     }
     // If the work is long, the stack is read again into copies.
-    let copied = || Stack::read(py, NAME, ["jacobians", "velocities"], &jacobians, Some(&velocities));
-    stacks::solve(py, NAME, &solver, stack, copied)
+    let copied = || Stack::read(py, NAME, NAMES, &jacobians, Some(&lower));
+    stacks::solve(py, NAME, &solver, stack, upper, &options, copied)
 }
 
 /// Entry `i` of a list or a tuple.
@@ -147,17 +165,25 @@ fn solve_with_last(jacobians: &Bound<'_, PyAny>, velocities: &Bound<'_, PyAny>, 
         }
         solver.used();
         solver.run().ok()?;
-        Some(PrioritySolution::of(solver, rows.clone()))
+        let options = plain_options(solver, keywords.rounding);
+        Some(PrioritySolution::of(solver, rows.clone(), options))
     })
 }
 
-fn single(py: Python<'_>, mut solver: Core, stack: &Stack, reusable: bool) -> Result<PrioritySolution, Failure> {
-    if let Err(error) = solve_row(&mut solver, stack) {
+fn single(
+    py: Python<'_>,
+    mut solver: Core,
+    stack: &Stack,
+    upper: Option<&Stack>,
+    options: PriorityOptions,
+    reusable: bool,
+) -> Result<PrioritySolution, Failure> {
+    if let Err(error) = solve_row(&mut solver, stack, upper) {
         stack.require_finite(py, "solve_priority")?;
         return Err(error.into());
     }
     let rows: Arc<[usize]> = solver.rows().into();
-    let solution = PrioritySolution::of(&solver, rows.clone());
+    let solution = PrioritySolution::of(&solver, rows.clone(), options);
     if reusable {
         LAST.set(Some(LastSolver { solver, rows }));
     }

@@ -1,8 +1,9 @@
 //! `armlet.PrioritySolver`: its constructor allocates buffers, so that a solve allocates nothing in the core.
 
 use super::arm_solver::{ArmPrioritySolver, for_arm};
-use super::solution::{residual_list, status_member};
+use super::solution::{PrioritySolution, residual_list, status_member};
 use super::stack::{Keywords, Stack, items, method_name, per_joint, require_size};
+use super::within::Targets;
 use crate::arrays::{self, copied, count, new_vector, nonnegative_integer, number, of_shape, optional_number, out_slice, shown};
 use crate::errors::{Failure, input_error};
 use crate::seal::{Sealed, seal_new};
@@ -50,17 +51,20 @@ type Arguments<'py> = ((usize, Vec<usize>), Bound<'py, PyDict>);
 
 const SOLVE: &str = "PrioritySolver.solve";
 
+/// The names of the arguments of a stack.
+const NAMES: [&str; 2] = ["jacobians", "velocities"];
+
 impl PrioritySolver {
     fn state(&self) -> MutexGuard<'_, State> {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Append slices of the arrays to `out`. The result is false unless all are contiguous float64 arrays of the right shape.
-    fn borrowed<'a>(&self, jacobians: &'a [Bound<'_, PyAny>], velocities: &'a [Bound<'_, PyAny>], out: &mut Vec<[&'a [f64]; 2]>) -> bool {
-        self.counts.iter().zip(jacobians.iter().zip(velocities)).all(|(m, (jacobian, velocity))| {
-            match (of_shape(jacobian, &[*m, self.n]), of_shape(velocity, &[*m])) {
-                (Some(jacobian), Some(velocity)) => {
-                    out.push([jacobian, velocity]);
+    /// Append slices of the arrays, one Jacobian and two bounds per level, to `out`. The result is false unless all are contiguous float64 arrays of the right shape.
+    fn borrowed<'a>(&self, jacobians: &'a [Bound<'_, PyAny>], targets: &'a Targets<'_>, out: &mut Vec<[&'a [f64]; 3]>) -> bool {
+        self.counts.iter().zip(jacobians).enumerate().all(|(i, (m, jacobian))| {
+            match (of_shape(jacobian, &[*m, self.n]), targets.in_place(i, *m)) {
+                (Some(jacobian), Some([lower, upper])) => {
+                    out.push([jacobian, lower, upper]);
                     true
                 }
                 _ => false,
@@ -68,13 +72,23 @@ impl PrioritySolver {
         })
     }
 
-    fn run(&self, levels: &[[&[f64]; 2]], out: &mut [f64]) -> Result<(), Failure> {
-        let core = &mut self.state().core;
-        let (jacobian, command) = core.inputs();
+    fn run(&self, levels: &[[&[f64]; 3]], intervals: &[bool], out: &mut [f64]) -> Result<(), Failure> {
+        let State { core, options } = &mut *self.state();
+        if options.intervals != intervals {
+            // The levels with bounds have changed, and with them the sizes of the solver.
+            let changed = PriorityOptions { intervals: intervals.to_vec(), ..options.clone() };
+            *core = Core::new(self.n, &self.counts, &changed)?;
+            core.keep_active_set();
+            *options = changed;
+        }
         let (mut at, mut to) = (0, 0);
-        for [j, v] in levels {
+        for [j, v, u] in levels {
+            let (jacobian, command) = core.inputs();
             jacobian[at..at + j.len()].copy_from_slice(j);
             command[to..to + v.len()].copy_from_slice(v);
+            if !intervals.is_empty() {
+                core.upper()[to..to + u.len()].copy_from_slice(u);
+            }
             at += j.len();
             to += v.len();
         }
@@ -94,7 +108,8 @@ impl PrioritySolver {
         require_size(py, NAME, n, &rows)?;
         let (method, rounding) = (method_name(NAME, method)?, optional_number(NAME, "rounding", rounding)?);
         let options = Keywords { method, eps, rounding, weight, v_min, v_max }.options(NAME, n, rows.len())?;
-        let core = Core::new(n, &rows, &options)?;
+        let mut core = Core::new(n, &rows, &options)?;
+        core.keep_active_set();
         Ok(PrioritySolver { n, counts: rows, state: Mutex::new(State { core, options }) })
     }
 
@@ -118,9 +133,9 @@ impl PrioritySolver {
     }
 
     /// Compute joint velocities `(n,)`, rad/s or m/s, from lists with one Jacobian `(rows_i, n)` and one task velocity `(rows_i,)` per
-    /// level.
+    /// level. `Within(lower, upper)` bounds a level in place of its velocity.
     ///
-    /// `out`: an array for the result.
+    /// The active set of the last solve is tried first. `out`: an array for the result.
     #[arguments(jacobians, velocities, *, out=None)]
     fn solve<'py>(&self) -> Result<Bound<'py, PyAny>, Failure> {
         let (jacobians, velocities) = (items(SOLVE, "jacobians", jacobians)?, items(SOLVE, "velocities", velocities)?);
@@ -131,10 +146,11 @@ impl PrioritySolver {
                 return Err(input_error(py, SOLVE, name, problem).into());
             }
         }
-        let mut levels = Vec::with_capacity(count);
-        let stack;
-        if !self.borrowed(&jacobians, &velocities, &mut levels) {
-            stack = Stack::read(py, SOLVE, ["jacobians", "velocities"], &jacobians, Some(&velocities))?;
+        let (targets, mut levels) = (Targets::new(velocities), Vec::with_capacity(count));
+        let (stack, above);
+        if !self.borrowed(&jacobians, &targets, &mut levels) {
+            stack = Stack::read(py, SOLVE, NAMES, &jacobians, Some(&targets.lower))?;
+            above = if targets.upper.is_empty() { None } else { Some(Stack::read(py, SOLVE, NAMES, &jacobians, Some(&targets.upper))?) };
             if stack.n != self.n || stack.rows != self.counts || !stack.lead.is_empty() {
                 let i = (0..count).find(|&i| stack.rows[i] != self.counts[i]).unwrap_or(0);
                 let got: Vec<usize> = stack.lead.iter().copied().chain([stack.rows[i], stack.n]).collect();
@@ -142,20 +158,24 @@ impl PrioritySolver {
                 return Err(input_error(py, SOLVE, &format!("jacobians[{i}]"), problem).into());
             }
             levels.clear();
-            levels.extend((0..count).map(|i| [stack.jacobian(i, 0), stack.velocity(i, 0)]));
+            levels
+                .extend((0..count).map(|i| [stack.jacobian(i, 0), stack.velocity(i, 0), above.as_ref().unwrap_or(&stack).velocity(i, 0)]));
         }
         let answer = match out {
-            None => new_vector(py, self.n, |v| self.run(&levels, v)),
+            None => new_vector(py, self.n, |v| self.run(&levels, &targets.intervals, v)),
             Some(out) => {
-                let inputs: Vec<&Bound<'_, PyAny>> = jacobians.iter().chain(&velocities).collect();
+                let inputs: Vec<&Bound<'_, PyAny>> = jacobians.iter().chain(&targets.lower).chain(&targets.upper).collect();
                 let v = out_slice(SOLVE, out, &[self.n], &inputs)?;
-                self.run(&levels, v).map(|()| out.clone())
+                self.run(&levels, &targets.intervals, v).map(|()| out.clone())
             }
         };
         answer.map_err(|failure| {
             // If an entry is not finite, the error names its index in the caller's array.
-            Stack::read(py, SOLVE, ["jacobians", "velocities"], &jacobians, Some(&velocities))
-                .and_then(|stack| stack.require_finite(py, SOLVE))
+            Stack::read(py, SOLVE, NAMES, &jacobians, Some(&targets.lower))
+                .and_then(|mut stack| {
+                    stack.intervals.clone_from(&targets.intervals);
+                    stack.require_finite(py, SOLVE)
+                })
                 .err()
                 .unwrap_or(failure)
         })
@@ -172,7 +192,7 @@ impl PrioritySolver {
         Ok(())
     }
 
-    /// Set the velocity bounds of the next solves with "sns", a number or `(n,)` each, rad/s or m/s. A solver that was made
+    /// Set the velocity bounds of the next solves, a number or `(n,)` each, rad/s or m/s. A solver that was made
     /// without bounds raises `InputError`.
     fn set_bounds(&self, v_min: &Bound<'_, PyAny>, v_max: &Bound<'_, PyAny>) -> Result<(), Failure> {
         let (low, high) = (per_joint(NAME, "v_min", v_min, self.n)?, per_joint(NAME, "v_max", v_max, self.n)?);
@@ -198,6 +218,13 @@ impl PrioritySolver {
     #[getter]
     fn method(&self) -> &'static str {
         self.state().core.method().name()
+    }
+
+    /// Result of the last solve, a `PrioritySolution`: its violations, active rows, certificate and reasons.
+    #[getter]
+    fn solution(&self) -> PrioritySolution {
+        let State { core, options } = &*self.state();
+        PrioritySolution::of(core, core.rows().into(), options.clone())
     }
 
     /// Residuals `v_i - J_i v` of the last solve, a list of `(rows_i,)` per level.

@@ -73,6 +73,8 @@ pub struct Stack<'a> {
     jacobians: Vec<Part<'a>>,
     velocities: Vec<Part<'a>>,
     names: [&'static str; 2],
+    /// Whether each level has bounds, which may be infinite. Empty if no level has bounds.
+    pub intervals: Vec<bool>,
 }
 
 impl<'a> Stack<'a> {
@@ -151,7 +153,7 @@ impl<'a> Stack<'a> {
                 part.values = Cow::Owned(long(py, || stretch(&part.lead, &lead, &own, part.width))?);
             }
         }
-        Ok(Stack { n, rows, lead, count, jacobians: blocks, velocities: commands, names })
+        Ok(Stack { n, rows, lead, count, jacobians: blocks, velocities: commands, names, intervals: Vec::new() })
     }
 
     pub fn jacobian(&self, level: usize, i: usize) -> &[f64] {
@@ -186,7 +188,8 @@ impl<'a> Stack<'a> {
     /// Refuse numbers that are not finite. The error names the level and the index.
     pub fn require_finite(&self, py: Python<'_>, function: &str) -> Result<(), Failure> {
         for (parts, name) in [(&self.jacobians, self.names[0]), (&self.velocities, self.names[1])] {
-            for (i, part) in parts.iter().enumerate() {
+            let bounds = |i: usize| name == self.names[1] && self.intervals.get(i) == Some(&true);
+            for (i, part) in parts.iter().enumerate().filter(|(i, _)| !bounds(*i)) {
                 require_finite(py, function, &format!("{name}[{i}]"), &part.shape, &part.values)?;
             }
         }
@@ -203,6 +206,7 @@ impl<'a> Stack<'a> {
             jacobians: self.jacobians.into_iter().map(Part::owned).collect::<Result<_, _>>()?,
             velocities: self.velocities.into_iter().map(Part::owned).collect::<Result<_, _>>()?,
             names: self.names,
+            intervals: self.intervals,
         })
     }
 }
@@ -263,7 +267,7 @@ impl Keywords<'_, '_> {
         let mut options = PriorityOptions { rounding: self.rounding, ..PriorityOptions::new(method) };
         require_partner(function, "eps", self.eps, "the methods clamp, damped and chiaverini", method.has_threshold())?;
         for (name, value) in [("v_min", self.v_min), ("v_max", self.v_max)] {
-            require_partner(function, name, value, "method sns", method.has_bounds())?;
+            require_partner(function, name, value, "the methods exact, clamp, damped and sns", method.accepts_bounds())?;
         }
         if let Some(eps) = self.eps {
             options.eps = Some(per_joint(function, "eps", eps, levels)?);

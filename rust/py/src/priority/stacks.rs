@@ -4,6 +4,7 @@
 //! then solved piece by piece, while the interpreter lock is held. Between two pieces other threads can get the lock and change an array.
 //! So each piece looks up the arrays again.
 
+use super::details::limits;
 use super::solution::PrioritySolution;
 use super::stack::Stack;
 use crate::arrays::{adopted, out_of_shape, written_array};
@@ -11,10 +12,10 @@ use crate::errors::Failure;
 use crate::interrupts::{Breaks, long, signalled};
 use armlet_core::interrupt::interrupt;
 use armlet_core::memory;
-use armlet_core::priority::{PrioritySolver, StackAnswers, StackBatch, StackRows};
+use armlet_core::priority::{BoundedAnswers, PriorityOptions, PrioritySolver, StackAnswers, StackBatch, StackRows};
 use armlet_core::simulate::{default_threads, solve_stacks_by};
 use pyo3::prelude::*;
-use pyo3::types::PyList;
+use pyo3::types::{PyDict, PyList, PyTuple};
 
 /// The approximate count of numbers in a piece. The number of its rows is rounded up to a multiple of [`ROWS`].
 const PIECE: usize = 1 << 20;
@@ -28,30 +29,36 @@ pub fn solve<'a>(
     function: &str,
     solver: &PrioritySolver,
     stack: Stack<'a>,
+    upper: Option<Stack<'a>>,
+    options: &PriorityOptions,
     copied: impl FnOnce() -> Result<Stack<'a>, Failure>,
 ) -> Result<PrioritySolution, Failure> {
-    let (count, levels, lead) = (stack.count, stack.rows.len(), stack.lead.clone());
+    let (count, levels, lead, stack_n) = (stack.count, stack.rows.len(), stack.lead.clone(), stack.n);
     let shape = |last: usize| -> Vec<usize> { lead.iter().copied().chain([last]).collect() };
     let new = |last: usize| written_array(py, &shape(last), |_| Ok(()));
     let (v, scales) = (new(stack.n)?, new(levels)?);
     let residuals = stack.rows.iter().map(|&m| new(m)).collect::<Result<Vec<_>, _>>()?;
     let mut ranks = memory::untouched::<i64>(count.saturating_mul(levels))?;
     let mut status = memory::untouched::<i32>(count)?;
+    let width = stack.rows.iter().sum::<usize>() + options.velocity_bounds().map_or(0, |_| stack.n);
+    let mut details = Details::new(solver.is_bounded(), &lead, width)?;
     let answers = StackAnswers {
         v: out_of_shape(&v, &shape(stack.n)).unwrap_or_default(),
         residuals: residuals.iter().zip(&stack.rows).map(|(r, &m)| out_of_shape(r, &shape(m)).unwrap_or_default()).collect(),
         ranks: &mut ranks,
         scales: out_of_shape(&scales, &shape(levels)).unwrap_or_default(),
         status: &mut status,
+        bounded: details.answers(),
     };
     let batch = StackBatch::new(solver, count);
     if batch.is_quick() {
         in_pieces(py, function, &batch, &stack, answers)?;
     } else {
-        let stack = copied()?.owned()?;
+        let (stack, upper) = (copied()?.owned()?, upper.map(Stack::owned).transpose()?);
+        let uppers: Vec<&[f64]> = upper.iter().flat_map(|upper| (0..levels).map(|i| upper.level(i).1)).collect();
         let (jacobians, velocities): (Vec<&[f64]>, Vec<&[f64]>) = (0..levels).map(|i| stack.level(i)).unzip();
         long(py, || {
-            let given = StackRows { jacobians: &jacobians, velocities: &velocities };
+            let given = StackRows { jacobians: &jacobians, velocities: &velocities, uppers: &uppers };
             if solve_stacks_by(&batch, &given, answers, default_threads(), &mut signalled) {
                 interrupt();
             }
@@ -60,7 +67,58 @@ pub fn solve<'a>(
     }
     let (ranks, status) = (adopted(py, &shape(levels), ranks)?, adopted(py, &lead, status)?);
     let residuals = PyList::new(py, residuals)?.into_any();
-    Ok(PrioritySolution::new(py, v.unbind(), residuals.unbind(), ranks.unbind(), scales.unbind(), status.unbind())?)
+    let details = details.dict(py, limits(py, options, stack_n)?)?;
+    Ok(PrioritySolution::new(py, v.unbind(), residuals.unbind(), ranks.unbind(), scales.unbind(), status.unbind(), details)?)
+}
+
+/// The arrays of the bounds of a batch. They are empty if the solver has no bounds.
+struct Details {
+    violations: Vec<f64>,
+    sides: Vec<i64>,
+    multipliers: Vec<f64>,
+    changes: Vec<i64>,
+    certificate: Vec<f64>,
+    lead: Vec<usize>,
+    width: usize,
+    bounded: bool,
+}
+
+impl Details {
+    fn new(bounded: bool, lead: &[usize], width: usize) -> Result<Self, Failure> {
+        let count = if bounded { lead.iter().product::<usize>() } else { 0 };
+        Ok(Details {
+            violations: memory::zeros(count.saturating_mul(width))?,
+            sides: memory::filled(count.saturating_mul(width), 0)?,
+            multipliers: memory::zeros(count.saturating_mul(width))?,
+            changes: memory::filled(count, 0)?,
+            certificate: memory::zeros(count)?,
+            lead: lead.to_vec(),
+            width,
+            bounded,
+        })
+    }
+
+    fn answers(&mut self) -> Option<BoundedAnswers<'_>> {
+        let Details { violations, sides, multipliers, changes, certificate, bounded, .. } = self;
+        bounded.then_some(BoundedAnswers { violations, sides, multipliers, changes, certificate })
+    }
+
+    /// The dict of the module `details`; None without bounds.
+    fn dict<'py>(self, py: Python<'py>, limits: Option<Bound<'py, PyTuple>>) -> Result<Option<Py<PyAny>>, Failure> {
+        if !self.bounded {
+            return Ok(None);
+        }
+        let wide: Vec<usize> = self.lead.iter().copied().chain([self.width]).collect();
+        let details = PyDict::new(py);
+        details.set_item("limits", limits)?;
+        details.set_item("levels", py.None())?;
+        details.set_item("violations", adopted(py, &wide, self.violations)?)?;
+        details.set_item("sides", adopted(py, &wide, self.sides)?)?;
+        details.set_item("multipliers", adopted(py, &wide, self.multipliers)?)?;
+        details.set_item("changes", adopted(py, &self.lead, self.changes)?)?;
+        details.set_item("certificate", adopted(py, &self.lead, self.certificate)?)?;
+        Ok(Some(details.into_any().unbind()))
+    }
 }
 
 fn in_pieces(py: Python<'_>, function: &str, batch: &StackBatch, stack: &Stack, mut answers: StackAnswers) -> Result<(), Failure> {
@@ -72,7 +130,7 @@ fn in_pieces(py: Python<'_>, function: &str, batch: &StackBatch, stack: &Stack, 
         }
         let last = (first + rows).min(stack.count);
         let [jacobians, velocities] = stack.piece(py, function, first, last)?;
-        let given = StackRows { jacobians: &jacobians, velocities: &velocities };
+        let given = StackRows { jacobians: &jacobians, velocities: &velocities, uppers: &[] };
         let part = answers.first(last - first, stack.n, &stack.rows);
         solve_stacks_by(batch, &given, part, default_threads(), &mut || false);
     }

@@ -98,6 +98,7 @@ impl ArmBatch {
         }
         for &row in declined.iter() {
             interrupt::check();
+            single.solver_mut().clear_active_set();
             let command = if velocities.len() == m { velocities } else { &velocities[row * m..(row + 1) * m] };
             let v = &mut v[row * n..(row + 1) * n];
             match single.solve(&q[row * n..(row + 1) * n], command) {
