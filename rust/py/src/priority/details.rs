@@ -63,7 +63,7 @@ pub fn limits<'py>(
 pub fn _priority_reasons<'py>() -> Result<Bound<'py, PyTuple>, Failure> {
     let read = |value: &Bound<'_, PyAny>| -> Result<Vec<f64>, Failure> { Ok(numbers(NAME, "levels", value, &[WHATEVER])?.1.into_owned()) };
     let v = read(v)?;
-    let parts = levels.try_iter()?.map(|level| Ok(level?.try_iter()?.map(|part| read(&part?)).collect::<Result<Vec<_>, Failure>>()?));
+    let parts = levels.try_iter()?.map(|level| level?.try_iter()?.map(|part| read(&part?)).collect::<Result<Vec<_>, Failure>>());
     let parts = parts.collect::<Result<Vec<Vec<Vec<f64>>>, Failure>>()?;
     let (n, k) = (v.len(), count(NAME, "k", k)?);
     let fits = |level: &Vec<Vec<f64>>| matches!(&level[..], [a, low, high] if a.len() == n * low.len() && low.len() == high.len());
