@@ -19,6 +19,16 @@ const NOISE: f64 = 1e-12;
 pub type BoundedRows<'a> = (&'a [f64], &'a [f64], &'a [f64]);
 
 /// A row of a higher level that stops a level.
+///
+/// ```
+/// use armlet_core::priority::{Reason, reasons};
+///
+/// // Level 1 keeps `v = 0`, and level 2 asks for `v = 2`.
+/// let (first, second) = ((&[1.0][..], &[0.0][..], &[0.0][..]), (&[1.0][..], &[2.0][..], &[2.0][..]));
+/// let found = reasons(1, &[(&[], &[], &[]), first, second], &[0.0], 2)?;
+/// assert_eq!(found.reasons, [Reason { level: 1, row: 0, side: 0, share: 1.0 }]);
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Reason {
     /// The level of the row. Level 0 has the bounds of the joint velocities.

@@ -34,6 +34,18 @@ pub struct Solution {
 }
 
 /// The bounds of a solution. Each array has one entry per row: first the joint velocities if they have bounds, then the rows of all levels.
+///
+/// ```
+/// use armlet_core::priority::{PriorityOptions, solve_priority};
+///
+/// let options = PriorityOptions { v_max: Some(vec![1.0, 1.0]), ..PriorityOptions::default() };
+/// let solution = solve_priority(2, &[&[1.0, 1.0]], &[&[3.0]], &options)?;
+/// let bounded = solution.bounded.expect("the joint velocities have bounds");
+/// // Both joints are at their upper bounds, and the task is 1 rad/s short.
+/// assert_eq!((bounded.limits, &bounded.sides[..]), (2, &[1, 1, 0][..]));
+/// assert!((bounded.violations[2] + 1.0).abs() < 1e-15 && bounded.certificate < 1e-14);
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct Bounded {
     /// The number of rows of joint velocities.
