@@ -18,6 +18,7 @@ use std::sync::Arc;
 struct LastSolver {
     solver: Core,
     rows: Arc<[usize]>,
+    options: Arc<PriorityOptions>,
 }
 
 /// The options of a call that set no other keywords than `method` and `rounding`.
@@ -149,7 +150,7 @@ fn solve_with_last(jacobians: &Bound<'_, PyAny>, velocities: &Bound<'_, PyAny>, 
     // No Python code runs in this closure, so `LAST` is not borrowed twice.
     LAST.with(|last| {
         let mut last = last.try_borrow_mut().ok()?;
-        let LastSolver { solver, rows } = last.as_mut()?;
+        let LastSolver { solver, rows, options } = last.as_mut()?;
         if solver.method().name() != keywords.method || [length(jacobians)?, length(velocities)?] != [rows.len(); 2] {
             return None;
         }
@@ -165,8 +166,10 @@ fn solve_with_last(jacobians: &Bound<'_, PyAny>, velocities: &Bound<'_, PyAny>, 
         }
         solver.used();
         solver.run().ok()?;
-        let options = plain_options(solver, keywords.rounding);
-        Some(PrioritySolution::of(solver, rows.clone(), options))
+        if options.rounding != keywords.rounding {
+            *options = Arc::new(plain_options(solver, keywords.rounding));
+        }
+        Some(PrioritySolution::of(solver, rows.clone(), options.clone()))
     })
 }
 
@@ -183,9 +186,10 @@ fn single(
         return Err(error.into());
     }
     let rows: Arc<[usize]> = solver.rows().into();
-    let solution = PrioritySolution::of(&solver, rows.clone(), options);
+    let options = Arc::new(options);
+    let solution = PrioritySolution::of(&solver, rows.clone(), options.clone());
     if reusable {
-        LAST.set(Some(LastSolver { solver, rows }));
+        LAST.set(Some(LastSolver { solver, rows, options }));
     }
     Ok(solution)
 }

@@ -12,7 +12,7 @@ use armlet_core::priority::{DEFAULT_ROUNDING, PriorityOptions, PrioritySolver as
 use armlet_macros::entered;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList, PyTuple};
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 struct State {
     core: Core,
@@ -74,7 +74,9 @@ impl PrioritySolver {
 
     fn run(&self, levels: &[[&[f64]; 3]], intervals: &[bool], out: &mut [f64]) -> Result<(), Failure> {
         let State { core, options } = &mut *self.state();
-        if options.intervals != intervals {
+        // Comparing two empty lists would read a masked vector at an invalid address, which takes 100 ns on some processors.
+        let both_empty = options.intervals.is_empty() && intervals.is_empty();
+        if !both_empty && options.intervals != intervals {
             // The levels with bounds have changed, and with them the sizes of the solver.
             let changed = PriorityOptions { intervals: intervals.to_vec(), ..options.clone() };
             *core = Core::new(self.n, &self.counts, &changed)?;
@@ -224,7 +226,7 @@ impl PrioritySolver {
     #[getter]
     fn solution(&self) -> PrioritySolution {
         let State { core, options } = &*self.state();
-        PrioritySolution::of(core, core.rows().into(), options.clone())
+        PrioritySolution::of(core, core.rows().into(), Arc::new(options.clone()))
     }
 
     /// Residuals `v_i - J_i v` of the last solve, a list of `(rows_i,)` per level.

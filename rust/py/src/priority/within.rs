@@ -95,10 +95,10 @@ pub struct Targets<'py> {
 impl<'py> Targets<'py> {
     /// Separate the bounds of the levels.
     pub fn new(velocities: Vec<Bound<'py, PyAny>>) -> Self {
-        let intervals: Vec<bool> = velocities.iter().map(|target| target.is_instance_of::<Within>()).collect();
-        if !intervals.contains(&true) {
+        if !velocities.iter().any(|target| target.is_instance_of::<Within>()) {
             return Targets { lower: velocities, upper: Vec::new(), intervals: Vec::new() };
         }
+        let intervals = velocities.iter().map(|target| target.is_instance_of::<Within>()).collect();
         let bound = |of: fn(&Within) -> &Py<PyAny>| -> Vec<Bound<'py, PyAny>> {
             let part = |target: &Bound<'py, PyAny>| match target.cast::<Within>() {
                 Ok(within) => of(within.get()).clone_ref(target.py()).into_bound(target.py()),
