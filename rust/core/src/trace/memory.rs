@@ -55,7 +55,7 @@ const LINE: usize = 64;
 const PAGE: usize = 4096;
 
 /// Return the position in a page at which code of this length begins: where the previous code ended. If all codes began at the start of a
-/// page, the programs of one loop would displace each other from the first lines of the instruction cache.
+/// page, the programs of one loop would compete for the same lines of the instruction cache.
 fn next_start(length: usize) -> usize {
     static END: AtomicUsize = AtomicUsize::new(0);
     END.fetch_add(length.next_multiple_of(LINE), Ordering::Relaxed) % PAGE
