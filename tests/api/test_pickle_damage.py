@@ -123,6 +123,9 @@ RUN = al.simulate(
 SRDF = al.load_srdf('<robot><group name="arm"><joint name="j"/></group></robot>')
 ODE = al.integrate(lambda t, y: -y, (0.0, 1.0), [1.0], dense_output=True)
 DRIVEN = np.random.default_rng(1).normal(size=(4, 30, 2))
+TIMES = np.arange(800) * 0.01
+MOVED = al.Sinusoid([0.1, 0.2], [0.5, 0.7], [3.0, 2.0], [0.0, 0.3])(TIMES)
+LOG = al.Log(TIMES, MOVED[0], v=MOVED[1], tau=TREE.inverse_dynamics(*MOVED), names=TREE.joint_names)
 #: Objects of classes that are written in Python.
 PYTHON: dict[str, Any] = {
     "Run": RUN,
@@ -152,6 +155,9 @@ PYTHON: dict[str, Any] = {
     "BaseParameters": TREE.base_parameters(),
     "ParameterReport": TREE.check_parameters(TREE.parameters),
     "Identification": TREE.identify(*DRIVEN),
+    "Log": LOG,
+    "LogReport": LOG.report,
+    "LogFit": al.fit_log(TREE, LOG, ["inertia"]),
     "LuGre": al.LuGre(coulomb=1.0, static=[1.5, 2.0], stribeck_speed=0.05, stiffness=1e4),
     "StickSlip": al.StickSlip(coulomb=1.0, load_ratio=0.1),
     "Contact": al.Contact(time=0.25, joint=1, residual=np.array([2.0, 3.0])),
