@@ -38,10 +38,10 @@ assert np.abs(bounded[:, 1]).max() <= 0.5
 if len(sys.argv) > 1:
     import matplotlib.pyplot as plt
 
-    figure, axes = plt.subplots()
+    figure, axes = plt.subplots(figsize=(8.0, 4.5), layout="constrained")
     for joint in range(4):
         axes.plot(q4, free[:, joint], "--", color=f"C{joint}", label=f"joint {joint + 1}, no limit")
         axes.plot(q4, bounded[:, joint], color=f"C{joint}", label=f"joint {joint + 1}, limit")
     axes.set(xlabel="q4, rad", ylabel="joint velocity, rad/s")
-    axes.legend()
+    axes.legend(loc="center left", bbox_to_anchor=(1.02, 0.5), frameon=False)
     figure.savefig(sys.argv[1])

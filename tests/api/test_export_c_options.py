@@ -56,6 +56,7 @@ OPTIONS: dict[str, list[Case]] = {
         ("least bodies", {**TRACKING, "projection": 0.3 * POSSIBLE, "armature": True}),
         ("friction", {**TRACKING, "friction": ["viscous", "coulomb", "stribeck"], "friction_speed": 0.3}),
         ("armature", {**TRACKING, "armature": True}),
+        ("offset", {**TRACKING, "offset": True}),
         ("leakage", {**TRACKING, "leakage": 0.3, "leakage_centre": 0.8 * ARM.parameters}),
         ("e-modification", {**TRACKING, "leakage": 0.3, "leakage_form": "e"}),
         ("dead zone", {**TRACKING, "dead_zone": 0.5}),
