@@ -141,8 +141,9 @@ fn slopes(s: &[f64], q: &[f64], n: usize, ends: Ends) -> Vec<f64> {
     d
 }
 
-/// The cubic Hermite path through `q`, `(K, n)`, with the slopes `d`, `(K, n)`, at the path positions `s`, `(K,)`.
-fn cubic(s: &[f64], q: &[f64], d: &[f64], n: usize) -> Path {
+/// The path through `q`, `(K, n)`, at the path positions `s`, `(K,)`. `piece(i, k, h)` has the coefficients of one joint on a piece of
+/// length `h`, from entry `i` to entry `k` of `q`.
+fn pieces(s: &[f64], q: &[f64], n: usize, piece: impl Fn(usize, usize, f64) -> [f64; TERMS]) -> Path {
     let mut c = vec![0.0; (s.len() - 1) * TERMS * n];
     for p in 0..s.len() - 1 {
         if p % CHECK_INTERVAL == 0 {
@@ -150,14 +151,20 @@ fn cubic(s: &[f64], q: &[f64], d: &[f64], n: usize) -> Path {
         }
         let h = s[p + 1] - s[p];
         for j in 0..n {
-            let (q0, step) = (q[p * n + j], q[(p + 1) * n + j] - q[p * n + j]);
-            let (d0, d1) = (h * d[p * n + j], h * d[(p + 1) * n + j]);
-            let at = |k: usize| (p * TERMS + k) * n + j;
-            (c[at(0)], c[at(1)]) = (q0, d0);
-            (c[at(2)], c[at(3)]) = (3.0 * step - 2.0 * d0 - d1, d0 + d1 - 2.0 * step);
+            for (term, coefficient) in piece(p * n + j, (p + 1) * n + j, h).into_iter().enumerate() {
+                c[(p * TERMS + term) * n + j] = coefficient;
+            }
         }
     }
     Path { n, knots: s.to_vec(), coefficients: c, ends: [q[..n].to_vec(), q[(s.len() - 1) * n..].to_vec()] }
+}
+
+/// The cubic Hermite path through `q`, `(K, n)`, with the slopes `d`, `(K, n)`, at the path positions `s`, `(K,)`.
+fn cubic(s: &[f64], q: &[f64], d: &[f64], n: usize) -> Path {
+    pieces(s, q, n, |i, k, h| {
+        let (step, d0, d1) = (q[k] - q[i], h * d[i], h * d[k]);
+        [q[i], d0, 3.0 * step - 2.0 * d0 - d1, d0 + d1 - 2.0 * step, 0.0, 0.0]
+    })
 }
 
 impl Path {
@@ -272,22 +279,9 @@ impl Path {
             }
             finite("path", values)?;
         }
-        let mut c = vec![0.0; (s.len() - 1) * TERMS * n];
-        for p in 0..s.len() - 1 {
-            if p % CHECK_INTERVAL == 0 {
-                interrupt::check();
-            }
-            let h = s[p + 1] - s[p];
-            for j in 0..n {
-                let (i, k) = (p * n + j, (p + 1) * n + j);
-                let terms = hermite([q[i], dq[i], ddq[i]], [q[k], dq[k], ddq[k]], h);
-                for (k, term) in terms.into_iter().enumerate() {
-                    c[(p * TERMS + k) * n + j] = term;
-                }
-            }
-        }
-        finite("path", &c)?;
-        Ok(Path { n, knots: s.to_vec(), coefficients: c, ends: [q[..n].to_vec(), q[(s.len() - 1) * n..].to_vec()] })
+        let path = pieces(s, q, n, |i, k, h| hermite([q[i], dq[i], ddq[i]], [q[k], dq[k], ddq[k]], h));
+        finite("path", &path.coefficients)?;
+        Ok(path)
     }
 
     /// Create a path of `P` polynomials from its `knots`, `(P + 1,)`, `coefficients`, `(P, TERMS, n)`, and `end`, `(n,)`, rad or m.
