@@ -5,15 +5,21 @@ use super::{Dynamics, Model, PlanarPr, Quantity, Query};
 use crate::error::{Error, Result};
 use crate::scalar::Real;
 
+/// Require a query without friction, armature and offset, which the planar PR arm has not. Errors: `Input`.
+pub(super) fn require_rigid_bodies(query: &Query) -> Result<()> {
+    match query.friction || query.armature || query.offset {
+        true => Err(Error::input("friction, armature, offset", "are not part of this arm: expected False for planar_pr, got True")),
+        false => Ok(()),
+    }
+}
+
 impl PlanarPr<f64> {
     /// Evaluate `query` at one configuration. The inputs `x` are finite, `(2,)` each, and `out` has the size of the result.
     /// Errors: `Input` for friction, armature or a quantity that requires links.
     pub fn evaluate(&self, query: &Query, x: &[&[f64]], out: &mut [f64]) -> Result<()> {
         let q = x[0];
         let trig = [Real::sin_cos(q[0]), Real::sin_cos(q[1])];
-        if query.friction || query.armature || query.offset {
-            return Err(Error::input("friction, armature, offset", "are not part of this arm: expected False for planar_pr, got True"));
-        }
+        require_rigid_bodies(query)?;
         match query.quantity {
             Quantity::MassMatrix => self.mass_matrix(&mut (), &trig, q, out),
             Quantity::CoriolisMatrix => self.coriolis_matrix(&mut (), &trig, q, x[1], out),

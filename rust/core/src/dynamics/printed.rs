@@ -2,6 +2,7 @@
 //! [`super::Evaluator`] or [`PlanarPr::evaluate`] under two conditions: [`COptions::fused`] equals [`crate::scalar::fuses`], and the
 //! compiler fuses only calls of `fma`.
 
+use super::closed_form::require_rigid_bodies;
 use super::{Dynamics, Model, PlanarPr, Quantity, Query, Size};
 use crate::arm::JointKind;
 use crate::error::{Error, Result};
@@ -215,9 +216,7 @@ pub(crate) fn given(recorded: &Recorded) -> Vec<Option<f64>> {
 
 /// Record a query of the planar PR arm.
 fn planar_pr(arm: &PlanarPr<f64>, query: &Query) -> Result<Recorded> {
-    if query.friction || query.armature || query.offset {
-        return Err(Error::input("friction, armature, offset", "are not part of this arm: expected False for planar_pr, got True"));
-    }
+    require_rigid_bodies(query)?;
     let length = if query.quantity == Quantity::Regressor { 6 } else { query.length(Size { n: 2, bodies: 2 }) };
     let mut known = true;
     let answer = |arm: PlanarPr<Sym>, x: &[Sym]| {
