@@ -61,9 +61,7 @@ impl PrioritySolution {
         let mut stack = Vec::with_capacity(jacobian.len() + command.len() + upper.len());
         stack.extend_from_slice(jacobian);
         stack.extend_from_slice(command);
-        if !upper.is_empty() {
-            stack.extend_from_slice(upper);
-        }
+        stack.extend_from_slice(upper);
         let bounded = solution.bounded.clone().map(Box::new);
         let found = SingleSolution { n: solver.n(), rows, numbers, stack, status: solution.status, bounded, options };
         let [v, residuals, ranks, scales, status, details] = [const { PyOnceLock::new() }; 6];
@@ -84,9 +82,14 @@ impl PrioritySolution {
         field.get_or_try_init(py, made).map(|object| object.clone_ref(py))
     }
 
+    /// The dict of `details`; None for a solution without one.
+    fn details(&self, py: Python<'_>) -> PyResult<Py<PyAny>> {
+        self.once(py, &self.details, |found| Ok(details(py, found)?.into_any()))
+    }
+
     /// Call a function of `armlet.active_bounds` with the details and other fields.
-    fn told<'py>(&self, py: Python<'py>, function: &str, others: &[Py<PyAny>]) -> PyResult<Bound<'py, PyAny>> {
-        let details = self.once(py, &self.details, |found| Ok(details(py, found)?.into_any()))?;
+    fn with_details<'py>(&self, py: Python<'py>, function: &str, others: &[Py<PyAny>]) -> PyResult<Bound<'py, PyAny>> {
+        let details = self.details(py)?;
         let arguments = PyTuple::new(py, std::iter::once(&details).chain(others).collect::<Vec<_>>())?;
         py.import("armlet.active_bounds")?.getattr(function)?.call1(arguments)
     }
@@ -143,34 +146,34 @@ impl PrioritySolution {
     /// Violations `w_i = J_i v - clip(J_i v, lower, upper)` per level, a list of `(..., rows_i)`; for a task `J_i v - v_i`.
     #[getter]
     fn violations<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        self.told(py, "violations", &[self.residuals(py)?])
+        self.with_details(py, "violations", &[self.residuals(py)?])
     }
 
     /// For each level, a list of its rows at or beyond a bound, as `Active(row, side, multiplier, name)`. Of a batch, a function of the index
     /// of a row.
     #[getter]
     fn active<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        self.told(py, "active", &[self.v(py)?, self.residuals(py)?])
+        self.with_details(py, "active", &[self.v(py)?, self.residuals(py)?])
     }
 
     /// The joint velocities at `v_min` or `v_max`, a list of `Active(row, side, multiplier, name)`. Of a batch, a function of the index of a
     /// row.
     #[getter]
     fn limits<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        self.told(py, "limits", &[self.v(py)?, self.residuals(py)?])
+        self.with_details(py, "limits", &[self.v(py)?, self.residuals(py)?])
     }
 
     /// Number of changes of the active set: 0 without bounds, and where the active set of the last solve was accepted.
     #[getter]
     fn changes<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        self.told(py, "changes", &[self.v(py)?])
+        self.with_details(py, "changes", &[self.v(py)?])
     }
 
     /// Largest residual of the optimality conditions (Karush, Kuhn and Tucker) of all levels, divided by their largest term. It is NaN for
     /// "chiaverini", and in a batch without bounds.
     #[getter]
     fn certificate<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        self.told(py, "certificate", &[self.v(py)?])
+        self.with_details(py, "certificate", &[self.v(py)?])
     }
 
     /// Return one sentence: by how much level `k` is missed, and which rows of higher levels stop it. Levels count from 1.
@@ -179,12 +182,12 @@ impl PrioritySolution {
     #[arguments(k)]
     fn why<'py>(&self) -> Result<Bound<'py, PyAny>, Failure> {
         let k = count(NAME, "k", k)?.into_pyobject(py).map_err(PyErr::from)?.into_any().unbind();
-        Ok(self.told(py, "why", &[self.v(py)?, k])?)
+        Ok(self.with_details(py, "why", &[self.v(py)?, k])?)
     }
 
     fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Sealed<'py>> {
-        let details = self.once(py, &self.details, |found| Ok(details(py, found)?.into_any()))?;
-        let parts = PyTuple::new(py, [self.v(py)?, self.residuals(py)?, self.ranks(py)?, self.scales(py)?, self.status(py)?, details])?;
+        let fields = [self.v(py)?, self.residuals(py)?, self.ranks(py)?, self.scales(py)?, self.status(py)?, self.details(py)?];
+        let parts = PyTuple::new(py, fields)?;
         seal(py.get_type::<Self>().as_any(), parts, None)
     }
 
