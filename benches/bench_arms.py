@@ -43,13 +43,18 @@ def say(text: str) -> None:
     print(text, file=sys.stderr, flush=True)
 
 
-def panda() -> tuple[str, dict[str, float]]:
-    """The Panda's URDF from the package `example-robot-data`, and the positions (m) at which its finger joints are fixed."""
+def robot_file(path: str) -> str:
+    """The file `path` in the folder of robots of the package `example-robot-data`."""
     for place in sys.path:
-        path = Path(place) / "cmeel.prefix/share/example-robot-data/robots/panda_description/urdf/panda.urdf"
-        if path.exists():
-            return str(path), {"panda_finger_joint1": 0.02, "panda_finger_joint2": 0.02}
-    raise SystemExit("bench_arms: example-robot-data is not installed: pip install -r requirements/peers.txt")
+        file = Path(place) / "cmeel.prefix/share/example-robot-data/robots" / path
+        if file.exists():
+            return str(file)
+    raise SystemExit(f"{Path(sys.argv[0]).stem}: example-robot-data is not installed: pip install -r requirements/peers.txt")
+
+
+def panda() -> tuple[str, dict[str, float]]:
+    """The Panda's URDF, and the positions (m) at which its finger joints are fixed."""
+    return robot_file("panda_description/urdf/panda.urdf"), {"panda_finger_joint1": 0.02, "panda_finger_joint2": 0.02}
 
 
 def our_arm() -> al.Arm:

@@ -21,7 +21,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parent))
 import reporting
 import timing
-from bench_arms import close, states
+from bench_arms import close, robot_file, states
 
 import armlet as al
 
@@ -39,13 +39,9 @@ Functions = dict[str, Callable[[], Any]]
 
 
 def robot(path: str) -> al.Arm:
-    for place in sys.path:
-        file = Path(place) / "cmeel.prefix/share/example-robot-data/robots" / path
-        if file.exists():
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore")
-                return al.load_urdf(str(file))
-    raise SystemExit("bench_large_arms: example-robot-data is not installed: pip install -r requirements/peers.txt")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        return al.load_urdf(robot_file(path))
 
 
 def ours(arm: al.Arm, q: Any, v: Any, a: Any) -> Functions:
@@ -70,13 +66,17 @@ def pinocchio(arm: al.Arm, q: Any, v: Any, a: Any) -> Functions:
     there = pin.integrate(model, pin.neutral(model), q[order])
     v, a, tau = v[order], a[order], arm.inverse_dynamics(q, v, a)[order]
     frame, axes = model.getFrameId(arm.frame_names[-1], pin.FrameType.BODY), pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
-    back = np.argsort(order)
+    columns = np.argsort(order)  # the columns of Pinocchio in the order of armlet
     upper = np.triu(pin.crba(model, data, there))
-    close("Pinocchio's mass matrix", (upper + np.triu(upper, 1).T)[np.ix_(back, back)], arm.mass_matrix(q))
+    close("Pinocchio's mass matrix", (upper + np.triu(upper, 1).T)[np.ix_(columns, columns)], arm.mass_matrix(q))
     close("Pinocchio's rnea", pin.rnea(model, data, there, v, a), tau)
     close("Pinocchio's aba", pin.aba(model, data, there, v, tau), a, 1e-8)
-    close("Pinocchio's Jacobian", pin.computeFrameJacobian(model, data, there, frame, axes)[:, back], arm.jacobian(q, arm.frame_names[-1]))
-    close("Pinocchio's C v", (pin.computeCoriolisMatrix(model, data, there, v) @ v)[back], arm.coriolis_matrix(q, v[back]) @ v[back])
+    close(
+        "Pinocchio's Jacobian", pin.computeFrameJacobian(model, data, there, frame, axes)[:, columns], arm.jacobian(q, arm.frame_names[-1])
+    )
+    close(
+        "Pinocchio's C v", (pin.computeCoriolisMatrix(model, data, there, v) @ v)[columns], arm.coriolis_matrix(q, v[columns]) @ v[columns]
+    )
     parameters = np.concatenate([inertia.toDynamicParameters() for inertia in list(model.inertias)[1:]])
     close("Pinocchio's regressor", pin.computeJointTorqueRegressor(model, data, there, v, a) @ parameters, tau)
     return {
