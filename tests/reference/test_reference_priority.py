@@ -108,7 +108,7 @@ def test_cases_a_and_b_of_the_exam() -> None:
 
 
 def test_the_cutoff_on_the_projected_block_alone_would_fail() -> None:
-    """numpy's default cut-off, applied to the projected block, inverts rounding noise in case b of docs/priority.md."""
+    """numpy's default cut-off, applied to the projected block, inverts rounding noise in case b of docs/methods/priority.md."""
     J1, J2 = jacobians(np.array([0.3, 0, np.pi / 2, 0]))
     P1 = np.eye(4) - np.linalg.pinv(J1) @ J1
     wild = np.linalg.pinv(J2 @ P1) @ np.ones(2)

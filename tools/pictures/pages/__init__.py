@@ -1,3 +1,3 @@
 """The pictures of the pages and examples, one file per page. Importing this package registers them."""
 
-from . import adaptive, elastic, examples, friction, identification, impedance, inequalities, minimum_time, time_path, worst_case  # noqa: F401
+from . import adaptive, elastic, examples, friction, identification, impedance, inequalities, minimum_time, priority, time_path, worst_case  # noqa: F401

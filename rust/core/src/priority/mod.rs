@@ -5,7 +5,7 @@
 //! Here `J1` and `J2` are the Jacobians of the first two levels, `v1` and `v2` their task velocities, and `#` marks the pseudo-inverse. The
 //! number and the sizes of the levels are arbitrary. A *level* is a task with a priority, and a *stack* is the list of all levels. Five
 //! methods compute `v` (`PriorityMethod`). `diagnose` reports the directions of each level that can be commanded, and why the other
-//! directions cannot be commanded. The page `docs/priority.md` has the derivation, the limits and a table of the methods.
+//! directions cannot be commanded. The page `docs/methods/priority.md` has the derivation, the limits and a table of the methods.
 //!
 //! The branch-free algorithms solve most stacks. `regular` uses LQ factorisations. Its result is valid only if it is proven that every
 //! singular value is large and that no bound is met. For `clamp` and `damped`, `two_rows` solves levels of at most two rows in closed form,

@@ -57,7 +57,7 @@ fn all_sign_patterns() {
     assert_eq!(seen, 27 * 40);
 }
 
-/// Test the residuals in the table of `docs/priority.md`: each residual is the projection of the command that the table states.
+/// Test the residuals in the table of `docs/methods/priority.md`: each residual is the projection of the command that the table states.
 #[test]
 fn residuals_of_the_table() {
     let (p1, p2) = ([0.4, -0.7], [0.9, 0.2]);
