@@ -18,7 +18,7 @@ PATHS = [case for case in CASES if case.get("kind") == "path"]
 KINDS = {"R": "regular", "A": "algorithmic", "S2": "kinematic", "AS": "algorithmic+kinematic", "D": "kinematic"}
 EPS = float(np.finfo(float).eps)
 # Each row: whether the sines s2, s3 and s4 of the joint angles are non-zero (None: either), four ranks, and the kind of singularity. The
-# ranks are those of J1, J2, both stacked (J_E), and J2 projected on the null space of J1 (J2 P1). docs/methods/priority.md has the same table.
+# ranks are those of J1, J2, both stacked (J_E), and J2 projected on the null space of J1 (J2 P1). docs/methods/priority.md has this table.
 TABLE = [
     ((True, None, True), (2, 2, 4, 2), "regular"),
     ((True, None, False), (2, 2, 3, 1), "algorithmic"),
