@@ -47,6 +47,8 @@ def sensitivity() -> Any:
 
 
 DRAWN: dict[str, tuple[str, Callable[..., Any]]] = {
+    "arm": ("Arm.show", lambda fig: ARM.show([0.3, 0.9], fig=fig)),
+    "arm in space": ("Arm.show", lambda fig: ARM.show([0.3, 0.9], view=[20.0, 30.0], fig=fig)),
     "run": ("Run.plot", lambda fig: run().plot(fig)),
     "compare": ("compare", lambda fig: al.compare([run()], fig=fig)),
     "log": ("Log.plot", lambda fig: al.read_log(run()).plot(fig)),

@@ -50,6 +50,7 @@ ELSEWHERE = {
     "tune": "the tests of this file",
     "worst_case": "the tests of worst cases",
     "verify": "the tests of comparisons",
+    "Arm.show": "a figure",
     "Run.animate": "a figure",
     "Run.plot": "a figure",
     "Run.report": "a page",

@@ -17,7 +17,8 @@ import registry  # noqa: E402
 
 PICTURES = registry.PICTURES
 DRAWN = [name for name, picture in PICTURES.items() if picture.draw is not None]
-LESSONS = sorted({picture.page for picture in PICTURES.values() if picture.page})
+#: Pages of theory, which have a page of details.
+LESSONS = sorted(path.name for path in (ROOT / "docs/methods").glob("*.md") if path.name in {picture.page for picture in PICTURES.values()})
 IMAGE = re.compile(r"^!\[([^\]]+)\]\(([^)]+)\)$", re.MULTILINE)
 
 

@@ -97,12 +97,14 @@ def names(blocks: tuple[str, ...]) -> dict[str, Any]:
 PICTURES: dict[str, Picture] = {}
 
 
-def _add(name: str, title: str, page: str, of_numbers: bool) -> Callable[[Callable[..., None]], Callable[..., None]]:
+def _add(
+    name: str, title: str, page: str, of_numbers: bool, modules: tuple[str, ...] = ()
+) -> Callable[[Callable[..., None]], Callable[..., None]]:
     def add(draw: Callable[..., None]) -> Callable[..., None]:
         own = Path(inspect.getfile(draw)).resolve().relative_to(ROOT).as_posix()
         helpers = "tools/pictures/panels.py" if of_numbers else "tools/pictures/sketch.py"
         assert name not in PICTURES
-        PICTURES[name] = Picture(name, title, (own, helpers), page, draw, of_numbers)
+        PICTURES[name] = Picture(name, title, (own, helpers, *(f"python/armlet/{module}" for module in modules)), page, draw, of_numbers)
         return draw
 
     return add
@@ -113,9 +115,12 @@ def drawing(name: str, title: str, page: str) -> Callable[[Callable[..., None]],
     return _add(name, title, page, of_numbers=False)
 
 
-def result(name: str, title: str, page: str) -> Callable[[Callable[..., None]], Callable[..., None]]:
-    """Register the function that draws a figure of numbers. Its second argument has the names that the code of the page defines."""
-    return _add(name, title, page, of_numbers=True)
+def result(name: str, title: str, page: str, *modules: str) -> Callable[[Callable[..., None]], Callable[..., None]]:
+    """Register the function that draws a figure of numbers. Its second argument has the names that the code of the page defines.
+
+    `modules` are the files of the package that draw the figure, such as `figures/arm.py`.
+    """
+    return _add(name, title, page, of_numbers=True, modules=modules)
 
 
 def example(name: str, script: Path) -> None:

@@ -4,6 +4,8 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from os import PathLike
 from typing import Any, Literal, final
 
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 from numpy.typing import ArrayLike, NDArray
 
 from ..identification import BaseParameters, Identification, ParameterReport
@@ -131,6 +133,9 @@ class Arm:
     def linearize(
         self, q: ArrayLike, v: ArrayLike, tau: ArrayLike, *, friction: bool = False, out: tuple[_Array, _Array] | None = None
     ) -> tuple[_Array, _Array]: ...
+    def show(
+        self, q: ArrayLike, *, frames: str | Sequence[str] | None = None, view: ArrayLike | None = None, fig: Figure | None = None
+    ) -> Axes: ...
     def symbolic(self, *, lengths: bool = False) -> Formulas: ...
     def base_parameters(self, *, armature: bool = False, friction: bool = False, offset: bool = False) -> BaseParameters: ...
     def check_parameters(self, pi: ArrayLike | None = None) -> ParameterReport: ...

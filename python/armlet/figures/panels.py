@@ -18,7 +18,19 @@ if TYPE_CHECKING:
 
     from ..run.recorded import Recorded
 
-__all__ = ["EXCESS", "MOST", "Joints", "Panel", "draw_excess", "draw_limits", "draw_lines", "joint_names", "legend_beside", "of_joints"]
+__all__ = [
+    "EXCESS",
+    "MOST",
+    "Joints",
+    "Panel",
+    "draw_excess",
+    "draw_limits",
+    "draw_lines",
+    "joint_names",
+    "legend_beside",
+    "numbered",
+    "of_joints",
+]
 
 #: The indices of the joints of a panel.
 Joints: TypeAlias = list[int]
@@ -54,11 +66,13 @@ def of_joints(draw: Callable[[Axes, Recorded, Joints], None], run: Recorded) -> 
 
 
 def joint_names(run: Recorded) -> list[str]:
-    """The labels of the joints: their numbers and their names, such as `1 shoulder`. If all names have numbers: the names.
+    """The labels of the joints of a run, as in `numbered`. If the arm is not available: the numbers."""
+    return numbered(getattr(run.arm, "joint_names", None) or [""] * run.q.shape[-1])
 
-    If the arm is not available: the numbers.
-    """
-    names = [literal(name).strip() for name in getattr(run.arm, "joint_names", None) or [""] * run.q.shape[-1]]
+
+def numbered(names: Sequence[str]) -> list[str]:
+    """The labels of joints: their numbers and their names, such as `1 shoulder`. If all names have numbers: the names."""
+    names = [literal(name).strip() for name in names]
     if all(re.search(r"\d", name) for name in names):
         return names
     return [f"{i + 1} {name}".strip() for i, name in enumerate(names)]

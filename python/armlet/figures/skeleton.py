@@ -22,7 +22,7 @@ from .style import COLOURS, require, sheet
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["Lines", "Picture", "Skeleton"]
+__all__ = ["Lines", "Picture", "Skeleton", "Space"]
 
 AXES = "xyz"
 #: The default elevation and azimuth of the eye, degrees, for pictures in space.
@@ -81,15 +81,85 @@ class Skeleton:
         return Lines(np.concatenate([links, fingers], axis=1), slides, origins, ends[:, self.frames.index(self.tip)])
 
 
-class Picture:
-    """A picture of an arm that can be drawn repeatedly.
+class Space:
+    """The axes of a drawing of an arm: a plane of two world axes, or space, with one scale for all axes.
 
-    If all points are in a plane of two axes and `view` is None, the picture is of that plane. Otherwise it is in space.
+    If all points are in a plane of two axes and `view` is None, the drawing is of that plane. Otherwise it is in space.
+
+    Args:
+        figure: the matplotlib figure to draw into.
+        cloud: points that the drawing must contain, (points, 3), m.
+        view: elevation and azimuth of the eye, degrees; None: the plane of the points if they have one, otherwise `VIEW`.
+        margin: distance between the points and the limits of the axes, in parts of the size of the cloud.
+    """
+
+    def __init__(self, figure: Figure, cloud: Array, view: tuple[float, float] | None = None, margin: float = 0.05) -> None:
+        from matplotlib.ticker import MaxNLocator
+
+        spread = np.ptp(cloud, axis=0)
+        thin = int(np.argmin(spread))
+        flat = view is None and spread[thin] <= 1e-9 * max(spread.max(), 1.0)
+        self.axes = [i for i in range(3) if not flat or i != thin]
+        self.centre, reach = (cloud.max(axis=0) + cloud.min(axis=0)) / 2, (0.5 + margin) * spread.max() + 1e-3
+        self.floor = self.centre[2] - reach
+        axes: Any = figure.add_subplot(**({} if flat else {"projection": "3d"}))
+        self.ax = axes
+        for i, letter in zip(self.axes, "xyz", strict=False):
+            self.ax.set(**{f"{letter}lim": (self.centre[i] - reach, self.centre[i] + reach), f"{letter}label": f"{AXES[i]} (m)"})
+            getattr(self.ax, f"{letter}axis").set_major_locator(MaxNLocator(4))
+        if flat:
+            self.ax.set_aspect("equal")
+        else:
+            elevation, azimuth = VIEW if view is None else view
+            # The zoom is smaller than the default, so that the label of the z axis is not cut off.
+            axes.set_box_aspect((1.0, 1.0, 1.0), zoom=0.86)
+            axes.view_init(elevation, azimuth)
+        self.shadow = None if flat else self.line(color="0.85", linewidth=2.5)
+        self.slides = self.line(color="0.45", linewidth=2.0)
+        self.links = self.line(color=COLOURS[0], linewidth=3.5, solid_capstyle="round")
+
+    def line(self, **style: Any) -> Any:
+        """A new line without points."""
+        return self.ax.plot(*([] for _ in self.axes), **style)[0]
+
+    def put(self, line: Any, points: Array) -> None:
+        """Set the points of a line, (points, 3), m."""
+        columns = [points[:, i] for i in self.axes]
+        if len(columns) == 3:
+            line.set_data_3d(*columns)
+        else:
+            line.set_data(*columns)
+
+    def write(self, point: Array, text: str, below: bool = False) -> None:
+        """Write above or below a point, (3,), m, on the side of the middle of the drawing, where no text is cut off."""
+        across = (point - self.centre)[self.axes[0]]
+        if len(self.axes) == 3:
+            # The horizontal axis of the picture.
+            azimuth = np.radians(self.ax.azim)
+            across = (point - self.centre) @ (-np.sin(azimuth), np.cos(azimuth), 0.0)
+        side = "left" if across <= 0.0 else "right"
+        padded = "\n".join(f"  {part}  " for part in text.split("\n"))
+        above = "top" if below else "bottom"
+        self.ax.text(*(point[i] for i in self.axes), padded, horizontalalignment=side, verticalalignment=above, fontsize=9)
+
+    def put_arm(self, lines: Lines, k: int) -> None:
+        """Set the points of the links, the slides and their shadow to those of configuration `k`."""
+        links, slides = _broken(lines.links[k]), _broken(lines.slides[k])
+        if self.shadow is not None:
+            fallen = np.concatenate([links, slides])
+            fallen[:, 2] = self.floor
+            self.put(self.shadow, fallen)
+        self.put(self.links, links)
+        self.put(self.slides, slides)
+
+
+class Picture(Space):
+    """A picture of an arm that can be drawn repeatedly.
 
     Args:
         cloud: points that the picture must contain, (points, 3), m.
         size: width and height, pixels.
-        view: elevation and azimuth of the eye, degrees; None: the plane of the points if they have one, otherwise `VIEW`.
+        view: elevation and azimuth of the eye, as in `Space`.
         figure: the matplotlib figure to draw into; None: a figure without a window.
     """
 
@@ -97,62 +167,27 @@ class Picture:
         require(caller)
         from matplotlib.backends.backend_agg import FigureCanvasAgg
         from matplotlib.figure import Figure
-        from matplotlib.ticker import MaxNLocator
 
         if figure is None:
             figure = Figure(dpi=DPI)
             FigureCanvasAgg(figure)
-        spread = np.ptp(cloud, axis=0)
-        thin = int(np.argmin(spread))
-        flat = view is None and spread[thin] <= 1e-9 * max(spread.max(), 1.0)
-        self.axes = [i for i in range(3) if not flat or i != thin]
-        centre, reach = (cloud.max(axis=0) + cloud.min(axis=0)) / 2, 0.55 * spread.max() + 1e-3
-        self.floor = centre[2] - reach
         with sheet(figure, (size / figure.dpi, size / figure.dpi)) as self.figure:
-            ax: Any = self.figure.add_subplot(**({} if flat else {"projection": "3d"}))
-            self.ax = ax
-            for i, letter in zip(self.axes, "xyz", strict=False):
-                ax.set(**{f"{letter}lim": (centre[i] - reach, centre[i] + reach), f"{letter}label": f"{AXES[i]} (m)"})
-                getattr(ax, f"{letter}axis").set_major_locator(MaxNLocator(4))
-            if flat:
-                ax.set_aspect("equal")
-            else:
-                elevation, azimuth = VIEW if view is None else view
-                # The zoom is smaller than the default, so that the label of the z axis is not cut off.
-                ax.set_box_aspect((1.0, 1.0, 1.0), zoom=0.86)
-                ax.view_init(elevation, azimuth)
-            self.shadow = None if flat else self._line(color="0.85", linewidth=2.5)
-            self.trace = self._line(color=COLOURS[1], linewidth=1.0)
-            self.slides = self._line(color="0.45", linewidth=2.0)
-            self.links = self._line(color=COLOURS[0], linewidth=3.5, solid_capstyle="round")
-            self.joints = self._line(color=COLOURS[0], marker="o", markersize=6.0, linestyle="none")
-            self.targets = self._line(color=COLOURS[2], marker="o", markersize=9.0, linestyle="none", fillstyle="none", markeredgewidth=2.0)
+            super().__init__(self.figure, cloud, view)
+            self.trace = self.line(color=COLOURS[1], linewidth=1.0)
+            self.joints = self.line(color=COLOURS[0], marker="o", markersize=6.0, linestyle="none")
+            self.targets = self.line(color=COLOURS[2], marker="o", markersize=9.0, linestyle="none", fillstyle="none", markeredgewidth=2.0)
             # The text belongs to the figure. A title of the axes would make the axes narrower in a small picture.
             self.title = self.figure.suptitle("t = 0.00 s", x=0.02, horizontalalignment="left", fontsize=10)
             # The layout is computed once, so that the axes do not move between pictures.
             self.figure.canvas.draw()
             self.figure.set_layout_engine("none")
 
-    def _line(self, **style: Any) -> Any:
-        return self.ax.plot(*([] for _ in self.axes), **style)[0]
-
-    def _put(self, line: Any, points: Array) -> None:
-        columns = [points[:, i] for i in self.axes]
-        if len(columns) == 3:
-            line.set_data_3d(*columns)
-        else:
-            line.set_data(*columns)
-
     def show(self, lines: Lines, k: int, title: str, targets: Array | None = None) -> None:
         """Draw configuration `k`, the path of the tip from configuration 0 to `k`, and the points `targets`, (points, 3), m."""
-        links, slides = _broken(lines.links[k]), _broken(lines.slides[k])
-        if self.shadow is not None:
-            fallen = np.concatenate([links, slides])
-            fallen[:, 2] = self.floor
-            self._put(self.shadow, fallen)
-        for line, points in ((self.links, links), (self.slides, slides), (self.joints, lines.joints[k]), (self.trace, lines.tip[: k + 1])):
-            self._put(line, points)
-        self._put(self.targets, np.zeros((0, 3)) if targets is None else targets)
+        self.put_arm(lines, k)
+        self.put(self.joints, lines.joints[k])
+        self.put(self.trace, lines.tip[: k + 1])
+        self.put(self.targets, np.zeros((0, 3)) if targets is None else targets)
         self.title.set_text(title)
         self.figure.canvas.draw()
 

@@ -1,3 +1,16 @@
 """The pictures of the pages and examples, one file per page. Importing this package registers them."""
 
-from . import adaptive, elastic, examples, friction, identification, impedance, inequalities, minimum_time, priority, time_path, worst_case  # noqa: F401
+from . import (  # noqa: F401
+    adaptive,
+    arms,
+    elastic,
+    examples,
+    friction,
+    identification,
+    impedance,
+    inequalities,
+    minimum_time,
+    priority,
+    time_path,
+    worst_case,
+)

@@ -10,6 +10,7 @@ mod identify;
 mod kinematics;
 mod lists;
 mod model;
+mod show;
 mod stored;
 mod symbolic;
 
