@@ -84,6 +84,18 @@ def tracking(figure: Figure, page: SimpleNamespace) -> None:
     panels(figure, [1.25, 1.25, 1.6, 1.35], draw)
 
 
+@result("adaptive_drift.svg", "Estimate of the mass of a robot at rest with a noisy velocity, with leakage and without", PAGE)
+def drift(figure: Figure, page: SimpleNamespace) -> None:
+    def draw(ax: Axes) -> None:
+        for (leakage, run), colour, name in zip(page.held.items(), (RED, BLUE), ("no leakage", r"$\sigma = 0.02$"), strict=True):
+            ax.plot(thin(run.t), thin(run.estimate)[:, 0], color=colour, label=name)
+            level = 0.1 * run.t if leakage == 0.0 else np.full_like(run.t, 1.0)
+            ax.plot(thin(run.t), thin(level), color="0.4", linestyle=":", label="(8)" if leakage == 0.0 else "balance of (9)")
+        ax.set(xlabel="time (s)", ylabel=r"estimate $\hat A$ (kg)", ylim=(0.0, None))
+
+    panels(figure, [2.1], draw)
+
+
 @result("adaptive_limit.svg", "Tracking errors and errors of the estimates for an exciting motion and for one short motion", PAGE)
 def excitation(figure: Figure, page: SimpleNamespace) -> None:
     true = page.arm.parameters

@@ -11,6 +11,8 @@ from panels import panels, thin
 from registry import drawing, result
 from sketch import BLUE, DARK, GREEN, GREY, INK, RED, Sketch, direction
 
+import armlet as al
+
 PAGE = "elastic.md"
 
 
@@ -68,6 +70,21 @@ def push(figure: Figure, page: SimpleNamespace) -> None:
         torque.set(ylabel="torque (N m)", xlabel="time (s)")
 
     panels(figure, [2.0, 1.6], draw)
+
+
+@result("elastic_stiffness.svg", "Largest stable stiffness of one joint over the damping at the link", PAGE)
+def stiffest(figure: Figure, page: SimpleNamespace) -> None:
+    d = np.linspace(0.0, 200.0, 201)
+    limit = al.stiffness_limit(page.M, page.K, page.light, d)
+
+    def draw(ax: Axes) -> None:
+        ax.fill_between(d, 0.0, np.maximum(limit, 0.0), color=GREEN, alpha=0.15, linewidth=0.0, label="stable")
+        ax.plot(d, np.maximum(limit, 0.0), color=GREEN, linewidth=2.0, label="limit")
+        ax.plot(d, page.K * (1.0 + d / page.D_0), color=BLUE, linestyle="--", label="(8)")
+        ax.axhline(page.K, color="0.4", linestyle=":", label="$K_J$")
+        ax.set(xlabel="damping $d$ (N m s/rad)", ylabel="stiffness $k$ (N m/rad)", ylim=(0.0, 6500.0), xlim=(0.0, 200.0))
+
+    panels(figure, [2.1], draw)
 
 
 @result("elastic_limit.svg", "Distance of the tip from the base: it stops at the length of the arm", PAGE)

@@ -61,6 +61,23 @@ def stops_short(figure: Figure, page: SimpleNamespace) -> None:
     panels(figure, [1.7, 1.7], draw)
 
 
+@result("friction_compensation.svg", "Errors of three compensations while moving and at rest, and the jumps of their torque", PAGE)
+def compensation(figure: Figure, page: SimpleNamespace) -> None:
+    names = list(page.compensations)
+    place = np.arange(len(names))
+
+    def draw(error: Axes, jump: Axes) -> None:
+        for made, shift, colour, name in ((page.moving, -0.2, BLUE, "moving"), (page.resting, 0.2, RED, "at rest")):
+            error.bar(place + shift, [made[each][0] for each in names], 0.38, color=colour, label=name)
+            jump.bar(place + shift, [made[each][1] for each in names], 0.38, color=colour, label=name)
+        error.set_ylabel("error (rad)")
+        jump.set(ylabel="jump (N m)", xticks=place, xticklabels=names)
+        jump.grid(visible=False, axis="x")
+        error.grid(visible=False, axis="x")
+
+    panels(figure, [1.5, 1.5], draw)
+
+
 @result("friction_limit.svg", "Angle over time with integral action: the joint jumps around its target", PAGE)
 def hunting(figure: Figure, page: SimpleNamespace) -> None:
     def draw(ax: Axes) -> None:

@@ -79,6 +79,17 @@ def null_space(figure: Figure, page: SimpleNamespace) -> None:
     panels(figure, [2.1, 1.3], draw)
 
 
+@result("impedance_damping.svg", "Distance of the tip from its target over time for three dampings", PAGE)
+def damping(figure: Figure, page: SimpleNamespace) -> None:
+    def draw(ax: Axes) -> None:
+        for (name, run), colour in zip(page.back.items(), (RED, BLUE, GREEN), strict=True):
+            error = 1e3 * np.linalg.norm(page.arm.position(thin(run.q), "tcp") - page.x_d - 0.02, axis=1)
+            ax.plot(thin(run.t), error, color=colour, label=name)
+        ax.set(ylabel="distance (mm)", xlabel="time (s)", ylim=(0.0, None))
+
+    panels(figure, [2.0], draw)
+
+
 @result("impedance_limit.svg", "Distance of the tip from its target while the elbow is pushed", PAGE)
 def elbow(figure: Figure, page: SimpleNamespace) -> None:
     def draw(ax: Axes) -> None:

@@ -59,6 +59,32 @@ def lifts(figure: Figure, page: SimpleNamespace) -> None:
     panels(figure, [1.7, 1.7], draw)
 
 
+@result("minimum_time_swing.svg", "Energy over the angle: pushes from the start and from behind it, and the potential energy", PAGE)
+def energies(figure: Figure, page: SimpleNamespace) -> None:
+    limit, best = 0.72, page.swing[0.72].best
+    theta = np.linspace(-1.2, np.pi + 0.2, 400)
+    turn = best.theta_turn
+    from_turn = theta[theta >= turn]
+    stall = np.argmax((1.0 - np.cos(theta) > limit * theta) & (theta > 0.5))
+
+    def draw(ax: Axes) -> None:
+        ax.fill_between(theta, -1.2, -np.cos(theta), color="0.88", linewidth=0.0)
+        ax.plot(theta, -np.cos(theta), color="0.3", label="$V$")
+        at_start = theta[(theta >= 0.0) & (theta <= theta[stall])]
+        ax.plot(at_start, -1.0 + limit * at_start, color=RED, label="push from\nthe start")
+        ax.plot(theta[stall], -np.cos(theta[stall]), "x", color=RED, markersize=8, markeredgewidth=2.0)
+        push = -np.cos(turn) + limit * (from_turn - turn)
+        brake = 1.0 + limit * (np.pi - from_turn)
+        seen = from_turn <= np.pi
+        ax.plot(from_turn[seen], np.minimum(push, brake)[seen], color=BLUE, label="push from\nbehind, brake")
+        back = theta[(theta >= turn) & (theta <= 0.0)]
+        ax.plot(back, np.minimum(-1.0 - limit * back, -np.cos(turn) + limit * (back - turn)), color=BLUE, linestyle="--", label="back")
+        ax.plot(turn, -np.cos(turn), "o", color=BLUE)
+        ax.set(xlabel=r"$\theta$ (rad)", ylabel="energy (J)", ylim=(-1.2, 1.6), xlim=(-1.2, np.pi + 0.2))
+
+    panels(figure, [2.4], draw)
+
+
 @result("minimum_time_limit.svg", "Angle over time of the plan and of a link that is 2 percent heavier", PAGE)
 def no_reserve(figure: Figure, page: SimpleNamespace) -> None:
     def draw(ax: Axes) -> None:

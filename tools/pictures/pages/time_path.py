@@ -66,6 +66,18 @@ def timing(figure: Figure, page: SimpleNamespace) -> None:
     panels(figure, [2.1, 2.0], draw, share=False)
 
 
+@result("time_path_top.svg", "Path speed of the fastest motion and the maximum-velocity curve", PAGE)
+def top(figure: Figure, page: SimpleNamespace) -> None:
+    def draw(ax: Axes) -> None:
+        highest = np.sqrt(page.top)
+        ax.fill_between(page.s, highest, 14.0, color=RED, alpha=0.12, linewidth=0.0)
+        ax.plot(page.s, highest, color=RED, label="maximum-\nvelocity curve")
+        ax.plot(page.turn.s, page.turn.s_dot, color=GREEN, linewidth=2.0, label="fastest\nmotion")
+        ax.set(xlabel="path position $s$ (1)", ylabel=r"$\dot s$ (1/s)", ylim=(0.0, 14.0), xlim=(0.0, 1.0))
+
+    panels(figure, [2.3], draw)
+
+
 @result("time_path_limit.svg", "Gravity torque along the path against the torque limit", PAGE)
 def gravity(figure: Figure, page: SimpleNamespace) -> None:
     s = np.linspace(0.0, 1.0, 200)
