@@ -89,6 +89,14 @@ def priority_acceleration(chosen: str, **options: Any) -> Any:
     return of_run(al.RigidArm(THREE), law, Q3, V3)
 
 
+def limited(kind: Any, plant: Any, **options: Any) -> Any:
+    """A law of task priority for an arm with limits."""
+    link = {"type": "R", "axis": [0, 0, 1], "phi": [1, 0.1, 0, 0, 0.1, 0, 0.1, 0, 0, 0.1], "xyz": [0.4, 0.0, 0.0]}
+    arm = al.Arm.from_chain([link | {"lower": -1.0, "upper": 0.7, "velocity": 0.1}] * 3)
+    law = kind(arm, [al.Task("link3", "x", [0.1], 20.0)], **options)
+    return of_run(plant(arm), law, Q3, V3 if plant is al.RigidArm else None)
+
+
 def guarded(chosen: str | None, elastic: bool = False, **options: Any) -> Any:
     inner = al.PDGravity(ARM, [0.5, 0.2], 50.0, 5.0)
     law: Any = al.MotorPD(ARM, [0.5, 0.2], 50.0, 5.0, K_J) if elastic else inner
@@ -127,7 +135,8 @@ NULL = al.NullSpace([0.2, 0.3, 0.4], 10.0, 2.0)
 FILTERED = al.ElasticImpedance(ARM, [0.7, 0.5], 300.0, 40.0, K_J, B, B0, frame="link2", axes="xy", integral_gain=5.0)
 BASE = ARM.base_parameters()
 #: Pairs without an effect of each method.
-SATURATED = {"sns": {"*+*": "of two limits, only the tighter one is active"}}
+ONE_LIMIT = "of two limits, only the tighter one is active"
+SATURATED = {"sns": {"*+*": ONE_LIMIT}}
 LIMITS = {"v_min": -0.01, "v_max": 0.05, "q_min": -0.3, "q_max": 0.65, "a_max": 1.0, "horizon": 2.0}
 
 
@@ -216,9 +225,13 @@ CASES = {
         f"PriorityAcceleration {method}": Case(
             partial(priority_acceleration, method),
             {"eps": 0.9, "joint_damping": 2.0, **LIMITS} | ({"method": "chiaverini"} if method == "clamp" else {}),
-            SATURATED.get(method, {}),
+            SATURATED.get(method, {"joint_damping+*": ONE_LIMIT, "horizon+a_max": ONE_LIMIT}),
         )
         for method in ("clamp", "exact", "damped", "chiaverini", "sns")
+    },
+    **{
+        f"{kind.__name__} limits": Case(partial(limited, kind, plant), {"limits": True, "q_max": 0.65})
+        for kind, plant in ((al.PriorityVelocity, al.VelocityArm), (al.PriorityAcceleration, al.RigidArm))
     },
     **{
         f"Guarded {reaction} {elastic}": Case(

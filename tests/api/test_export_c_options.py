@@ -145,8 +145,10 @@ REFUSED: dict[str, list[tuple[str, dict[str, Any], str]]] = {
             {"tasks": tasks(), "method": "sns", "v_max": 1.0, "q_min": -2.0, "q_max": 2.0, "a_max": 9.0, "horizon": 0.1},
             "limits of joint velocities",
         ),
+        ("limits of the arm", {"tasks": tasks(), "limits": True, "v_max": 1.0}, "limits of joint velocities"),
     ],
     "PriorityAcceleration": [
+        ("limits of the arm", {"tasks": tasks(), "limits": True, "v_max": 1.0}, "limits of joint"),
         (
             "limits",
             {"tasks": tasks(), "method": "sns", "a_max": 9.0, "v_min": -1.0, "v_max": 1.0, "q_min": -2.0, "q_max": 2.0, "horizon": 0.1},

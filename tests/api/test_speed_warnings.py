@@ -44,12 +44,20 @@ def test_a_target_out_of_reach_warns() -> None:
     run, texts = heard(lambda: al.simulate(al.VelocityArm(ARM), law(ARM, FAR), Q, **TIMES))
     ratio = np.abs(run.tau) / [2.0, 1.5, 1.0]
     joint = int(ratio.max(axis=0).argmax())
-    assert len(texts) == 1 and "simulate: commands pass the arm's speed limits: " in texts[0] and 'method="sns"' in texts[0]
+    assert len(texts) == 1 and "simulate: commands pass the arm's speed limits: " in texts[0] and "limits=True" in texts[0]
     assert f"{np.abs(run.tau[:, joint]).max():.4g} rad/s of link{joint + 1}" in texts[0].replace("joint", "link")
     assert run.status == al.Status.SUCCESS
     assert run.metrics()["input_ratio"] == ratio.max()
     assert run.metrics()["time_outside_limits"] > 0.0 and run.metrics().unit("input_ratio") == "1"
     assert f"commands up to {ratio.max():.3g} times the speed limits" in repr(run)
+
+
+def test_a_law_that_ignores_limits_does_not_warn() -> None:
+    ignoring = law(ARM, FAR, limits=False)
+    assert heard(lambda: al.simulate(al.VelocityArm(ARM), ignoring, Q, **TIMES))[1] == []
+    # Of a batch, every law must ignore them.
+    for laws, count in (([ignoring] * 2, 0), ([ignoring, law(ARM, FAR)], 1)):
+        assert len(heard(lambda laws=laws: al.simulate_batch(al.VelocityArm(ARM), laws, [Q, Q], **TIMES))[1]) == count  # type: ignore[misc]
 
 
 def test_runs_without_excess_do_not_warn() -> None:
@@ -58,6 +66,7 @@ def test_runs_without_excess_do_not_warn() -> None:
     for call in (
         lambda: al.simulate(plant, law(ARM, NEAR), Q, **clock),
         lambda: al.simulate(plant, law(ARM, FAR, method="sns"), Q, **clock),
+        lambda: al.simulate(plant, law(ARM, FAR, limits=True), Q, **clock),
         lambda: al.simulate(plant, law(ARM, FAR), Q, tau_max=[2.0, 1.5, 1.0], **clock),
         lambda: al.simulate(al.VelocityArm(free), law(free, FAR), Q, **clock),
     ):

@@ -17,6 +17,7 @@ import armlet as al
 from armlet import reference as ref
 
 Array = NDArray[np.float64]
+SIDES = ("lower", "upper")
 
 
 @pytest.mark.parametrize("weighted", [False, True])
@@ -81,6 +82,28 @@ def test_limits_given(name: str, n: int) -> None:
             bounds = other._limited(q, v)
             saturated += int(np.any((want["u"] == bounds["v_min"]) | (want["u"] == bounds["v_max"])))
     assert saturated >= 20
+
+
+@pytest.mark.parametrize("name", ["PriorityVelocity", "PriorityAcceleration"])
+@pytest.mark.parametrize("n", [1, 2, 3])
+def test_limits_with_exact(name: str, n: int) -> None:
+    """The method "exact" agrees with an enumeration of active sets, also for a joint beyond its limit, and with own limits."""
+    arm, theirs = driven_tree(n, 3)
+    given = [{"v_max": 0.3}, {"limits": True}, {"a_max": 0.8, "q_max": 0.3, "q_min": -0.3, "v_min": -0.2, "horizon": 0.05}]
+    active = 0
+    for limits in given:
+        law = getattr(al, name)(arm, levels(al, arm, n, name)[:2], "exact", **limits)
+        other = getattr(ref, name)(theirs, levels(ref, arm, n, name)[:2], "exact", **limits)
+        for q, v in np.random.default_rng(n).uniform(-0.5, 0.5, (4, 2, n)):
+            want = other.terms(0.2, q, v)
+            close(law(0.2, q, v), want["tau"], tolerance=1e-8)
+            bounds = other._limited(q, v)
+            at_bound = [bool(np.isclose(want["u"], bounds[name], rtol=1e-9, atol=0.0).any()) for name in ("v_min", "v_max")]
+            active += any(at_bound)
+            sides = {limit.side for limit in law.terms(0.2, q, v)["limits"]}
+            # A joint beyond its limit has equal bounds, so that its row is a task.
+            assert np.any(bounds["v_min"] == bounds["v_max"]) or sides == {side for side, at in zip(SIDES, at_bound, strict=True) if at}
+    assert active >= 3
 
 
 @pytest.mark.parametrize("n", [2, 5, 8])

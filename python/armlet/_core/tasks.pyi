@@ -104,6 +104,7 @@ class PriorityVelocity(Law):
         q_max: ArrayLike | None = None,
         a_max: ArrayLike | None = None,
         horizon: float | None = None,
+        limits: bool | None = None,
     ) -> Self: ...
 
 @final
@@ -122,6 +123,7 @@ class PriorityAcceleration(Law):
         q_min: ArrayLike | None = None,
         q_max: ArrayLike | None = None,
         horizon: float | None = None,
+        limits: bool | None = None,
     ) -> Self: ...
 
 @final

@@ -4,6 +4,7 @@
     fixed joints F:  v(s) = x_F + N_F (J_i N_F)# (s v_i - J_i x_F),   x_F = x + N (E_F N)# (b_F - E_F x),   N_F = N null(E_F N)
     while s = 1 violates a bound   the joint with the smallest limit of s is added to F; among equal ones the fastest  (Flacco et al. 2015)
     at distance d from a limit     the largest u with  u dt <= d  and  u^2 <= 2 a d  (u > 0),  by bisection
+    the same with u held for dt    the largest u with  u dt + u^2 / (2 a) <= d  (u > 0)
 
 J_i and v_i are the Jacobian and the task velocity of the level, and x is the solution of the levels above. s is the scale of the level. E_F
 are the rows of the unit matrix for the joints F, and b_F their bounds. null(A) is an orthonormal null basis, A# the pseudo-inverse of A. dt
@@ -104,24 +105,29 @@ def solve_saturated(
     return np.clip(root @ x, lower, upper), ranks, np.array(scales)
 
 
-def _fastest(d: float, dt: float, a: float) -> float:
-    """The largest velocity at the distance d from a limit, for a sample time dt and a braking deceleration a; it may be negative."""
+def _fastest(d: float, dt: float, a: float, held: bool) -> float:
+    """The largest velocity at the distance d from a limit, for a sample time dt and a braking deceleration a; it may be negative.
+
+    If it is `held`, the joint brakes only after the time dt.
+    """
     if np.isinf(d):
         return np.inf
     low, high = -abs(d) / dt - 1.0, abs(d) / dt + 1.0
     while low < (middle := 0.5 * (low + high)) < high:
-        allowed = middle * dt <= d and (middle <= 0.0 or middle * middle / (2.0 * a) <= d)
+        allowed = middle * dt <= d and (middle <= 0.0 or middle * middle / (2.0 * a) + (middle * dt if held else 0.0) <= d)
         low, high = (middle, high) if allowed else (low, middle)
     return low
 
 
-def joint_bounds(q: float, q_min: float, q_max: float, v_min: float, v_max: float, dt: float, a_max: float) -> tuple[float, float]:
+def joint_bounds(
+    q: float, q_min: float, q_max: float, v_min: float, v_max: float, dt: float, a_max: float, held: bool = False
+) -> tuple[float, float]:
     """The velocity bounds of one joint.
 
     Outside of a limit, the joint must return, at a speed from which it can stop before the other limit.
     """
-    lower = min(max(-_fastest(q - q_min, dt, a_max), v_min), v_max)
-    upper = min(max(_fastest(q_max - q, dt, a_max), v_min), v_max)
+    lower = min(max(-_fastest(q - q_min, dt, a_max, held), v_min), v_max)
+    upper = min(max(_fastest(q_max - q, dt, a_max, held), v_min), v_max)
     if lower <= upper:
         return lower, upper
     return (upper, upper) if q < q_min else (lower, lower)

@@ -3,11 +3,11 @@
 velocity:     v = u,  u by `priority` from  J_i u = w_i + K_i e_i                            (closed-loop inverse kinematics)
 torque:       a by `priority` from  J_i a = w_i_dot + D_i (w_i - J_i v) + K_i e_i - dJ_i/dt v,  and a = -c v below all tasks
               tau = M a + C v + g   (computed torque)
-limits (sns): low <= u <= high   so that a joint can stop before its limit, in the time h with the deceleration a_max
+limits: low <= u <= high   so that a joint that moves for the time h can then stop before its limit with the deceleration a_max
               (low - v)/h <= a <= (high - v)/h   within +-a_max; low and high for the time 4 h and the deceleration a_max / 2
 
 Task i has the Jacobian J_i, the error e_i, the target velocity w_i, the gain K_i and the damping D_i. c is `joint_damping`, h `horizon`,
-and low and high are the results of `saturation.joint_bounds`.
+and low and high are the results of `saturation.joint_bounds`. With limits, "exact" enumerates active sets.
 """
 
 from collections.abc import Sequence
@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike
 
 from .arm import Arm
 from .diagnosis import EPS
+from .inequality import solve_inequalities
 from .lagrange import Array
 from .law import Law, Terms
 from .priority import solve_priority
@@ -50,11 +51,26 @@ class VelocityArm:
         return 0.0
 
 
+def _own(arm: Arm, hold: bool, sensible: bool) -> dict[str, Array]:
+    """The limits of the arm, if they `hold`; if `sensible`, without velocity limits that are not positive, and without empty ranges."""
+    if not hold:
+        return {"lower": np.full(arm.n, -np.inf), "upper": np.full(arm.n, np.inf), "velocity": np.full(arm.n, np.inf)}
+    if not sensible:
+        return arm.limits
+    lower, upper, velocity = (arm.limits[name] for name in ("lower", "upper", "velocity"))
+    return {
+        "lower": np.where(lower < upper, lower, -np.inf),
+        "upper": np.where(lower < upper, upper, np.inf),
+        "velocity": np.where(velocity > 0.0, velocity, np.inf),
+    }
+
+
 class PriorityVelocity(Law):
     """A velocity law for tasks, the highest priority first.
 
-    The limits are for the method "sns". None means the limits of the arm, and no limit for `a_max`. If only one of `v_min` and `v_max` is
-    passed, it also limits the speed in the other direction.
+    Limits are for the methods "sns" and "exact". `limits` is whether the limits of the arm replace missing limits, except velocity limits
+    that are not positive, and empty ranges. None means only for "sns", without exceptions. If only one of `v_min` and `v_max` is passed,
+    it also limits the speed in the other direction.
     """
 
     def __init__(
@@ -70,13 +86,17 @@ class PriorityVelocity(Law):
         q_max: ArrayLike | None = None,
         a_max: ArrayLike | None = None,
         horizon: float = 0.1,
+        limits: bool | None = None,
     ) -> None:
         self.arm, self.tasks, self.method, self.eps = arm, list(tasks), method, eps
         if any(task.without_target for task in self.tasks):
             raise ValueError("PriorityVelocity: tasks is incomplete: expected a motion or target for each")
         self.gains = [task.gains(arm) for task in self.tasks]
         self.breaks = tuple(b for task in self.tasks for b in task.breaks)
-        own, mirrored = arm.limits, (None if v_min is None else -np.asarray(v_min), None if v_max is None else -np.asarray(v_max))
+        given = any(x is not None for x in (v_min, v_max, q_min, q_max, a_max))
+        self.limited = method == "sns" or given or bool(limits)
+        own = _own(arm, method == "sns" if limits is None else limits, bool(limits))
+        mirrored = (None if v_min is None else -np.asarray(v_min), None if v_max is None else -np.asarray(v_max))
         chosen: list[Any] = [
             own["lower"] if q_min is None else q_min,
             own["upper"] if q_max is None else q_max,
@@ -87,15 +107,18 @@ class PriorityVelocity(Law):
         self.limits = np.array([np.broadcast_to(np.asarray(x, dtype=np.float64), (arm.n,)) for x in chosen])
         self.horizon = horizon
 
-    def bounds(self, q: Array, time: float, brakes: float) -> tuple[Array, Array]:
-        """The bounds of joint velocities, (n,) each, for the time `time`, s, and the deceleration `brakes` * a_max."""
+    def bounds(self, q: Array, time: float, brakes: float, held: bool) -> tuple[Array, Array]:
+        """The bounds of joint velocities, (n,) each, for the time `time`, s, and the deceleration `brakes` * a_max.
+
+        If velocities are `held`, the joint brakes only after `time`.
+        """
         q_min, q_max, v_min, v_max, a_max = self.limits
         columns = zip(q, q_min, q_max, v_min, v_max, brakes * a_max, strict=True)
-        pairs = np.array([joint_bounds(x, low, high, slow, fast, time, a) for x, low, high, slow, fast, a in columns])
+        pairs = np.array([joint_bounds(x, low, high, slow, fast, time, a, held) for x, low, high, slow, fast, a in columns])
         return pairs[:, 0], pairs[:, 1]
 
     def _limited(self, q: Array, v: Array) -> dict[str, Array]:
-        lower, upper = self.bounds(q, self.horizon, 1.0)
+        lower, upper = self.bounds(q, self.horizon, 1.0, True)
         return {"v_min": lower, "v_max": upper}
 
     def _levels(self, t: float, q: Array, v: Array) -> tuple[list[Array], list[Array], Terms]:
@@ -112,8 +135,12 @@ class PriorityVelocity(Law):
     ) -> Terms:
         jacobians, commands, terms = self._levels(t, q, v)
         rounding = 8 * EPS * (1.0 + float(np.abs(q).sum()))
-        limits = self._limited(q, v) if self.method == "sns" else {}
-        u = solve_priority(jacobians, commands, self.method, self.eps, rounding, **limits).v
+        limits = self._limited(q, v) if self.limited else {}
+        if limits and self.method == "exact":
+            rows = [(J, c, c) for J, c in zip(jacobians, commands, strict=True)]
+            u = solve_inequalities([(np.eye(self.arm.n), limits["v_min"], limits["v_max"]), *rows]).x
+        else:
+            u = solve_priority(jacobians, commands, self.method, self.eps, rounding, **limits).v
         return terms | {"tau": self._input(q, v, u), "state_rate": np.zeros(0), "u": u}
 
     def _input(self, q: Array, v: Array, u: Array) -> Array:
@@ -130,7 +157,7 @@ class PriorityAcceleration(PriorityVelocity):
             self.eps = [*np.ravel(self.eps), 0.02]  # the last eps is for the level below all tasks
 
     def _limited(self, q: Array, v: Array) -> dict[str, Array]:
-        slow, fast = self.bounds(q, 4.0 * self.horizon, 0.5)
+        slow, fast = self.bounds(q, 4.0 * self.horizon, 0.5, False)
         a_max = self.limits[4]
         lower, upper = (np.clip((to - v) / self.horizon, -a_max, a_max) for to in (slow, fast))
         return {"v_min": lower, "v_max": upper}

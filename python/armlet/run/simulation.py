@@ -113,7 +113,7 @@ def simulate(
 
     Warns:
         UserWarning: commands pass the finite speed limits of the arm: the inputs of a VelocityArm, or the velocities of the joints under a
-            `PriorityAcceleration`. Only the method "sns" keeps these limits.
+            `PriorityAcceleration`. Priority laws keep these limits with `limits=True`, and omit the warning with `limits=False`.
         UserWarning: a position is outside of the joint limits, such as an angle in degrees. Or the steps are too coarse for the loop.
             They are too coarse if the residual of the energy balance exceeds 1e-6 J and a tenth of the energy stored or exchanged. There
             is a second criterion for a law that acts at every instant without `tau_max` and `force`. The steps are too coarse if the

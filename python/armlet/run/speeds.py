@@ -1,8 +1,9 @@
 """Warnings of laws whose commands pass the speed limits of the arm.
 
-The method "sns" of priority laws keeps these limits, and the other methods do not. Near a singularity or with a target out of reach, their
-commands may exceed the limits by a factor of hundreds. The compared speed is the input of a plant under velocity control, and the velocity
-of the joints under a `PriorityAcceleration`. Only finite limits above zero are compared.
+The method "sns" of priority laws keeps these limits, and the other methods do so with `limits=True`. Near a singularity or with a target
+out of reach, commands may otherwise exceed the limits by a factor of hundreds. `limits=False` omits the warning. The compared speed is
+the input of a plant under velocity control, and the velocity of the joints under a `PriorityAcceleration`. Only finite limits above zero
+are compared.
 """
 
 from __future__ import annotations
@@ -69,7 +70,7 @@ def speed_ratio(run: Recorded) -> Array | None:
 
 def warn_of_speeds(caller: str, run: Recorded) -> None:
     """Warn once if commands of a run, or of runs of a batch, pass the arm's own speed limits."""
-    ratio = None if is_quiet() else speed_ratio(run)
+    ratio = None if is_quiet() or _ignores_limits(run) else speed_ratio(run)
     if ratio is None or not ratio.any():
         return
     bad = ratio.any(axis=(-2, -1))
@@ -81,8 +82,14 @@ def warn_of_speeds(caller: str, run: Recorded) -> None:
     text = f"{ratio.max() * limit:.4g} {unit} of {run.arm.joint_names[joint]}, whose limit is {limit:.4g} {unit}"
     advice = "tau_max bounds the commands"
     if run.law_name.startswith("Priority"):
-        advice = 'method="sns" keeps the limits, and a target within reach or a larger eps requires lower speeds'
+        advice = "limits=True of the law keeps the limits, and limits=False omits this warning"
     warnings.warn(f"{caller}: commands pass the arm's speed limits{runs}: {text}; {advice}", UserWarning, stacklevel=level_of_caller())
+
+
+def _ignores_limits(run: Recorded) -> bool:
+    """Whether the law of a run, or all laws of a batch, ignore the arm's limits on request."""
+    laws = [law for law in run._laws if isinstance(law, (_core.PriorityVelocity, _core.PriorityAcceleration))]
+    return bool(laws) and all(law.__getnewargs_ex__()[1].get("limits") is False for law in laws)
 
 
 def _positive(limits: Array) -> Array:

@@ -223,6 +223,7 @@ _BOUNDS: dict[str, Field] = {
     **dict.fromkeys(_LIMITS, Numbers(depth=1)),
     "a_max": Numbers(depth=1, low=0.0, strict=True),
     "horizon": POSITIVE,
+    "limits": Flag(),
 }
 _REST: dict[str, Field] = {"joint_damping": NOT_NEGATIVE}
 _ADAPTATION: dict[str, Field] = {

@@ -38,20 +38,18 @@ pub fn velocity_bounds(
                 Error::input("limits", format!("is not ordered: expected q_min <= q_max, v_max >= 0, a_max >= 0, got {got}")).at([i])
             );
         }
-        (lower[i], upper[i]) = joint_velocity_bounds(q[i], (q_min[i], q_max[i]), (-v_max[i], v_max[i]), dt, 2.0 * a_max[i]);
+        (lower[i], upper[i]) = joint_velocity_bounds(q[i], (q_min[i], q_max[i]), (-v_max[i], v_max[i]), |distance| {
+            let speed = if distance > 0.0 { (2.0 * a_max[i] * distance).sqrt() } else { f64::INFINITY };
+            (distance / dt).min(speed)
+        });
     }
     Ok(())
 }
 
-/// Return the velocity bounds of one joint, rad/s or m/s, within `(v_min, v_max)`. `q`, `q_min` and `q_max`: rad or m. `dt`: s. `k`: twice
-/// the deceleration, rad/s^2 or m/s^2. At the distance `d` from a limit, the bound towards the limit is `min(d/dt, sqrt(k d))`. Beyond the
-/// limit, the bound points back.
-pub fn joint_velocity_bounds<S: Real>(q: S, (q_min, q_max): (S, S), (v_min, v_max): (S, S), dt: S, k: S) -> (S, S) {
+/// Return the velocity bounds of one joint, rad/s or m/s, within `(v_min, v_max)`. `q`, `q_min` and `q_max`: rad or m. `allowed_speed` is the
+/// largest velocity towards a limit at a distance from it. Beyond the limit, where the distance is negative, the bound points back.
+pub fn joint_velocity_bounds<S: Real>(q: S, (q_min, q_max): (S, S), (v_min, v_max): (S, S), allowed_speed: impl Fn(S) -> S) -> (S, S) {
     let zero = S::zero();
-    let allowed_speed = |distance: S| {
-        let speed = S::select(zero.lt(distance), (k * distance).sqrt(), S::splat(f64::INFINITY));
-        (distance / dt).min(speed)
-    };
     let down = q - q_min;
     let (lower, upper) = ((-allowed_speed(down)).max(v_min).min(v_max), allowed_speed(q_max - q).max(v_min).min(v_max));
     // Beyond one limit, the return speed is at most the speed from which the joint can stop before the other limit.

@@ -36,10 +36,14 @@ pub struct StackFormula {
     n: usize,
     rows: Vec<usize>,
     regular: Regular<Sym>,
+    /// The upper bounds of the levels with bounds, shape `(sum rows,)`; empty without such levels.
+    upper: Vec<Sym>,
+    /// Whether native code computes every result.
+    always_native: bool,
     /// The number of the kind of native code.
     kind: u32,
     arguments: Vec<Sym>,
-    /// The joint velocities, the residuals and the ranks.
+    /// The joint velocities, the residuals, the ranks, and the certificate.
     results: Vec<Sym>,
 }
 
@@ -48,11 +52,24 @@ impl StackFormula {
     pub fn of(solver: &PrioritySolver) -> Self {
         let (n, rows) = (solver.n(), solver.rows().to_vec());
         let regular: Regular<Sym> = solver.regular();
-        let flags = [solver.eps().is_some(), solver.settings.metric.is_some()].map(usize::from);
-        let sizes = [&[n, solver.method() as usize], &flags[..], &rows].concat();
+        let flags = [solver.eps().is_some(), solver.settings.metric.is_some(), solver.bounds().is_some()].map(usize::from);
+        let intervals: Vec<usize> = solver.given.intervals.iter().map(|interval| usize::from(*interval)).collect();
+        let sizes = [&[n, solver.method() as usize], &flags[..], &[rows.len()], &rows, &intervals].concat();
         let kind = kind("priority", sizes, |sizes| Box::new(NativeStack::new(sizes)));
-        let results = vec![Sym::zero(); n + rows.iter().sum::<usize>() + rows.len()];
-        StackFormula { n, rows, regular, kind, arguments: Vec::new(), results }
+        let results = vec![Sym::zero(); n + rows.iter().sum::<usize>() + rows.len() + 1];
+        let upper = vec![Sym::zero(); solver.given.upper.len()];
+        StackFormula { n, rows, regular, always_native: !intervals.is_empty(), upper, kind, arguments: Vec::new(), results }
+    }
+
+    /// Let native code compute every result, so that there is a certificate.
+    pub fn certify(&mut self) {
+        self.always_native = true;
+    }
+
+    /// The upper bounds of the levels with bounds for the next solves, shape `(sum rows,)`, which the caller writes. Their lower bounds are
+    /// in the place of commands, and the upper bound of a task is its command.
+    pub fn upper_mut(&mut self) -> &mut [Sym] {
+        &mut self.upper
     }
 
     /// The lower and upper bounds of the joint velocities for the next solves, shape `(n,)` each, which the caller writes.
@@ -63,13 +80,13 @@ impl StackFormula {
     /// Solve the stack `jacobian`, shape `(sum rows, n)`, for the command `command`. `rounding` is the relative error of the entries of
     /// `jacobian`. The results are NaN if the solver has none.
     pub fn solve(&mut self, rounding: Sym, jacobian: &[Sym], command: &[Sym]) {
-        let StackFormula { n, rows, regular, kind, arguments, results } = self;
-        let valid = regular.solve(rounding, jacobian, command);
+        let StackFormula { n, rows, regular, upper, always_native, kind, arguments, results } = self;
+        let valid = if *always_native { Sym::zero() } else { regular.solve(rounding, jacobian, command) };
         arguments.clear();
         arguments.extend([valid, rounding]);
-        arguments.extend(jacobian.iter().chain(command).chain(regular.parameters()));
+        arguments.extend(jacobian.iter().chain(command).chain(&*upper).chain(regular.parameters()));
         let ranks = regular_ranks(*n, rows).map(|rank| Sym::splat(rank as f64));
-        let given = regular.v.iter().chain(&regular.residual).copied().chain(ranks);
+        let given = regular.v.iter().chain(&regular.residual).copied().chain(ranks).chain([Sym::zero()]);
         results.iter_mut().zip(given).for_each(|(to, given)| *to = given);
         sym::decide(*kind, arguments, results);
     }
@@ -81,12 +98,19 @@ impl StackFormula {
 
     /// The residuals of all levels, stacked, in the units of the tasks.
     pub fn residuals(&self) -> &[Sym] {
-        &self.results[self.n..self.results.len() - self.rows.len()]
+        &self.results[self.n..self.results.len() - self.rows.len() - 1]
     }
 
     /// The number of realised directions of each level.
     pub fn ranks(&self) -> &[Sym] {
-        &self.results[self.results.len() - self.rows.len()..]
+        let end = self.results.len() - 1;
+        &self.results[end - self.rows.len()..end]
+    }
+
+    /// The certificate of the solution ([`Bounded::certificate`](super::Bounded)) if native code computed it, otherwise zero. It is NaN for
+    /// `sns`, and without bounds.
+    pub fn certificate(&self) -> Sym {
+        self.results[self.results.len() - 1]
     }
 }
 
@@ -98,14 +122,19 @@ struct NativeStack {
 }
 
 impl NativeStack {
-    /// Allocate the memory for `sizes = [n, method, whether there are thresholds, whether there is a metric, rows..]`.
+    /// Allocate the memory for `sizes`. These are `n`, the method, and whether there are thresholds, a metric and bounds of the joint
+    /// velocities. The number of levels and their rows follow. If a level has bounds, a flag for each level is at the end.
     fn new(sizes: &[usize]) -> Self {
-        let &[n, method, has_eps, has_metric, ref rows @ ..] = sizes else { unreachable!("the sizes of `StackFormula::of`") };
+        let &[n, method, has_eps, has_metric, has_bounds, levels, ref others @ ..] = sizes else {
+            unreachable!("the sizes of `StackFormula::of`")
+        };
+        let (rows, intervals) = others.split_at(levels);
         let method = PriorityMethod::ALL[method];
         let options = PriorityOptions {
             eps: (has_eps > 0).then(|| vec![1.0]),
             weight: (has_metric > 0).then(|| (0..n * n).map(|k| if k % (n + 1) == 0 { 1.0 } else { 0.0 }).collect()),
-            v_max: method.has_bounds().then(|| vec![f64::INFINITY; n]),
+            v_max: (has_bounds > 0).then(|| vec![f64::INFINITY; n]),
+            intervals: intervals.iter().map(|interval| *interval > 0).collect(),
             ..PriorityOptions::new(method)
         };
         let Ok(solver) = PrioritySolver::new(n, rows, &options) else { unreachable!("the sizes are those of a solver") };
@@ -118,6 +147,8 @@ impl NativeStack {
         let (jacobian, command) = self.solver.inputs();
         jacobian.copy_from_slice(&stack[..total * n]);
         command.copy_from_slice(&stack[total * n..]);
+        let (upper, parameters) = parameters.split_at(self.solver.upper().len());
+        self.solver.upper().copy_from_slice(upper);
         let (eps2, parameters) = parameters.split_at(self.eps.len());
         if !self.eps.is_empty() {
             self.eps.iter_mut().zip(eps2).for_each(|(eps, eps2)| *eps = eps2.sqrt());
@@ -125,19 +156,20 @@ impl NativeStack {
         }
         let (factor, bounds) = parameters.split_at(self.solver.settings.metric.iter().map(|metric| metric.factor().len()).sum());
         self.solver.set_metric(factor);
-        if self.solver.method().has_bounds() {
+        if !bounds.is_empty() {
             self.solver.set_bounds(&bounds[..n], &bounds[n..])?;
         }
         self.solver.set_rounding(arguments[1])?;
-        self.solver.run_declined()
+        if self.solver.is_bounded() { self.solver.run() } else { self.solver.run_declined() }
     }
 }
 
 impl Decision for NativeStack {
     fn decide(&mut self, arguments: &[f64], results: &mut [f64]) {
-        let Ok(Solution { v, residuals, levels, .. }) = self.solve(arguments) else { return results.fill(f64::NAN) };
+        let Ok(Solution { v, residuals, levels, bounded, .. }) = self.solve(arguments) else { return results.fill(f64::NAN) };
         let ranks = levels.iter().map(|level| level.rank as f64);
-        let found = v.iter().chain(residuals).copied().chain(ranks);
+        let certificate = bounded.as_ref().map_or(f64::NAN, |bounded| bounded.certificate);
+        let found = v.iter().chain(residuals).copied().chain(ranks).chain([certificate]);
         results.iter_mut().zip(found).for_each(|(to, found)| *to = found);
     }
 }

@@ -21,6 +21,7 @@ use crate::constructor_call::{NamedValues, defined_by_arguments};
 use crate::errors::{Failure, entry, input_error};
 use crate::interrupts::long;
 use crate::motion::Motion;
+use crate::priority::put_active_rows;
 use armlet_core::error::all_finite;
 use armlet_core::law::{JointReference, LawEvaluator, LawSpec};
 use armlet_core::plant::PlantKind;
@@ -193,7 +194,9 @@ impl Law {
         let (t, x, z) = call_arguments(NAME, &self.spec, t, (q, v), [theta, theta_dot], state)?;
         let parts = PyDict::new(py);
         let rows = self.spec.level_rows();
-        for (name, shape, values) in self.evaluate(|evaluator| evaluator.terms(t, &[&x], Some(&z))) {
+        let mut terms = self.evaluate(|evaluator| evaluator.terms(t, &[&x], Some(&z)));
+        put_active_rows(&parts, &self.spec, &mut terms)?;
+        for (name, shape, values) in terms {
             if !rows.is_empty() && matches!(name, "rows" | "ranks") {
                 parts.set_item(name, values.iter().map(|&count| count as usize).collect::<Vec<_>>())?;
                 continue;

@@ -6,6 +6,7 @@
 mod arm_solver;
 mod details;
 mod diagnosis;
+mod law_terms;
 mod single;
 mod solution;
 mod solve;
@@ -17,6 +18,7 @@ mod within;
 pub use arm_solver::ArmPrioritySolver;
 pub use details::_priority_reasons;
 pub use diagnosis::{diagnose_priority, velocity_bounds};
+pub use law_terms::put_active_rows;
 pub use solution::{PrioritySolution, residual_list, status_member};
 pub use solve::solve_priority;
 pub use solver::{_restore_arm_solver, PrioritySolver};

@@ -2,8 +2,8 @@
 //!
 //! `a` solves `J_i a = x_d,i'' + D_i (x_d,i' - J_i v) + K_i e_i - dJ_i/dt v` for the tasks `i` in order of priority. The prime is the time
 //! derivative, `e_i` the error of a task and `J_i` its Jacobian. In the remaining freedom `a = -c v`, which stops motions that change no
-//! task. Then `tau = M a + C v + g`. The method `sns` keeps `a` within bounds. `joint_limits` computes these bounds from the joint limits
-//! at every evaluation.
+//! task. Then `tau = M a + C v + g`. With limits, `a` is within bounds that hold above all levels. `joint_limits` computes them from the joint
+//! limits at every evaluation.
 
 use super::joint_limits::{LimitOverrides, MotionLimits};
 use super::tasks::{Tasks, gained, prioritised, require_levels, same_tasks, solution, stack};
@@ -15,7 +15,7 @@ use crate::law::level::Level;
 use crate::linalg::Gain;
 use crate::motion::Motion;
 use crate::plant::{Parameters, PlantKind};
-use crate::priority::{PriorityMethod, PriorityOptions, PrioritySolver, StackFormula};
+use crate::priority::{PriorityOptions, PrioritySolver, StackFormula};
 use crate::scalar::Real;
 use crate::trace::E;
 use crate::trace::expression::{constant, stacked, vector};
@@ -50,28 +50,22 @@ pub struct PriorityAccelerationSpec {
     pub options: PriorityOptions,
     /// Joint damping `c`, 1/s.
     pub joint_damping: f64,
-    /// Joint limits for the method `sns`; `None` for other methods.
+    /// Joint limits that hold above all levels.
     limits: Option<MotionLimits>,
 }
 
 impl PriorityAccelerationSpec {
-    /// Create the law. `joint_damping`: `c`, 1/s. `limits`: joint limits for the method `Sns`; a limit that is not given is the arm's.
-    /// With `Sns`, bounds in `options` are ignored.
+    /// Create the law. `joint_damping`: `c`, 1/s. `limits`: joint limits above all levels. With limits, bounds in `options` are ignored.
     ///
-    /// Errors: `Input` for no level, the planar PR arm, a negative damping, or limits with another method than `Sns`. Also as for
-    /// [`MotionLimits::new`] and [`PrioritySolver::new`].
+    /// Errors: `Input` for no level, the planar PR arm, or a negative damping. Also as for [`LimitOverrides::resolve`] and
+    /// [`PrioritySolver::new`].
     pub fn new(model: Model, levels: Vec<Level>, options: PriorityOptions, joint_damping: f64, limits: &LimitOverrides) -> Result<Self> {
         require_levels(&levels)?;
         model.tree("arm")?;
         if !(joint_damping >= 0.0 && joint_damping.is_finite()) {
             return Err(Error::input("joint_damping", format!("is not a damping: expected a finite number >= 0, got {joint_damping}")));
         }
-        limits.require_sns(options.method)?;
-        let limits = if options.method == PriorityMethod::Sns {
-            Some(MotionLimits::new(&model, limits).map_err(|error| model.name_limit(error))?)
-        } else {
-            None
-        };
+        let limits = limits.resolve(&model, options.method)?;
         let mut options = limits.as_ref().map_or_else(|| options.clone(), |limits| limits.open(options.clone()));
         // The joint damping is one more level below all tasks. Its Jacobian is the identity. If `eps` has one threshold for each
         // of several tasks, the default threshold is appended for this level. A single threshold applies to all levels.
@@ -100,12 +94,12 @@ impl Definition for PriorityAccelerationSpec {
 
 impl Shape for PriorityAccelerationSpec {
     fn same_shape(&self, other: &Self) -> bool {
-        same_tasks((&self.levels, &self.options), (&other.levels, &other.options))
+        same_tasks((&self.levels, &self.options), (&other.levels, &other.options)) && self.limits.is_some() == other.limits.is_some()
     }
 }
 
 impl Equations for PriorityAccelerationSpec {
-    fn parameters(&self, _: Option<f64>) -> Parameters {
+    fn parameters(&self, period: Option<f64>) -> Parameters {
         let (Ok(arm), Ok(solver)) = (self.model.tree("arm"), self.solver()) else { unreachable!("refused when the law was made") };
         let dampings: Vec<Gain> = self.levels.iter().map(Level::rate_gain).collect();
         let tasks = stack::<E>(arm, &self.levels);
@@ -116,7 +110,7 @@ impl Equations for PriorityAccelerationSpec {
             .gains("gain", self.levels.iter().map(|level| &level.gain))
             .gains("rate_gain", &dampings)
             .number("joint_damping", self.joint_damping)
-            .option(self.limits.as_ref(), |numbers, limits| numbers.made("limits", limits.lift::<E>()))
+            .option(self.limits.as_ref(), |numbers, limits| numbers.made("limits", limits.lift::<E>(period)))
     }
 
     fn equations(&self, at: &Loop) -> Answer {
@@ -131,7 +125,7 @@ impl Equations for PriorityAccelerationSpec {
         let mut j = tasks.j.clone().insert_rows(total, n, E::zero());
         j.rows_mut(total, n).fill_with_identity();
         let bounds = self.limits.is_some().then(|| numbers.get_made::<MotionLimits<E>>("limits").accelerations(&at.q, &at.v));
-        let solution = solution(numbers.get_made("solution"), tasks.rounding, (&j, &stacked([&command, &slow])), bounds);
+        let solution = solution(at, numbers.get_made("solution"), tasks.rounding, (&j, &stacked([&command, &slow])), bounds);
 
         E::term("rows", &[rows.len()], || rows.iter().map(|&rows| constant(rows as f64)).collect());
         at.term("e", tasks.e);

@@ -1,7 +1,11 @@
 //! Joint limits as bounds of a law's command, computed at every evaluation (Flacco, De Luca, Khatib 2015, `flacco2015saturation`).
 //!
-//! Velocity commands `u`, with the distance `d = q_max - q` and the horizon `h`: `u <= min(v_max, d/h, sqrt(2 a_max d))`; beyond the limit,
-//! where `d < 0`, `u <= d/h`.
+//! Velocity commands `u`, with the distance `d = q_max - q`, the braking acceleration `a` and the time `h`:
+//!
+//! `u <= min(v_max, a h (sqrt(1 + 2 d/(a h^2)) - 1))`; beyond the limit, where `d < 0`, `u <= d/h`.
+//!
+//! The second term is the velocity that is held for `h`, and from which `a` then stops the joint at its limit. It is `d/h` without `a`. `h` is
+//! the sample period of a loop that has one, otherwise the horizon.
 //!
 //! Acceleration commands: `a <= (w - v)/h` within `+-a_max`, with the velocity bound `w = min(v_max, d/(4 h), sqrt(a_max d))`. The loop
 //! from `w` to `v` is four times as fast as the loop from `d` to `w`, so that it does not overshoot. It brakes at half of `a_max`, as a
@@ -10,6 +14,7 @@
 //! Lower bounds have the same form. A loop with a sample time or steps of at most `h`, which starts at rest within the limits, remains
 //! within them. This requires a plant that follows the command.
 
+use crate::arm::Limits;
 use crate::dynamics::Model;
 use crate::error::{Error, Result, positive};
 use crate::priority::{PriorityMethod, PriorityOptions, joint_velocity_bounds};
@@ -20,8 +25,8 @@ use crate::trace::{E, V};
 /// The default horizon `h`, s: the shortest time in which a joint may reach its limit.
 pub const HORIZON: f64 = 0.1;
 
-/// Limits that replace the limits of the arm. `None` uses the arm's limit; an arm has no acceleration limits. If only one of `v_min` and
-/// `v_max` is given, the other one is its negative.
+/// The limits of a law. A limit that is `None` is the arm's limit, if the arm's own limits hold; an arm has no acceleration limits. If only one
+/// of `v_min` and `v_max` is given, the other one is its negative.
 ///
 /// ```
 /// # use armlet_core::{arm::Arm, dynamics::Model, priority::PriorityMethod};
@@ -31,8 +36,10 @@ pub const HORIZON: f64 = 0.1;
 /// let given = LimitOverrides { v_max: Some(vec![2.0]), ..LimitOverrides::default() };
 /// // Positions have no limit, and the lower limit of the velocity is -2 rad/s.
 /// assert!(!MotionLimits::new(&model, &given)?.have_positions());
-/// // Only the method `Sns` accepts limits.
-/// assert!(given.require_sns(PriorityMethod::Sns).is_ok() && given.require_sns(PriorityMethod::Clamp).is_err());
+/// assert!(given.resolve(&model, PriorityMethod::Clamp)?.is_some());
+/// // Without a limit, only the method `Sns` has the arm's own limits, and this arm has none.
+/// assert!(LimitOverrides::default().resolve(&model, PriorityMethod::Clamp)?.is_none());
+/// assert!(LimitOverrides::default().resolve(&model, PriorityMethod::Sns).is_err());
 /// # Ok::<(), armlet_core::error::Error>(())
 /// ```
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -47,28 +54,77 @@ pub struct LimitOverrides {
     pub v_max: Option<Vec<f64>>,
     /// Largest accelerations `(n,)`, rad/s^2 or m/s^2.
     pub a_max: Option<Vec<f64>>,
-    /// Horizon `h`, s: the shortest time in which a joint may reach its limit. `None` means [`HORIZON`].
+    /// Horizon `h`, s: the shortest time in which a joint may reach its limit. `None` means the sample period of a sampled loop for methods
+    /// other than `Sns`, otherwise [`HORIZON`].
     pub horizon: Option<f64>,
+    /// Whether the arm's own limits hold where no other limit is given. With `true`, velocity limits that are not positive and empty ranges
+    /// of positions are ignored. `None` means all limits of the arm for `Sns`, and none for other methods.
+    pub own: Option<bool>,
 }
 
 impl LimitOverrides {
-    /// Refuse limits for a priority method without bounds. Errors: `Input`.
-    pub fn require_sns(&self, method: PriorityMethod) -> Result<()> {
-        let given = [
-            ("q_min", self.q_min.is_some()),
-            ("q_max", self.q_max.is_some()),
-            ("v_min", self.v_min.is_some()),
-            ("v_max", self.v_max.is_some()),
-            ("a_max", self.a_max.is_some()),
-            ("horizon", self.horizon.is_some()),
-        ];
-        match given.iter().find(|(_, given)| *given && method != PriorityMethod::Sns) {
-            Some((name, _)) => {
-                Err(Error::input(*name, format!("bounds nothing: expected method sns, which keeps bounds, got {}", method.name())))
-            }
-            None => Ok(()),
-        }
+    /// The names of the limits that are not `None`.
+    fn names(&self) -> impl Iterator<Item = &'static str> {
+        let limits =
+            [("q_min", &self.q_min), ("q_max", &self.q_max), ("v_min", &self.v_min), ("v_max", &self.v_max), ("a_max", &self.a_max)];
+        limits.into_iter().filter(|(_, limit)| limit.is_some()).map(|(name, _)| name)
     }
+
+    /// Return the limits of a law with this priority method, or `None` without limits. Errors: `Input` for limits with `Chiaverini`, and for
+    /// a horizon without limits; also as for [`MotionLimits::new`].
+    pub fn resolve(&self, model: &Model, method: PriorityMethod) -> Result<Option<MotionLimits>> {
+        let first = self.names().next().or((self.own == Some(true)).then_some("limits"));
+        let horizon = self.horizon.map(|_| "horizon");
+        if !method.accepts_bounds() {
+            return first.or(horizon).map_or(Ok(None), |name| {
+                let problem =
+                    format!("bounds nothing: expected clamp, damped, exact or sns, got {}, which accepts no bounds", method.name());
+                Err(Error::input(name, problem))
+            });
+        }
+        if method != PriorityMethod::Sns && first.is_none() {
+            return horizon.map_or(Ok(None), |name| {
+                Err(Error::input(name, format!("takes effect only with limits: expected limits with {}, got none", method.name())))
+            });
+        }
+        let own = self.own.or((method != PriorityMethod::Sns).then_some(false));
+        let mut limits = MotionLimits::new(model, &LimitOverrides { own, ..self.clone() }).map_err(|error| model.name_limit(error))?;
+        limits.sampled = self.horizon.is_none() && method != PriorityMethod::Sns;
+        Ok(Some(limits))
+    }
+
+    /// Sentences on the arm's own limits that are missing, or that would not let a joint move. A law with `own = Some(true)` ignores them.
+    pub fn ignored(&self, model: &Model) -> Result<Vec<String>> {
+        let mut found = Vec::new();
+        for joint in model.tree("arm")?.independent().filter(|_| self.own == Some(true)) {
+            let (name, limits) = (&joint.name, joint.limits);
+            if self.v_min.is_none() && self.v_max.is_none() {
+                if limits.velocity == f64::INFINITY {
+                    found.push(format!("joint {name} has no velocity limit"));
+                } else if sensible(limits).velocity != limits.velocity {
+                    found.push(format!("joint {name} has the velocity limit {}", limits.velocity));
+                }
+            }
+            if self.q_min.is_none()
+                && self.q_max.is_none()
+                && sensible(limits) != (Limits { velocity: sensible(limits).velocity, ..limits })
+            {
+                found.push(format!("joint {name} has the position limits {} and {}", limits.lower, limits.upper));
+            }
+        }
+        Ok(found)
+    }
+}
+
+/// The limits of a joint without a velocity limit that is not positive, and without an empty range of positions.
+fn sensible(mut limits: Limits) -> Limits {
+    if !(limits.velocity > 0.0) {
+        limits.velocity = f64::INFINITY;
+    }
+    if !(limits.lower < limits.upper) {
+        (limits.lower, limits.upper) = (f64::NEG_INFINITY, f64::INFINITY);
+    }
+    limits
 }
 
 /// Limits of every joint; infinite where there is no limit.
@@ -93,17 +149,27 @@ pub struct MotionLimits<S = f64> {
     v_max: Vec<S>,
     a_max: Vec<S>,
     horizon: S,
+    /// Whether the sample period of a loop takes the place of the horizon.
+    pub(super) sampled: bool,
 }
 
 impl MotionLimits {
-    /// Create the limits: `given` where it has a limit, otherwise the arm's limit.
+    /// Create the limits: `given` where it has a limit, otherwise the arm's limit if it holds.
     ///
     /// Errors: `WrongShape` for wrong lengths. `Input` for NaN, limits out of order, an `a_max` or `horizon` that is not positive, no
     /// finite limit at all, or the planar PR arm.
     pub fn new(model: &Model, given: &LimitOverrides) -> Result<Self> {
-        let joints: Vec<&crate::arm::Joint> = model.tree("arm")?.independent().collect();
-        let n = joints.len();
-        let own = |of: fn(&crate::arm::Limits) -> f64| joints.iter().map(|joint| of(&joint.limits)).collect::<Vec<f64>>();
+        let own: Vec<Limits> = model
+            .tree("arm")?
+            .independent()
+            .map(|joint| match given.own {
+                None => joint.limits,
+                Some(true) => sensible(joint.limits),
+                Some(false) => Limits::default(),
+            })
+            .collect();
+        let n = own.len();
+        let own = |of: fn(&Limits) -> f64| own.iter().map(of).collect::<Vec<f64>>();
         let mirrored = |x: &Vec<f64>| x.iter().map(|x| -x).collect::<Vec<f64>>();
         let limits = MotionLimits {
             q_min: given.q_min.clone().unwrap_or_else(|| own(|limits| limits.lower)),
@@ -113,6 +179,7 @@ impl MotionLimits {
             v_max: given.v_max.clone().or(given.v_min.as_ref().map(mirrored)).unwrap_or_else(|| own(|limits| limits.velocity)),
             a_max: given.a_max.clone().unwrap_or_else(|| vec![f64::INFINITY; n]),
             horizon: given.horizon.unwrap_or(HORIZON),
+            sampled: false,
         };
         positive("horizon", limits.horizon)?;
         let MotionLimits { q_min, q_max, v_min, v_max, a_max, .. } = &limits;
@@ -137,6 +204,9 @@ impl MotionLimits {
             }
         }
         let bounded = [q_min, q_max, v_min, v_max, a_max].iter().any(|x| x.iter().any(|x| x.is_finite()));
+        if !bounded && given.own == Some(true) {
+            return Err(Error::input("limits", "has no use: expected an arm with limits, or v_max, q_min, q_max or a_max, got none"));
+        }
         if !bounded {
             let problem = format!("is missing: expected velocity bounds of shape ({n},) for method sns, or an arm with limits, got None");
             return Err(Error::input("v_max", problem));
@@ -156,15 +226,17 @@ impl MotionLimits {
         options
     }
 
-    /// The limits with another number type.
-    pub(crate) fn lift<S: Real>(&self) -> MotionLimits<S> {
+    /// The limits with another number type, for a loop with this sample period.
+    pub(crate) fn lift<S: Real>(&self, period: Option<f64>) -> MotionLimits<S> {
+        let horizon = period.filter(|_| self.sampled).unwrap_or(self.horizon);
         MotionLimits {
             q_min: labelled_numbers("q_min", &self.q_min),
             q_max: labelled_numbers("q_max", &self.q_max),
             v_min: labelled_numbers("v_min", &self.v_min),
             v_max: labelled_numbers("v_max", &self.v_max),
             a_max: labelled_numbers("a_max", &self.a_max),
-            horizon: S::labelled("horizon", 0, || S::varying(self.horizon)),
+            horizon: S::labelled("horizon", 0, || S::varying(horizon)),
+            sampled: self.sampled,
         }
     }
 }
@@ -172,21 +244,30 @@ impl MotionLimits {
 impl MotionLimits<E> {
     /// The bounds of the joint velocities, `(n,)` each, at the joint positions `q`.
     pub fn velocities(&self, q: &V) -> [V; 2] {
-        self.bounds(q, self.horizon, constant(2.0))
+        let (h, one, two) = (self.horizon, constant(1.0), constant(2.0));
+        // `a h (sqrt(1 + 2 d/(a h^2)) - 1)`, in a form that is exact for `d = 0` and for an infinite `a`.
+        self.bounds(q, |i, d| {
+            let held = two * d / (h * (one + (one + two * d / (self.a_max[i] * h * h)).sqrt()));
+            E::select(constant(0.0).lt(d), E::select(d.lt(constant(f64::INFINITY)), held, d), d / h)
+        })
     }
 
     /// The bounds of the joint accelerations, `(n,)` each, at the joint positions `q` and velocities `v`.
     pub fn accelerations(&self, q: &V, v: &V) -> [V; 2] {
         let within = |w: V| V::from_fn(v.len(), |i, _| ((w[i] - v[i]) / self.horizon).clamped(-self.a_max[i], self.a_max[i]));
-        self.bounds(q, self.horizon * constant(4.0), constant(1.0)).map(within)
+        let allowed_speed = |i: usize, d: E| {
+            let speed = E::select(constant(0.0).lt(d), (self.a_max[i] * d).sqrt(), constant(f64::INFINITY));
+            (d / (self.horizon * constant(4.0))).min(speed)
+        };
+        self.bounds(q, allowed_speed).map(within)
     }
 
-    /// The velocities that reach a limit in `time`, s, and that the acceleration `braking a_max` stops before it.
-    fn bounds(&self, q: &V, time: E, braking: E) -> [V; 2] {
+    /// The velocity bounds from the velocities that `allowed_speed` allows for a joint at a distance from its limit.
+    fn bounds(&self, q: &V, allowed_speed: impl Fn(usize, E) -> E) -> [V; 2] {
         let pairs: Vec<(E, E)> = (0..q.len())
             .map(|i| {
                 let (position, velocity) = ((self.q_min[i], self.q_max[i]), (self.v_min[i], self.v_max[i]));
-                joint_velocity_bounds(q[i], position, velocity, time, braking * self.a_max[i])
+                joint_velocity_bounds(q[i], position, velocity, |d| allowed_speed(i, d))
             })
             .collect();
         let (lower, upper): (Vec<E>, Vec<E>) = pairs.into_iter().unzip();

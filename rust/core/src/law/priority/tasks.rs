@@ -27,7 +27,10 @@ macro_rules! prioritised {
             self.levels.iter().map(|level| &level.target).collect()
         }
         fn route(&self) -> Route {
-            if self.options.method.has_bounds() { Route::Deciding } else { Route::Guarded }
+            if self.limits.is_some() { Route::Deciding } else { Route::Guarded }
+        }
+        fn samples(&self) -> bool {
+            self.limits.as_ref().is_some_and(|limits| limits.sampled)
         }
         fn levels(&self) -> &[Level] {
             &self.levels
@@ -88,11 +91,22 @@ impl Tasks {
     }
 }
 
-/// The solution of the stack `j` for `command`, within `[lower, upper]` bounds of the joint rates.
-pub(super) fn solution(formula: &StackFormula, rounding: E, (j, command): (&M, &V), bounds: Option<[V; 2]>) -> StackFormula {
+/// The solution of the stack `j` for `command`, within `[lower, upper]` bounds of the joint rates. In a recording of terms, a solution with
+/// bounds has a certificate.
+pub(super) fn solution(at: &Loop, formula: &StackFormula, rounding: E, (j, command): (&M, &V), bounds: Option<[V; 2]>) -> StackFormula {
     let mut solution = formula.clone();
     if let Some(bounds) = bounds {
+        at.term("lower", bounds[0].clone());
+        at.term("upper", bounds[1].clone());
         *solution.bounds_mut() = bounds.map(|bound| bound.as_slice().to_vec());
+        if at.collects_terms() {
+            solution.certify();
+        }
+        // The stack as the solver reads it: its Jacobian, and the commands in the last column.
+        let mut rows = j.clone().insert_column(j.ncols(), E::zero());
+        rows.set_column(j.ncols(), command);
+        at.matrix_term("stack", rows);
+        E::term("rounding", &[], || vec![rounding]);
     }
     E::as_written(|| solution.solve(rounding, &by_rows(j), command.as_slice()));
     solution

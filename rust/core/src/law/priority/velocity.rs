@@ -3,7 +3,7 @@
 //! `u` solves `J_i u = x_d,i' + K_i e_i` for the tasks `i` in order of priority, by one of the methods of `priority`. The prime is the time
 //! derivative, `e_i` the error of a task and `J_i` its Jacobian. The plant is `q' = u`.
 //!
-//! The method `sns` keeps `u` within bounds. `joint_limits` computes these bounds from the joint limits at every evaluation.
+//! With limits, `u` is within bounds that hold above all levels. `joint_limits` computes them from the joint limits at every evaluation.
 //!
 //! The solver decides numerical ranks. For this, it assumes a relative error of `DEFAULT_ROUNDING (1 + sum|q|)` in the entries of the
 //! Jacobians. Away from singularities and bounds, the solution is a formula without branches. Elsewhere, native code decides the ranks and
@@ -48,16 +48,14 @@ pub struct PriorityVelocitySpec {
     pub levels: Vec<Level>,
     /// Options of the priority method.
     pub options: PriorityOptions,
-    /// Joint limits for the method `sns`; `None` for other methods.
+    /// Joint limits that hold above all levels.
     limits: Option<MotionLimits>,
 }
 
 impl PriorityVelocitySpec {
-    /// Create the law. `limits`: joint limits for the method `Sns`; a limit that is not given is the arm's. With `Sns`, bounds in `options`
-    /// are ignored.
+    /// Create the law. `limits`: joint limits above all levels. With limits, bounds of the joint velocities in `options` are ignored.
     ///
-    /// Errors: `Input` for no level, the planar PR arm, or limits with another method than `Sns`. Also as for [`MotionLimits::new`] and
-    /// [`PrioritySolver::new`].
+    /// Errors: `Input` for no level, or the planar PR arm. Also as for [`LimitOverrides::resolve`] and [`PrioritySolver::new`].
     pub fn new(model: Model, levels: Vec<Level>, options: PriorityOptions, limits: &LimitOverrides) -> Result<Self> {
         require_levels(&levels)?;
         if let Some(i) = levels.iter().position(|level| level.damping.is_some()) {
@@ -65,13 +63,8 @@ impl PriorityVelocitySpec {
             return Err(Error::input(format!("tasks[{i}].damping"), problem));
         }
         model.tree("arm")?;
-        limits.require_sns(options.method)?;
         let given = limits;
-        let limits = if options.method == PriorityMethod::Sns {
-            Some(MotionLimits::new(&model, given).map_err(|error| model.name_limit(error))?)
-        } else {
-            None
-        };
+        let limits = given.resolve(&model, options.method)?;
         if limits.as_ref().is_some_and(|limits| !limits.have_positions()) {
             for (name, given) in [("a_max", given.a_max.is_some()), ("horizon", given.horizon.is_some())] {
                 if given {
@@ -115,18 +108,18 @@ impl Definition for PriorityVelocitySpec {
 
 impl Shape for PriorityVelocitySpec {
     fn same_shape(&self, other: &Self) -> bool {
-        same_tasks((&self.levels, &self.options), (&other.levels, &other.options))
+        same_tasks((&self.levels, &self.options), (&other.levels, &other.options)) && self.limits.is_some() == other.limits.is_some()
     }
 }
 
 impl Equations for PriorityVelocitySpec {
-    fn parameters(&self, _: Option<f64>) -> Parameters {
+    fn parameters(&self, period: Option<f64>) -> Parameters {
         let (Ok(arm), Ok(solver)) = (self.model.tree("arm"), self.solver()) else { unreachable!("refused when the law was made") };
         Parameters::default()
             .made("tasks", stack::<E>(arm, &self.levels))
             .made("solution", StackFormula::of(&solver))
             .gains("gain", self.levels.iter().map(|level| &level.gain))
-            .option(self.limits.as_ref(), |numbers, limits| numbers.made("limits", limits.lift::<E>()))
+            .option(self.limits.as_ref(), |numbers, limits| numbers.made("limits", limits.lift::<E>(period)))
     }
 
     fn equations(&self, at: &Loop) -> Answer {
@@ -134,7 +127,7 @@ impl Equations for PriorityVelocitySpec {
         let tasks = Tasks::of(numbers.get_made("tasks"), at, false);
         let command = &tasks.e_dot + gained(numbers.get_gains("gain"), &rows, &tasks.e);
         let bounds = self.limits.is_some().then(|| numbers.get_made::<MotionLimits<E>>("limits").velocities(&at.q));
-        let solution = solution(numbers.get_made("solution"), tasks.rounding, (&tasks.j, &command), bounds);
+        let solution = solution(at, numbers.get_made("solution"), tasks.rounding, (&tasks.j, &command), bounds);
 
         E::term("rows", &[rows.len()], || rows.iter().map(|&rows| constant(rows as f64)).collect());
         at.term("e", tasks.e);

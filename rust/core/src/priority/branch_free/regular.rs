@@ -7,8 +7,8 @@
 //! the smallest singular value of `J_i N_{i-1}`. For `clamp` and `damped`, it must reach `eps_i`. For the other methods, it must reach
 //! `1e-6 |J_i|_F` and satisfy the rank rule of `hierarchy`. Otherwise the result is not valid, and another algorithm solves the stack.
 //!
-//! For `sns`, zero velocity must be within the bounds. For every `i`, the solution of levels 1 to `i` must also be within them. The result
-//! then equals the solution of `exact`. For `chiaverini`, the result is the sum of `P_{i-1} J_i# v_i` with the ranks of `exact`. `P_{i-1}`
+//! With bounds of the joint velocities, zero velocity must be within them. For every `i`, the solution of levels 1 to `i` must also be within
+//! them. The result then equals the solution of `exact`. For `chiaverini`, the result is the sum of `P_{i-1} J_i# v_i` with the ranks of `exact`. `P_{i-1}`
 //! removes the coordinates of the levels above, and `1/|J_i#|_F` must reach `eps_i`.
 //!
 //! Direct solves and recordings use the same code, which never branches on numbers. So a program (the recorded and compiled code) and a
@@ -47,8 +47,9 @@ pub struct Regular<S> {
     fitting: usize,
     method: PriorityMethod,
     parameters: Parameters<S>,
-    /// The lower and upper velocity bounds of `sns`.
+    /// The lower and upper bounds of the joint velocities, and whether there are any.
     bounds: [Vec<S>; 2],
+    is_bounded: bool,
     /// The solver of single levels for `chiaverini`.
     single_levels: Option<SingleLevels<S>>,
     factor: Factor<S>,
@@ -68,26 +69,27 @@ pub struct Regular<S> {
 }
 
 impl<S: Real> Regular<S> {
-    /// Set the velocity bounds of `sns`, shape `(n,)` each, rad/s or m/s.
+    /// Set the bounds of the joint velocities, shape `(n,)` each, rad/s or m/s.
     pub fn set_bounds(&mut self, v_min: &[f64], v_max: &[f64]) {
         for (own, given) in self.bounds.iter_mut().zip([v_min, v_max]) {
             own.iter_mut().zip(given).for_each(|(own, &bound)| *own = S::varying(bound));
         }
     }
 
-    /// The lower and upper velocity bounds of `sns`, shape `(n,)` each, rad/s or m/s.
+    /// The lower and upper bounds of the joint velocities, shape `(n,)` each, rad/s or m/s.
     pub fn bounds_mut(&mut self) -> &mut [Vec<S>; 2] {
         &mut self.bounds
     }
 
-    /// The numbers that differ between runs: the squares of the thresholds, the factor of the metric, and the bounds of `sns`.
+    /// The numbers that differ between runs: the squares of the thresholds, the factor of the metric, and the bounds of the joint
+    /// velocities.
     pub(in crate::priority) fn parameters(&self) -> impl Iterator<Item = &S> {
-        let bounds = if self.method.has_bounds() { &self.bounds[..] } else { &[] };
+        let bounds = if self.is_bounded { &self.bounds[..] } else { &[] };
         self.parameters.eps2.iter().flatten().chain(self.parameters.metric.iter().flat_map(Metric::factor)).chain(bounds.iter().flatten())
     }
 
     /// Solve the stack `jacobian`, shape `(sum rows, n)`, and write the results to `v` and `residual`. Return one if the result is valid.
-    /// Return zero if a level is not provably regular, if a bound of `sns` may be met, or if a number is extreme.
+    /// Return zero if a level is not provably regular, if a bound may be met, or if a number is extreme.
     pub fn solve(&mut self, rounding: S, jacobian: &[S], command: &[S]) -> S {
         self.load(jacobian);
         self.factor.y.fill(S::zero());
@@ -96,10 +98,11 @@ impl<S: Real> Regular<S> {
             self.factor.eliminate(at, command[at]);
         }
         let mut valid = self.validity(rounding, command);
-        match self.method {
-            PriorityMethod::Exact | PriorityMethod::Clamp | PriorityMethod::Damped => {}
-            PriorityMethod::Chiaverini => valid = self.sum_single_levels(valid, jacobian, command),
-            PriorityMethod::Sns => valid = self.validity_of_bounds(valid),
+        if self.method == PriorityMethod::Chiaverini {
+            valid = self.sum_single_levels(valid, jacobian, command);
+        }
+        if self.is_bounded {
+            valid = self.validity_of_bounds(valid);
         }
         self.joint_velocities(self.n);
         let Regular { n, v, residual, .. } = self;
@@ -231,6 +234,7 @@ impl<S: Real> BranchFree<S> for Regular<S> {
             method: settings.method,
             parameters: Parameters::new(settings),
             bounds: [f64::NEG_INFINITY, f64::INFINITY].map(|bound| vec![S::splat(bound); n]),
+            is_bounded: settings.bounds.is_some(),
             single_levels: (settings.method == PriorityMethod::Chiaverini).then(|| SingleLevels::new(n, rows)),
             factor: Factor::new(n, fit),
             tall: zeros(tall * n),

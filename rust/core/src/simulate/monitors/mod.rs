@@ -32,7 +32,7 @@ pub use kind::{Flow, Instant, Moment, Monitor, MonitorKind, Monitored, Scope};
 
 use super::problem::Problem;
 use crate::law::{LawSpec, ProjectionLoss, RecordedLaw};
-use crate::trace::expression::vector;
+use crate::trace::expression::{vector, zeros};
 use crate::trace::{E, sym};
 use identities::Theory;
 
@@ -119,11 +119,12 @@ impl<'a> Checks<'a> {
     pub fn new(scope: &Scope<'_, 'a>) -> Self {
         let (plant, law) = (scope.plant(), scope.law());
         let norms = level_norms::names(law).len();
+        let period = scope.problem.options.sampling.as_ref().map(|sampling| sampling.period).filter(|_| law.samples());
         let needs_terms = norms > 0 || torque_error::InnerLoop::applies(scope);
         Checks {
             theory: Theory::new(plant, law, scope.monitored.storage),
             law,
-            terms: needs_terms.then(|| RecordedLaw::continuous(law)),
+            terms: needs_terms.then(|| RecordedLaw::new(law, period, zeros(0))),
             monitors: build(scope),
             loss: law.projecting().filter(|_| scope.monitored.loss).map(ProjectionLoss::new),
             seen: plant.seen(),
