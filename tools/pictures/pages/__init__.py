@@ -6,6 +6,7 @@ from . import (  # noqa: F401
     elastic,
     examples,
     friction,
+    gradients,
     identification,
     impedance,
     inequalities,
