@@ -108,6 +108,11 @@ def test_a_bug_is_put_in_once_or_not_at_all(monkeypatch: pytest.MonkeyPatch) -> 
     assert len(listed) >= 40 and all({"file", "text", "bug", "what", "tests"} <= set(bug) for bug in listed)
     assert len({bug["what"] for bug in listed}) == len(listed)
     assert {bug["file"].split("/")[0] for bug in listed} == {"core", "py"}
+    # The switch takes a whole expression, or whole statements.
+    for bug in listed:
+        for text in (bug["text"], bug["bug"]):
+            assert all(text.count(first) == text.count(last) for first, last in ("()", "[]", "{}")), text
+            assert bug.get("statement", False) or (not text.endswith(";") and ("{" in text or not text.startswith("if "))), text
 
 
 def test_the_latency_script_starts_with_the_command_of_make() -> None:

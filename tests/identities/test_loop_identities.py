@@ -91,6 +91,8 @@ def test_sensors_round_lag_and_make_noise() -> None:
     noise = v[2:2000] - result.v[:1998]
     # The limits are five standard errors of mean and deviation for 2 x 1998 draws.
     assert abs(noise.mean()) < 5 * 0.1 / np.sqrt(noise.size) and abs(noise.std() - 0.1) < 5 * 0.1 / np.sqrt(2 * noise.size)
+    # The noise of one joint says nothing about that of the other.
+    assert abs(np.corrcoef(noise.T)[0, 1]) < 5 / np.sqrt(len(noise))
 
 
 def test_the_rate_of_the_input_is_limited() -> None:
