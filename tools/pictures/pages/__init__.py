@@ -10,6 +10,7 @@ from . import (  # noqa: F401
     identification,
     impedance,
     inequalities,
+    integration,
     minimum_time,
     priority,
     time_path,
