@@ -92,6 +92,23 @@ def test_every_run_has_a_disturbance_of_its_own(keep: Any, monkeypatch: pytest.M
     )
 
 
+@pytest.mark.parametrize("sampled", [True, False])
+def test_monitors_of_a_row_are_of_its_own_law(sampled: bool) -> None:
+    """At given times, the records of sampled adaptive laws and of task priority are not computed in programs."""
+    plant: Any = PLANT if sampled else al.VelocityArm(models.TWO_LINKS)
+    if sampled:
+        laws: list[Any] = [al.Adaptive(ARM, LAW.motion, kp=60.0 + 10.0 * i, kd=20.0, gamma=5.0) for i in range(3)]
+    else:
+        laws = [al.PriorityVelocity(models.TWO_LINKS, [al.Task("link2", "x", [0.3 + 0.1 * i], 5.0)]) for i in range(3)]
+    options: dict[str, Any] = {"t_end": 0.1, "dt": 1e-3, "t_eval": [0.0, 0.05, 0.1], "sample_time": 1e-3 if sampled else None}
+    batch = al.simulate_batch(plant, laws, np.full((3, 2), 0.5), monitors=True, **options)
+    for i, law in enumerate(laws):
+        alone = al.simulate(plant, law, [0.5, 0.5], monitors=True, **options).monitors
+        assert alone.keys() == batch.monitors.keys()
+        for name, values in alone.items():
+            np.testing.assert_array_equal(batch.monitors[name][i], values, err_msg=name)
+
+
 def test_finished_rows_are_kept_in_the_arrays_of_the_caller() -> None:
     """The progress callback raises KeyboardInterrupt after the second piece.
 
