@@ -56,6 +56,14 @@ def test_a_long_call_gives_the_same_bits_as_short_ones() -> None:
     np.testing.assert_array_equal(whole, out)
 
 
+def test_each_argument_broadcasts_along_the_other() -> None:
+    q, v = (np.random.default_rng(3).uniform(-1.0, 1.0, (rows, ARM.n)) for rows in (3, 4))
+    pairs = ARM.bias(q[:, np.newaxis], v[np.newaxis])
+    np.testing.assert_array_equal(pairs, [[ARM.bias(one, other) for other in v] for one in q])
+    np.testing.assert_array_equal(pairs, ARM.bias(q[:, np.newaxis], v))
+    np.testing.assert_array_equal(ARM.bias(q[0], v), pairs[0])
+
+
 # A batch that runs as a compiled program is compared with single calls. One angle exceeds the range of the program's sine.
 ALONE = """
     import numpy as np, armlet as al
