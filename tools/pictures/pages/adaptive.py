@@ -73,7 +73,7 @@ def tracking(figure: Figure, page: SimpleNamespace) -> None:
     def draw(metres: Axes, radians: Axes, estimates: Axes, energy: Axes) -> None:
         errors(metres, t[every], e[every, :1], ("$e_1$",), "error (m)", (BLUE,))
         errors(radians, t[every], e[every, 1:], ("$e_2$",), "error (rad)", (RED,))
-        for i, (name, unit, colour) in enumerate((("A", "kg", BLUE), ("B", "kg m", RED), ("C", "kg m²", GREEN))):
+        for i, (name, unit, colour) in enumerate((("$\\pi_1$", "kg", BLUE), ("$\\pi_2$", "kg m", RED), ("$\\pi_3$", "kg m²", GREEN))):
             estimates.plot(t[every], run.estimate[every, i], color=colour, label=f"{name} ({unit})")
             estimates.axhline(arm.parameters[i], color=colour, linestyle="--", linewidth=1.0)
         estimates.plot([], [], color="0.4", linestyle="--", linewidth=1.0, label="true")
@@ -91,7 +91,7 @@ def drift(figure: Figure, page: SimpleNamespace) -> None:
             ax.plot(thin(run.t), thin(run.estimate)[:, 0], color=colour, label=name)
             level = 0.1 * run.t if leakage == 0.0 else np.full_like(run.t, 1.0)
             ax.plot(thin(run.t), thin(level), color="0.4", linestyle=":", label="(8)" if leakage == 0.0 else "balance of (9)")
-        ax.set(xlabel="time (s)", ylabel=r"estimate $\hat A$ (kg)", ylim=(0.0, None))
+        ax.set(xlabel="time (s)", ylabel=r"estimate $\hat\pi_1$ (kg)", ylim=(0.0, None))
 
     panels(figure, [2.1], draw)
 
