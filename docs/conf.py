@@ -29,6 +29,7 @@ extensions = [
     "sphinxcontrib.bibtex",
     "sphinx-mathjax-offline",  # MathJax among the pages: formulas are rendered without a network
     "house",
+    "live_loops",  # links to the pages of tools/docs.sh that run loops
 ]
 root_doc = "index"
 exclude_patterns = ["_build", "auto_examples/**/*.ipynb"]

@@ -12,5 +12,7 @@ export MPLCONFIGDIR="$build/matplotlib"
 $python -P -m armlet demo --out "$build/demo" >/dev/null
 mkdir -p "$build/source/extra/demo"
 cp "$build/demo/report.html" "$build/source/extra/demo/"
+# Some loops of the pages run in the browser.
+$python -P "$build/source/docs/live_loops.py" "$build/source/extra/loops"
 $python -P -m sphinx -b html -W --keep-going -q -d "$build/doctrees" "$build/source/docs" "$build/html"
 echo "docs: $build/html/index.html"

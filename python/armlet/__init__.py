@@ -109,6 +109,7 @@ from .scenario import Scenario
 from .srdf import Srdf, SrdfGroup, load_srdf
 from .status import Status
 from .sweeping import SweepTable, Tuning, WorstCase, sweep, tune, worst_case
+from .web import export_web
 
 __all__ = [  # noqa: RUF022 - in the order of `dir`
     "Active",
@@ -215,6 +216,7 @@ __all__ = [  # noqa: RUF022 - in the order of `dir`
     "example_urdf",
     "exciting_motion",
     "export_c",
+    "export_web",
     "fit_log",
     "from_mujoco",
     "from_pinocchio",

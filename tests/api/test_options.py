@@ -43,6 +43,7 @@ CHOSEN = {"method", "kind", "law", "plant", "x0"}
 ELSEWHERE = {
     "compare": "a figure",
     "export_c": "the tests of this file",
+    "export_web": "the keywords of simulate; the tests of web pages",
     "gradient": "the keywords of simulate",
     "from_mujoco": "the tests of models of other programs",
     "loop_program": "the keywords of simulate; its own options select a listing",

@@ -84,6 +84,8 @@ class Values(Objects):
             "part": lambda: self.text("step", "rates", "law", "segment1", "values", "along_plant"),
             "stage": lambda: self.text("recorded", "simplified", "lowered", "machine"),
             "batch": lambda: self.text("True", "False").strip("'"),
+            "loop": lambda: chance.choice([self.scenario(), f"({self.plant()}, {self.law()})"]),
+            "controls": lambda: chance.choice(["None", '{"law.kp": (0.1, 500.0)}', '{"q0[0]": (-3.0, 3.0)}']),
             "by": lambda: self.text("worst", "mean"),
             "method": self.of_method(target),
             "t_end": lambda: self.positive(0.0, 0.05),

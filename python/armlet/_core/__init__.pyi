@@ -68,6 +68,8 @@ from .plants import Wall as Wall
 from .printing import _c_of_arm as _c_of_arm
 from .printing import _c_of_law as _c_of_law
 from .printing import _c_of_observer as _c_of_observer
+from .printing import _wasm_of_operations as _wasm_of_operations
+from .printing import _web_loop as _web_loop
 from .priority import PrioritySolution as PrioritySolution
 from .priority import PrioritySolver as PrioritySolver
 from .priority import Within as Within
@@ -183,6 +185,8 @@ __all__ = [
     "_spline_slopes",
     "_stored_array",
     "_urdf_joints",
+    "_wasm_of_operations",
+    "_web_loop",
     "bang_bang_time",
     "build_info",
     "damping_from_ratio",

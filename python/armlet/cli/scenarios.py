@@ -1,4 +1,4 @@
-"""Commands for scenario files (`armlet run`, `check`, `export`, `new`, `sweep`, `worst`, `schema`), and `view`, `lab` for the browser."""
+"""Commands for scenario files (`armlet run`, `check`, `export`, `web`, `new`, `sweep`, `worst`, `schema`), and `view`, `lab`."""
 
 from __future__ import annotations
 
@@ -164,6 +164,22 @@ def _export(args: argparse.Namespace) -> int:
     return 0
 
 
+def _web(args: argparse.Namespace) -> int:
+    from ..web import export_web
+
+    controls = {name: (_number(name, low), _number(name, high)) for name, low, high in args.control}
+    path = export_web(Scenario.load(args.scenario), args.out or args.scenario.with_suffix(".html").name, controls)
+    print(f"wrote {path}")
+    return 0
+
+
+def _number(name: str, text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        raise InputError(f"web: --control {name} has a limit that is no number: expected a number, got {shown(text)}") from None
+
+
 def _new(args: argparse.Namespace) -> int:
     sys.stdout.write(template(args.template))
     return 0
@@ -252,6 +268,34 @@ def _workers(text: str) -> int:
     return int(text)
 
 
+def _register_exports(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Add the commands that write C code or web pages to `commands`."""
+    export = commands.add_parser("export", help="write the law of a scenario, or functions of its arm, as C code")
+    export.add_argument("scenario", type=Path, metavar="FILE.toml")
+    export.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder for the header, the source file and CMakeLists.txt")
+    export.add_argument(
+        "--functions",
+        metavar="NAME,NAME:FRAME",
+        help="export these functions of the arm instead of the law, for example mass_matrix,jacobian:flange",
+    )
+    export.add_argument("--prefix", metavar="NAME", help="prefix of all names in C (default: law, or arm)")
+    export.add_argument("--overwrite", action="store_true", help="overwrite files that armlet did not write")
+    export.set_defaults(run=_export)
+
+    web = commands.add_parser("web", help="write a web page that runs the loop of a scenario in the browser")
+    web.add_argument("scenario", type=Path, metavar="FILE.toml")
+    web.add_argument("--out", type=Path, metavar="PAGE.html", help="path of the page (default: the name of the scenario, here)")
+    web.add_argument(
+        "--control",
+        nargs=3,
+        action="append",
+        default=[],
+        metavar=("NAME", "LOW", "HIGH"),
+        help="a slider for a number, for example law.kp 10 100; may be repeated",
+    )
+    web.set_defaults(run=_web)
+
+
 def register(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Add the commands of this file to `commands`."""
     run = commands.add_parser("run", help="run a scenario file; print its metrics")
@@ -267,17 +311,7 @@ def register(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> N
     check.add_argument("scenario", type=Path, metavar="FILE.toml|ROBOT.urdf")
     check.set_defaults(run=_check)
 
-    export = commands.add_parser("export", help="write the law of a scenario, or functions of its arm, as C code")
-    export.add_argument("scenario", type=Path, metavar="FILE.toml")
-    export.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder for the header, the source file and CMakeLists.txt")
-    export.add_argument(
-        "--functions",
-        metavar="NAME,NAME:FRAME",
-        help="export these functions of the arm instead of the law, for example mass_matrix,jacobian:flange",
-    )
-    export.add_argument("--prefix", metavar="NAME", help="prefix of all names in C (default: law, or arm)")
-    export.add_argument("--overwrite", action="store_true", help="overwrite files that armlet did not write")
-    export.set_defaults(run=_export)
+    _register_exports(commands)
 
     new = commands.add_parser("new", help="print an example of a scenario file with comments")
     new.add_argument("template", choices=TEMPLATES)

@@ -40,6 +40,7 @@ mod stored_array;
 mod suggested_gains;
 mod task;
 mod warnings;
+mod web;
 
 use pyo3::prelude::*;
 
@@ -123,6 +124,8 @@ mod _core {
     use super::task::Task;
     #[pymodule_export]
     use super::task::kinds::{AxisTask, CentreOfMassTask, JointLimitTask, PostureTask, RelativeTask};
+    #[pymodule_export]
+    use super::web::{_wasm_of_operations, _web_loop};
 
     #[pymodule_init]
     fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {

@@ -163,7 +163,7 @@ return {prefix}_refuse({upper}_NOT_FINITE, {answers}, out);\n{calls}    return {
     }
 
     /// Record the operations of a query.
-    fn recorded(&self, query: &Query) -> Result<Recorded> {
+    pub(crate) fn recorded(&self, query: &Query) -> Result<Recorded> {
         let n = self.n();
         if self.operations(query) > LONGEST {
             let problem =

@@ -74,6 +74,20 @@ impl Motion {
         }
     }
 
+    /// The name of the motion's class.
+    pub fn name(&self) -> &'static str {
+        match self {
+            Motion::Hold(_) => "Hold",
+            Motion::Sinusoid(_) => "Sinusoid",
+            Motion::Quintic(_) => "Quintic",
+            Motion::BangBang(_) => "BangBang",
+            Motion::Table(_) => "Table",
+            Motion::Spline(_) => "Spline",
+            Motion::TimedPath(_) => "TimedPath",
+            Motion::Acceleration(_) => "an acceleration",
+        }
+    }
+
     /// Approximate number of `f64` values that the motion stores.
     pub fn numbers(&self) -> usize {
         match self {

@@ -10,8 +10,8 @@
 //! `tangents` and `adjoint` compute derivatives of a recording, and `branches` finds its comparisons. `interpreter` computes a recording,
 //! with the steps that `steps` makes. `jacobian` computes a recording and its Jacobian. `straight` and `lower` have the straight-line
 //! instructions. `lifetimes`, `emit`, `instruction`, `opcode`, `x86`, `aarch64` and `memory` make machine code. `c` prints a recording as C
-//! code. `frame` is the memory of a running program, and `pages` requests large pages. `signature` has the groups of slots in a frame.
-//! `rows` copies between the caller's rows and a frame. `function` makes programs of recorded functions, and `cache` stores them.
+//! code, and `wasm` writes it as WebAssembly. `frame` is the memory of a running program, and `pages` requests large pages. `signature` has
+//! the groups of slots in a frame. `rows` copies between the caller's rows and a frame. `function` makes programs of recorded functions, and `cache` stores them.
 //! `by_engine` decides when machine code repays. `program` is the common interface of machine code and `interpreter`. `label`, `listing`
 //! and `listing_code` produce text for readers.
 //!
@@ -67,6 +67,7 @@ pub mod tape;
 mod tests;
 #[cfg(test)]
 mod trials;
+pub mod wasm;
 #[cfg(any(test, not(target_arch = "aarch64")))]
 pub mod x86;
 

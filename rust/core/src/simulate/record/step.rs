@@ -26,7 +26,7 @@ use crate::simulate::problem::sampling::{Parts, Sampling};
 use crate::simulate::sampled::recorded_controller::Controller;
 use crate::simulate::world::Exogenous;
 use crate::trace::cache::Cache;
-use crate::trace::tape::Op;
+use crate::trace::tape::{Moving, Op};
 use crate::trace::{ByEngine, Cut, Engine, Signature, Sym, engine, sym};
 use std::sync::Arc;
 
@@ -42,7 +42,7 @@ pub struct Recorded {
     /// Whether programs compute one run per lane.
     pub lanes: bool,
     ops: Vec<Op>,
-    tracing: Tracing,
+    pub(super) tracing: Tracing,
 }
 
 impl Recorded {
@@ -85,8 +85,21 @@ pub fn record_watched(problem: &Problem, run: usize, common: Common, plain: Opti
     recorded
 }
 
+/// Record the loop of run `run` with the varying set-up parameters `moving`, and pass its programs to `watch`.
+pub fn record_moving(problem: &Problem, run: usize, common: Common, moving: Moving, watch: Watch) -> Recorded {
+    sym::begin_moving(moving);
+    let recorded = recorded(problem, run, common, None);
+    recorded.make(Engine::Interpreter, watch);
+    recorded
+}
+
 fn record(problem: &Problem, run: usize, common: Common, plain: Option<bool>) -> Recorded {
     sym::begin_that(plain.is_none());
+    recorded(problem, run, common, plain)
+}
+
+/// Continue the recording of this thread with the loop of run `run`, and end it.
+fn recorded(problem: &Problem, run: usize, common: Common, plain: Option<bool>) -> Recorded {
     let (closed, extras) = set_up(problem, run, common);
     let given = sym::end_set_up();
     let metrics = extras.sums.as_ref().map_or((0, 0), Sums::sizes);

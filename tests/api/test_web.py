@@ -1,0 +1,149 @@
+"""`armlet.export_web` and `armlet web`: the page, and one error for each part that has no WebAssembly."""
+
+from __future__ import annotations
+
+import json
+import re
+from html.parser import HTMLParser
+from pathlib import Path
+from typing import Any
+
+import models
+import numpy as np
+import pytest
+
+import armlet as al
+from armlet import cli
+
+ARM = models.TWO_LINKS
+PLANT = al.RigidArm(ARM)
+LAW = al.PDGravity(ARM, [0.4, 0.9], kp=80.0, kd=[16.0, 12.0])
+Q0 = [0.0, 0.1]
+
+
+class Texts(HTMLParser):
+    """The content of the scripts of a page, and the addresses in its attributes."""
+
+    def __init__(self, page: str) -> None:
+        super().__init__()
+        self.scripts: list[str] = []
+        self.addresses: list[str] = []
+        self.inside = False
+        self.feed(page)
+
+    def handle_starttag(self, tag: str, attributes: list[tuple[str, str | None]]) -> None:
+        self.inside = tag == "script"
+        self.addresses += [value or "" for name, value in attributes if name in ("src", "href")]
+
+    def handle_data(self, data: str) -> None:
+        if self.inside:
+            self.scripts.append(data)
+            self.inside = False
+
+
+def data_of(path: Path) -> dict[str, Any]:
+    content: dict[str, Any] = json.loads(Texts(path.read_text(encoding="utf-8")).scripts[0])
+    return content
+
+
+def test_a_page_is_one_file_without_addresses(tmp_path: Path) -> None:
+    title = "</script><b>& one"
+    path = al.export_web((PLANT, LAW), tmp_path / "a.html", {"law.kp": (20.0, 200.0), "law.kd[1]": (1.0, 20.0)}, q0=Q0, title=title)
+    page = path.read_text(encoding="utf-8")
+    found = Texts(page)
+    assert found.addresses == [] and len(found.scripts) == 4 and not re.search(r"https?://", page)
+    data = data_of(path)
+    assert data["title"] == title and "<b>" not in page
+    assert [control["name"] for control in data["controls"]] == ["law.kp", "law.kd[1]"]
+    for control, now in zip(data["controls"], (80.0, 12.0), strict=True):
+        assert len(control["values"]) == 101 and control["values"][control["position"]] == now and control["slots"]
+    assert data["target"] == {"kind": "joints"} and data["desired"] is True and len(page) < 100_000
+
+
+def test_a_scenario_and_its_command(tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("loop.toml").write_text(
+        'title = "A step"\n[arm]\nkind = "planar_arm"\nlengths = [0.5, 0.4]\n[law]\nkind = "PDGravity"\ntarget = [0.5, 0.2]\nkp = 100.0\n'
+        "kd = 5.0\n[run]\nq0 = [0.0, 0.0]\nt_end = 2.0\ndt = 2e-3\n"
+    )
+    assert cli.main(["web", "loop.toml", "--control", "law.kp", "50", "150"]) == 0
+    assert capsys.readouterr().out == "wrote loop.html\n"
+    data = data_of(Path("loop.html"))
+    assert (data["title"], data["dt"]) == ("A step", 2e-3) and data["controls"][0]["name"] == "law.kp"
+    written = al.export_web(al.Scenario.load("loop.toml"), "other.html", {"law.kp": (50.0, 150.0)})
+    assert written.read_bytes() == Path("loop.html").read_bytes()
+    for arguments, problem in (
+        (["--control", "law.kp", "a", "2"], "web: --control law.kp has a limit that is no number"),
+        (["--control", "law.kq", "1", "2"], "controls has an unknown name: expected names of"),
+        (["--out", "no/folder.html"], "no"),
+    ):
+        assert cli.main(["web", "loop.toml", *arguments]) == 2
+        assert problem in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("controls", "problem"),
+    [
+        ({"law.kq": (1.0, 2.0)}, r"controls has an unknown name: expected names of .*'law.kp'.*, got 'law.kq'"),
+        ({"law.kp": (200.0, 20.0)}, r"controls\['law.kp'\] is not a range: expected finite numbers low < high"),
+        ({"law.kp": (20.0, float("nan"))}, "expected finite numbers low < high"),
+        ({"law.kp": (20.0, float("inf"))}, "expected finite numbers low < high"),
+        ({"law.kp": 5.0}, r"is not a range: expected \(low, high\)"),
+        ({"law.kp": (100.0, 200.0)}, "does not contain the value of the loop: expected low <= 80 <= high"),
+        ({"law.kp": (-10.0, 100.0)}, r"controls\['law.kp'\] has a value that the loop refuses: -10: "),
+        ({"law.kd": (1.0, 20.0)}, r"has entries that differ: expected the name of one entry such as law.kd\[0\]"),
+        ({"law.kd[2]": (1.0, 20.0)}, r"has no such entry: expected an index into the shape \(2,\)"),
+        ({"law.kp": (20.0, 200.0), "law.kp[0]": (20.0, 200.0)}, "has no such entry|another control also changes"),
+        ([("law.kp", (1.0, 2.0))], "controls is not valid: expected a dict"),
+    ],
+)
+def test_invalid_controls(controls: Any, problem: str, tmp_path: Path) -> None:
+    with pytest.raises(al.InputError, match=f"^export_web: .*{problem}"):
+        al.export_web((PLANT, LAW), tmp_path / "a.html", controls, q0=Q0)
+    assert not (tmp_path / "a.html").exists()
+
+
+SEVEN = models.SEVEN_AXES
+TABLE = al.Table(0.1, np.zeros((3, 2)), np.zeros((3, 2)), np.zeros((3, 2)))
+
+
+@pytest.mark.parametrize(
+    ("plant", "law", "keywords", "problem"),
+    [
+        (PLANT, lambda t, q, v: np.zeros(2), {}, "law is of the wrong type: .* got a function in Python"),
+        (
+            al.VelocityArm(SEVEN),
+            al.PriorityVelocity(SEVEN, [al.Task("tcp", "xyz", [0.3, 0.0, 0.6], 2.0)]),
+            {},
+            "law branches in native code",
+        ),
+        (PLANT, LAW, {"method": "dopri5"}, "method is unknown: expected one of rk4, euler, semi_implicit, got 'dopri5'"),
+        (PLANT, LAW, {"method": "ros2"}, "method is unknown"),
+        (PLANT, LAW, {"dt": -1e-3}, "dt"),
+        (PLANT, LAW, {"sample_time": al.Sampling(1e-2, delay=5e-3)}, "sample_time has delays, noise or limits in native code"),
+        (PLANT, al.ComputedTorque(ARM, TABLE, 100.0, 20.0), {}, "law has a motion that is not exported: .* got Table"),
+        (PLANT, al.PDGravity(SEVEN, np.zeros(7), 10.0, 1.0), {}, "law"),
+        (PLANT, LAW, {"q0": None}, "q0 is missing"),
+        (PLANT, LAW, {"q0": [0.0, float("nan")]}, "q0"),
+        (PLANT, LAW, {"q0": [0.0, 0.0, 0.0]}, r"q0 has the wrong shape: expected \(2,\), got \(3,\)"),
+        (PLANT, LAW, {"tau_max": [1.0, -1.0]}, "tau_max"),
+        (
+            al.RigidArm(ARM, friction=al.StickSlip(coulomb=1.0, static=1.2, stribeck_speed=0.01, viscous=0.1)),
+            LAW,
+            {},
+            "plant has stick-slip friction",
+        ),
+    ],
+)
+def test_parts_without_webassembly_are_refused_by_name(
+    plant: Any, law: Any, keywords: dict[str, Any], problem: str, tmp_path: Path
+) -> None:
+    given = {"q0": np.zeros(plant.arm.n), "dt": 1e-3} | keywords
+    with pytest.raises(al.InputError, match=f"^export_web: {problem}"):
+        al.export_web((plant, law), tmp_path / "a.html", **given)
+    assert not (tmp_path / "a.html").exists()
+
+
+def test_a_folder_that_cannot_be_written(tmp_path: Path) -> None:
+    with pytest.raises(OSError, match="folder"):
+        al.export_web((PLANT, LAW), tmp_path / "folder" / "a.html", q0=Q0)
