@@ -12,6 +12,10 @@ import sys
 from pathlib import Path
 
 import matplotlib
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
 from PIL import Image
 
 sys.path.insert(0, str(Path(__file__).parent))
@@ -29,6 +33,20 @@ runpy.run_path(sys.argv[0], run_name="__main__")
 """
 #: Text is drawn as outlines, and the file has neither date nor random names.
 SVG = {"svg.fonttype": "path", "svg.hashsalt": "armlet", "path.simplify_threshold": 0.3}
+
+#: The duration of one pass of a moving picture, and the number of passes.
+SECONDS, REPEATS = 4, 8
+
+
+def moving(text: str, figure: Figure, gid: str, ax: Axes, frames: NDArray[np.float64]) -> str:
+    """Let the line `gid` of an SVG move through `frames`, (K, points, 2), in the coordinates of `ax`. It stops after a few repetitions."""
+    points = ax.transData.transform(frames.reshape(-1, 2)) * 72.0 / figure.dpi
+    points[:, 1] = 72.0 * figure.get_size_inches()[1] - points[:, 1]
+    paths = ["M" + "L".join(f"{x:.1f} {y:.1f}" for x, y in path) for path in points.reshape(frames.shape)]
+    motion = f'<animate attributeName="d" dur="{SECONDS}s" repeatCount="{REPEATS}" fill="freeze" values="{";".join(paths)}"/>'
+    found = re.search(rf'<g id="{gid}">\s*<path [^>]*/>', text)
+    assert found is not None, gid
+    return text[: found.end() - 2] + f">{motion}</path>" + text[found.end() :]
 
 
 def draw(picture: Picture) -> bool:
@@ -48,6 +66,8 @@ def draw(picture: Picture) -> bool:
     text = picture.file.read_text(encoding="utf-8")
     # The title is for readers who hear the page. Points of a curve need no more digits than a screen has.
     text = re.sub(r"(<svg [^>]*>)", rf"\1\n <title>{picture.title}</title>", text, count=1)
+    for motion in getattr(figure, "motions", []):
+        text = moving(text, figure, *motion)
     text = re.sub(r'(?<= d=")[^"]+', lambda path: re.sub(r"-?\d+\.\d{3,}", lambda n: f"{float(n.group()):.2f}", path.group()), text)
     picture.file.write_text(re.sub(r"[ \t]+\n", "\n", text), encoding="utf-8")
     return True

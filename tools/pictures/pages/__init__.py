@@ -13,6 +13,7 @@ from . import (  # noqa: F401
     integration,
     minimum_time,
     priority,
+    readme,
     time_path,
     worst_case,
 )
