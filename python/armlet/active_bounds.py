@@ -27,7 +27,7 @@ FLAT = 1e-10
 
 @sealed
 class Active(NamedTuple):
-    """A row at or beyond a bound.
+    """A row of a level at or beyond a bound, with its side and its multiplier.
 
     Attributes:
         row: index of the row in its level, from 0; for `limits` the index of the joint.

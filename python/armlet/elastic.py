@@ -26,7 +26,7 @@ Array: TypeAlias = NDArray[np.float64]
 @sealed
 @dataclass(frozen=True, eq=False)
 class Equilibrium:
-    """An equilibrium under a constant force F.
+    """An equilibrium under a constant force F: the positions and torques at rest, and whether the loop is stable there.
 
     Attributes:
         q: joint positions, (n,), rad or m.

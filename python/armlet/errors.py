@@ -45,7 +45,7 @@ class InputError(ArmletError, ValueError):
 
 
 class ModelError(InputError):
-    """A robot model is not well formed.
+    """A robot model is not well formed; `file` and `line` name the place of the fault.
 
     Attributes:
         file: the file, or ``"<string>"`` for a model given as text; None for a model built in code.

@@ -65,7 +65,7 @@ class DenseOutput:
 @bordered
 @sealed
 class Integration:
-    """The result of `integrate`.
+    """The result of `integrate`: times, states, events, and the numbers of evaluations and steps.
 
     Attributes:
         t: the recorded times, (K,).

@@ -42,7 +42,7 @@ class _Stored(Recorded):
 
 @bordered
 class Run(_Stored):
-    """One simulated run.
+    """One simulated run: its status, its motion and torques over time, and its monitors.
 
     Attributes:
         t: times, (K,), s.

@@ -43,7 +43,7 @@ FAILED = 1e30
 @sealed
 @dataclass(frozen=True, eq=False)
 class Tuning:
-    """The result of `tune`.
+    """The result of `tune`: the best values, their cost, and every candidate of the search.
 
     Attributes:
         best: the best values by path.
