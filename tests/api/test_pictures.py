@@ -111,3 +111,16 @@ def test_a_lesson_sets_mathematics_as_mathematics(page: str) -> None:
     # A code host reads a backslash before a sign, such as `\\,`, as an escaped sign of Markdown.
     inline = re.findall(r"\$[^$\n]+\$", re.sub(r"`[^`\n]*`", "", prose))
     assert len(inline) > 10 and [formula for formula in inline if re.search(r"\\[^A-Za-z ]", formula)] == []
+
+
+def test_the_picture_of_the_readme_moves() -> None:
+    """Two arms and a line of the time move. All frames of a line have its number of points, and the last frame is the line at rest."""
+    tree = ElementTree.parse(PICTURES["readme.svg"].file)
+    moving = [(path, child) for path in tree.iter() for child in path if child.tag.endswith("}animate")]
+    assert len(moving) == 3
+    for path, motion in moving:
+        frames = [re.findall(r"-?\d+\.\d", frame) for frame in motion.attrib["values"].split(";")]
+        still = [float(number) for number in re.findall(r"-?[\d.]+", path.attrib["d"])]
+        assert len(frames) == 61 and {len(frame) for frame in frames} == {len(still)}
+        assert max(abs(float(a) - b) for a, b in zip(frames[-1], still, strict=True)) < 0.06  # points of 1/72 inch
+        assert frames[0] != frames[-1] and int(motion.attrib["repeatCount"]) < 10
