@@ -14,6 +14,7 @@ from grippers import GRIPPER
 from matplotlib.figure import Figure
 
 import armlet as al
+from armlet.figures.animation import Film
 from armlet.figures.skeleton import Picture, Skeleton
 
 PLANAR = al.load_urdf(al.example_urdf("planar_2r"))
@@ -90,6 +91,17 @@ def test_films_of_arms_in_space(tmp_path: Path) -> None:
     film: Any
     with Image.open(tmp_path / "a.gif") as film:
         assert film.format == "GIF" and film.n_frames == 5 and film.size == (120, 120)
+
+
+def test_a_notebook_shows_a_film(tmp_path: Path) -> None:
+    """The film contains its data, so that the notebook does not depend on the file. The film is also a path."""
+    film = moved(PLANAR, [0.3, 0.4]).animate(tmp_path / "a.gif", fps=2.0, size=120)
+    assert Path(film).read_bytes()[:3] == b"GIF" and repr(film) == f"<Film: {tmp_path / 'a.gif'}>"
+    page = film._repr_html_()
+    assert page is not None and page.startswith('<img alt="The arm in motion" src="data:image/gif;base64,R0lGOD')
+    Path(film).rename(tmp_path / "b.mp4")
+    assert film._repr_html_() is None
+    assert str(Film(str(tmp_path / "b.mp4"))._repr_html_()).startswith('<video controls loop src="data:video/mp4;base64,R0lGOD')
 
 
 def test_the_path_in_a_film_is_that_of_the_tip(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -58,9 +58,14 @@ def test_notebook(path: Path, tmp_path: Path) -> None:
     notebook = json.loads(path.read_text())
     assert faults(notebook) == []
     assert notebook["cells"][0]["cell_type"] == "markdown"
-    result = run(code(notebook), tmp_path)
+    result = run(code(notebook) + "\nprint(len(plt.get_fignums()))", tmp_path)
     assert result.returncode == 0, result.stderr
     assert "assert " in code(notebook)
+    # A notebook shows the figures of pyplot, and the last expression of a cell, such as a film.
+    assert int(result.stdout.splitlines()[-1]) >= 2
+    films = [cell for cell in notebook["cells"] if ".animate(" in "".join(cell["source"])]
+    assert [path for path in tmp_path.iterdir() if path.suffix == ".gif"] != [] or not films
+    assert all(".animate(" in cell["source"][-1] for cell in films)
 
 
 def test_a_broken_notebook_is_detected(tmp_path: Path) -> None:

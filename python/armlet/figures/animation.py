@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import errno
 import shutil
 import subprocess
@@ -25,10 +26,34 @@ from .style import literal, require
 if TYPE_CHECKING:
     from ..run.recorded import Recorded
 
-__all__ = ["animate"]
+__all__ = ["Film", "animate"]
 
 # The largest number of pictures of a film. At 50 pictures per second, the film then lasts 400 s.
 PICTURES = 20_000
+
+
+class Film:
+    """A film in a file, which `Run.animate` returns. A notebook shows it below the cell."""
+
+    def __init__(self, path: str) -> None:
+        #: The path of the file.
+        self.path = path
+
+    def __fspath__(self) -> str:
+        return self.path
+
+    def __repr__(self) -> str:
+        return f"<Film: {self.path}>"
+
+    def _repr_html_(self) -> str | None:
+        """The film as HTML with its data, so that the notebook does not depend on the file. None if the file is missing."""
+        try:
+            data = base64.b64encode(Path(self.path).read_bytes()).decode()
+        except OSError:
+            return None
+        if self.path.lower().endswith(".mp4"):
+            return f'<video controls loop src="data:video/mp4;base64,{data}"></video>'
+        return f'<img alt="The arm in motion" src="data:image/gif;base64,{data}">'
 
 
 def animate(
@@ -40,7 +65,7 @@ def animate(
     speed: float = 1.0,
     size: int = 400,
     view: ArrayLike | None = None,
-) -> None:
+) -> Film:
     """Write a run as a film. The arm must have frames, and may have branches and prismatic joints.
 
     Blue lines are the links, grey lines the displacements of prismatic joints, and the orange line is the path of `arm.tip_frame`. An arm
@@ -55,6 +80,9 @@ def animate(
         speed: seconds of the run per second of the film.
         size: width and height, pixels; for MP4 they are rounded up to an even number.
         view: elevation and azimuth of the eye, degrees, for a picture in space; None: (22, -56), or the plane of the arm if it has one.
+
+    Returns:
+        The film, which is a path of the file.
 
     Raises:
         InputError: no frame of the arm moves, the arm is missing or has another number of joints, or the run has fewer than two records. It
@@ -91,6 +119,7 @@ def animate(
             yield picture.pixels()
 
     write_whole(path, lambda file: _mp4(file, pictures(), fps, coder) if coder else _gif(file, pictures(), fps))
+    return Film(path)
 
 
 def _coder(path: str) -> str | None:

@@ -25,6 +25,8 @@ if TYPE_CHECKING:
     import pandas as pd
     import xarray as xr
 
+    from ..figures.animation import Film
+
 __all__ = ["BatchRun", "Run", "load"]
 
 
@@ -110,17 +112,20 @@ class Run(_Stored):
 
         return plot(self, fig)
 
-    def animate(self, path: str | PathLike[str], arm: Any = None, **keywords: Any) -> None:
-        """Write a film of the arm in motion, GIF or MP4. It requires matplotlib (extra `plot`).
+    def animate(self, path: str | PathLike[str], arm: Any = None, **keywords: Any) -> Film:
+        """Write a film of the arm in motion, GIF or MP4. It requires matplotlib (extra `plot`). A notebook shows the film below the cell.
 
         Args:
             path: path of the file. The format is MP4 if the name ends in .mp4, else GIF.
             arm: the arm. It is required for a run that was loaded from a file, which has no arm.
             **keywords: options of `armlet.figures.animation.animate`: `fps`, `speed`, `size` and `view`.
+
+        Returns:
+            The film, an `armlet.figures.animation.Film`, which is a path of the file.
         """
         from ..figures.animation import animate
 
-        animate(self, path, arm, **keywords)
+        return animate(self, path, arm, **keywords)
 
     def report(self, path: str | PathLike[str], *, title: str | None = None, inputs: Mapping[str, Any] | None = None) -> None:
         """Write a report as one HTML file without network: figure, metrics, monitors with verdicts, the loop's numbers, versions.
