@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from .arguments import positive
 from .border import bordered
 from .pickling import sealed
 
@@ -177,6 +178,38 @@ class Identification:
         drives = {kind: values for kind, values in self._of_joints.items() if kind != "offset"}
         return arm.with_drives(**drives) if drives else arm
 
+    def with_prior(self, spread: float = 0.3) -> _Array:
+        """Combine the estimates with the parameters of the arm, each weighted by its standard deviation.
+
+        Let `r` be the radius of gyration of a body of mass `m` about the origin of its frame. The standard deviations of the arm's
+        parameters are `spread m` for the mass, `spread m r` for first moments and `spread m r^2` for entries of the inertia tensor. That of
+        a parameter `x` of `planar_pr` is `spread |x|`. So a combination that hardly
+        affects the torque keeps the value of the arm, although its estimate is noise. Parameters of the joints keep their estimates.
+
+        Args:
+            spread: relative standard deviation of the parameters of the arm, > 0.
+
+        Returns:
+            The most probable parameters, (p,), in the order of `base.names`. They may be inconsistent: see `Arm.project_parameters`.
+
+        Raises:
+            InputError: `spread` is not a positive number.
+        """
+        spread = positive("Identification.with_prior", "spread", spread)
+        own = self.base.arm.parameters
+        joints = self.parameters[own.size :]
+        # A standard deviation beyond every plausible value of a parameter of a joint is no prior.
+        variance = np.concatenate([spread * _scale(own), 1e3 * (1.0 + np.abs(joints))]) ** 2
+        before = np.concatenate([own, joints])
+        known = np.isfinite(self.deviations)
+        rows = self.base.projection[known]
+        weights = rows * variance
+        total = weights @ rows.T + self.covariance[np.ix_(known, known)]
+        sizes = np.sqrt(np.where(np.diag(total) > 0.0, np.diag(total), 1.0))
+        difference = (self.values[known] - rows @ before) / sizes
+        corrected: _Array = before + weights.T @ (np.linalg.lstsq(total / np.outer(sizes, sizes), difference)[0] / sizes)
+        return corrected
+
     @property
     def offsets(self) -> _Array:
         """The identified torque offset of each joint, (n,), N m or N. They are zero if the identification did not include offsets.
@@ -209,3 +242,13 @@ class Identification:
 
     def __repr__(self) -> str:
         return f"<Identification: rank {self.rank} of {self.base.count}, condition {self.condition:.3g}>"
+
+
+def _scale(pi: _Array) -> _Array:
+    """Magnitudes of inertial parameters: `m`, `m r` and `m r^2` of each body, or the values of `planar_pr`."""
+    if pi.size % 10:
+        return np.abs(pi)
+    mass, inertia = pi[::10], pi[4::10] + pi[6::10] + pi[9::10]
+    radius = np.sqrt(np.divide(inertia, 2.0 * mass, out=np.zeros_like(mass), where=mass > 0.0).clip(0.0))
+    scale: _Array = (mass[:, None] * radius[:, None] ** [0, 1, 1, 1, 2, 2, 2, 2, 2, 2]).ravel()
+    return scale

@@ -70,25 +70,30 @@ def simulate(
         dt: step of a fixed-step method, s. If `t_end` is not a multiple of `dt`, the last step is shorter. None means the period of
             `sample_time`. An adaptive method requires None.
         v0: initial velocity, (n,), rad/s or m/s; zero if None. A VelocityArm requires None.
-        theta0, theta_dot0: initial motor positions and velocities of elastic arms, (n,), rad or m, rad/s or m/s. With None the spring
-            torques balance gravity, and the motors have the velocity of the links.
         method: "euler", "semi_implicit", "rk4" or "ros2" take fixed steps; "ros2" is implicit and L-stable. "dopri5",
             "dop853", "radau5" and "rodas4" are adaptive and use `rtol` and `atol`. "radau5" and "rodas4" are implicit, for stiff plants.
-        rtol, atol: relative and absolute error per step of an adaptive method; None: 1e-8 and 1e-10. A fixed-step method requires None.
-        max_step: largest step of an adaptive method, s; None: no limit, except near changes of a `force` that is a function. `math.inf`
-            also omits this exception. A fixed-step method requires None.
         sample_time: None evaluates the law in every stage. A period in s holds the law's output for that time, as a real controller does. A
             `Sampling` adds delay, jitter, noise, quantisation, joint-torque sensors and a rate limit.
-        record_every: number of steps between records. The start and the end are always recorded.
-        t_eval: times of the records, (K,), increasing, in [0, t_end], s. They replace `record_every`, which must be 1.
         force: external force, N or N m: None, a constant, a piecewise constant list `[(t_start, F), ...]`, or a function `F(t)`. The force
             acts at the law's frame, in the law's axes. A function is Python inside the loop, and slow. Before the run, an adaptive method
             evaluates it at 4,097 times and searches its jumps, with at most 4,096 further calls. So the steps do not pass over its changes.
             A change that is shorter than `t_end / 4096` may be missed: then use a list, or `max_step`. A VelocityArm
             requires None.
+        tau_max: largest magnitude of the input, at which it saturates, scalar or (n,), N m or N; rad/s or m/s under velocity control.
+        sensitivity: names of numbers of the loop, such as `["law.kp", "arm.parameters", "q0"]`. `Run.sensitivity` has the derivatives of
+            all series with respect to these numbers, for explicit methods. The error for an unknown name lists the valid names. See
+            docs/gradients.md.
+
+    Other Args:
+        theta0, theta_dot0: initial motor positions and velocities of elastic arms, (n,), rad or m, rad/s or m/s. With None the spring
+            torques balance gravity, and the motors have the velocity of the links.
+        rtol, atol: relative and absolute error per step of an adaptive method; None: 1e-8 and 1e-10. A fixed-step method requires None.
+        max_step: largest step of an adaptive method, s; None: no limit, except near changes of a `force` that is a function. `math.inf`
+            also omits this exception. A fixed-step method requires None.
+        record_every: number of steps between records. The start and the end are always recorded.
+        t_eval: times of the records, (K,), increasing, in [0, t_end], s. They replace `record_every`, which must be 1.
         force_frame: name of another frame at which the force acts, required for a law without a frame. The force is then (3,), or (6,) as
             [f; m], in world axes.
-        tau_max: largest magnitude of the input, at which it saturates, scalar or (n,), N m or N; rad/s or m/s under velocity control.
         monitors: compute and record the monitors: see `Run.monitors`. A monitor that is not finite ends the run.
         state_limit: largest magnitude of a position or velocity of links or motors, rad or m, rad/s or m/s. A larger value ends the run
             with `Status.DIVERGED`. `math.inf` sets no limit.
@@ -97,9 +102,6 @@ def simulate(
         events: zero crossings that an adaptive method locates: `Event`s, or functions `g(t, q, v)`, which are Python inside
             the loop. `Run.events` contains the crossings. An event with `stop` ends the run with `Status.EVENT`.
         dense: store the polynomial of every step of an adaptive method. `run.sample(t)` then evaluates the state at any time.
-        sensitivity: names of numbers of the loop, such as `["law.kp", "arm.parameters", "q0"]`. `Run.sensitivity` has the derivatives of
-            all series with respect to these numbers, for explicit methods. The error for an unknown name lists the valid names. See
-            docs/gradients.md.
         throw: True raises an error if the run ends early, unless an event with `stop` ended it. False returns the partial run with its
             status.
 
@@ -172,14 +174,19 @@ def simulate(
 def _ran_away(plant: _core.Plant, run: Run) -> str:
     """Describe a run that diverged, for the text of an error. The result is empty for other runs.
 
-    The text names an input that is not finite at the last record. If all inputs are finite, it names the fastest joint at the last record,
-    and the first joint outside of its limits in the records.
+    The text names an input that is not finite at the last record, or a mass matrix that is not positive definite there. Otherwise it names
+    the fastest joint at the last record, and the first joint outside of its limits in the records.
     """
     if run.status != Status.DIVERGED or not len(run.t):
         return ""
     if run.tau is not None and not np.isfinite(run.tau[-1]).all():
         i = int(np.flatnonzero(~np.isfinite(run.tau[-1]))[0])
         return f"; the input of the law is not finite at the last record, t = {run.t[-1]:.9g} s: tau[{i}] = {run.tau[-1, i]}"
+    if not isinstance(plant, _core.VelocityArm) and not np.linalg.eigvalsh(plant.arm.mass_matrix(run.q[-1]))[0] > 0.0:
+        return (
+            f"; the mass matrix is not positive definite at the last record, t = {run.t[-1]:.9g} s. "
+            "Add <inertial> elements to the file, or use arm.with_payload(frame, mass) or arm.with_drives(armature=..)"
+        )
     i = int(np.abs(run.v[-1]).argmax())
     text = f"; the fastest joint at the last record, t = {run.t[-1]:.9g} s: v[{i}] = {run.v[-1, i]:.4g}"
     limits = plant.arm.limits
@@ -240,19 +247,21 @@ def simulate_batch(
         t_end, dt: length of all runs and step of a fixed-step method, s, as for `simulate`.
         method, rtol, atol, max_step: method, error per step and largest step, as for `simulate`.
         sample_time: period of the law in s, or a `Sampling`, as for `simulate`.
-        record_every: number of steps between records.
-        t_eval: times of the records, (K,), s. An adaptive method with keep="all" requires it, because its runs step at different times.
-            With keep="metrics", None means that the metrics use every accepted step.
         force: external force, N or N m. One force for all runs has the forms of `simulate`, except a function. One force per run is an
             array of constants (B, k), or a list of B lists `[(t_start, F), ...]`.
-        force_frame, tau_max: frame of the force, and largest magnitude of the input, as for `simulate`.
-        monitors, state_limit, check_limits: as for `simulate`. One warning counts the rows outside of the joint limits.
         threads: number of worker threads, 1 to 1024; None means ARMLET_NUM_THREADS, or else the number of cores. The batch uses at most
             one thread per group of runs that one SIMD register computes together.
         keep: "all" keeps all records, "final" only the last state, and "metrics" the metrics of each run and its last record. Metrics are
             computed during the runs. So the memory does not depend on the number of steps, unless `reference` has one row per record.
             `batch.metrics()` has the numbers of `armlet.metrics`.
         metrics: arguments of `armlet.metrics` with keep="metrics": `band`, `settle`, `tolerance`, `reference`, `frame`.
+
+    Other Args:
+        record_every: number of steps between records.
+        t_eval: times of the records, (K,), s. An adaptive method with keep="all" requires it, because its runs step at different times.
+            With keep="metrics", None means that the metrics use every accepted step.
+        force_frame, tau_max: frame of the force, and largest magnitude of the input, as for `simulate`.
+        monitors, state_limit, check_limits: as for `simulate`. One warning counts the rows outside of the joint limits.
         progress: True writes the number of finished runs and the remaining time to standard error. A function is called as
             `progress(done, runs)` after every piece of the batch. A piece is a group of consecutive runs.
         out: arrays of the caller by name ("q", "v", "tau", "status", ..) that receive the rows of each finished piece. After Ctrl-C they

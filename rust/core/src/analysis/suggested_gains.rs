@@ -154,7 +154,8 @@ fn spread(model: &Model) -> Result<(Vec<f64>, f64)> {
         Ok(())
     })?;
     if let Some(i) = largest.iter().position(|m| !(*m > 0.0 && m.is_finite())) {
-        return Err(Error::input("arm", format!("has no inertia at a joint: expected diag M(q) > 0, got {}", largest[i])).at([i]));
+        let expected = "expected bodies with mass, from <inertial> elements of the file or from arm.with_payload(frame, mass)";
+        return Err(Error::input("arm", format!("has no inertia at a joint: {expected}, got diag M(q) = {}", largest[i])).at([i]));
     }
     let (mut most, mut least) = (0.0f64, f64::INFINITY);
     visit(&mut |mass| {
