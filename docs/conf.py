@@ -50,6 +50,7 @@ autosummary_generate = True
 autodoc_typehints = "none"  # the docstrings say shape and unit, which types cannot
 autodoc_member_order = "bysource"
 default_role = "code"
+napoleon_custom_sections = [("Other Args", "params_style")]  # the arguments that few calls need
 napoleon_use_rtype = False  # "Returns:" has the type and the text in one line
 napoleon_use_ivar = True  # attributes stand in the docstring of their class, once
 

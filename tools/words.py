@@ -61,7 +61,7 @@ PATTERN = re.compile(r"\b(?:" + "|".join(f"(?:{word})" for word in BANNED) + r")
 CODE = re.compile(r"``[^`]+``|`[^`\n]+`|\$[^$\n]+\$|\{[^{}]*\}")
 LINK = re.compile(r"!?\[([^]]*)\]\([^)]*\)")
 # Starts of a list item, of a row or cell of a table, of an argument `name: ..`, and of the comment of a directive.
-ITEM = re.compile(r"^\s*(?:[-*+] |\d+\. |#+ |\||(?:\w+(?:, \w+)*): |:\w+: )|^\s*(?:Args|Returns|Raises|Warns|Yields):$|^```.*$")
+ITEM = re.compile(r"^\s*(?:[-*+] |\d+\. |#+ |\||(?:\w+(?:, \w+)*): |:\w+: )|^\s*(?:Args|Other Args|Returns|Raises|Warns|Yields):$|^```.*$")
 # A line with columns separated by blanks, such as a formula or a table. Each column is a separate text.
 COLUMNS = re.compile(r"\S {3,}\S")
 SENTENCE = re.compile(r" {3,}|(?<=[.!?])[)\"*]*\s+(?=\S)(?<!e\.g\. )(?<!i\.e\. )(?<!cf\. )(?<!Eq\. )(?<!no\. )(?<!\.\. )|\|")

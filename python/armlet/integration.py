@@ -159,10 +159,12 @@ def integrate(
         rtol, atol: relative and absolute error allowed per step, each a number or (n,); rtol >= 2.22e-14. Only for adaptive methods.
         dt: the step of a fixed-step method. If the span is not a multiple of it, the last step is shorter.
         t_eval: record exactly these times, in the order of the span; None: record every step.
-        dense_output: store the polynomials of the steps, for `result.dense(t)`.
         events: functions g(t, y, *args) -> float. Their zero crossings are located to rounding. The attribute `direction` of a function
             selects crossings that rise (> 0) or fall (< 0) in the direction of the run. The attribute `terminal` is the number of crossings
             that ends the run (True: one).
+
+    Other Args:
+        dense_output: store the polynomials of the steps, for `result.dense(t)`.
         jac: df/dy for the implicit methods, jac(t, y, *args) -> (n, n) or a constant (n, n). A sparse matrix becomes dense.
             None: differences of f. They are forward differences for "radau5" and "ros2", which tolerate their error, and central
             differences for "rodas4", whose order requires them. "rodas4" and "ros2" also take differences of f in time.

@@ -69,6 +69,8 @@ def export_c(
         dt: step of the sampled loop, s, for a law with a state (an estimate, an integral). Calls at multiples of `dt` advance the state
             to the same bits as `simulate(.., dt=dt, sample_time=..)`. None: each call advances the state by one step, whose length is the
             time since the previous call.
+
+    Other Args:
         method: integration method of the law's state: "rk4", "euler" or "semi_implicit", as for `simulate`. Only for laws with a state.
         sample_time: time between calls, s, of a `Guarded` law, whose observer depends on it. None: `dt`.
         tau_max: limits of the torque (or velocity), as for `simulate`: a number > 0 or (n,). None: no limits. The observer of a `Guarded`

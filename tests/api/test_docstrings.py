@@ -1,8 +1,8 @@
 """Docstrings of public functions and constructors have all parts. `docstrings_missing.toml` lists the missing parts, and only shrinks.
 
-The parts are `args` (an entry for every argument of the signature), `returns` (functions), `raises`, `source` (`Source: ..`, or a key of
-docs/references.bib) and `example`. Classes of results, which only armlet constructs, are not checked. Methods of classes written in
-Python have `args` and `returns`; the class has source and example.
+The parts are `args` (an entry for every argument of the signature, in a long list with the main ones apart from the others), `returns`
+(functions), `raises`, `source` (`Source: ..`, or a key of docs/references.bib) and `example`. Classes of results, which only armlet
+constructs, are not checked. Methods of classes written in Python have `args` and `returns`; the class has source and example.
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ from __future__ import annotations
 import inspect
 import re
 import tomllib
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +22,8 @@ ROOT = Path(__file__).resolve().parents[2]
 KEYS = set(re.findall(r"^@\w+\{([^,]+),", (ROOT / "docs/references.bib").read_text(), re.MULTILINE))
 ALLOWED: dict[str, list[str]] = tomllib.loads((Path(__file__).parent / "docstrings_missing.toml").read_text())
 SECTION = r"^{}:\n((?:    .*\n|\n)+)"
+#: A longer list of arguments has its main arguments in `Args:`, and the others in `Other Args:`.
+LONGEST = 11
 
 
 def callables() -> list[str]:
@@ -42,12 +45,12 @@ def parameters(thing: Any) -> list[str]:
 def missing(text: str, names: list[str], function: bool) -> list[str]:
     """The parts that a docstring lacks."""
     text = inspect.cleandoc(text) + "\n"
-    section = re.search(SECTION.format("Args"), text, re.MULTILINE)
-    entries = re.findall(r"^    ([\w, *]+):", section.group(1) if section else "", re.MULTILINE)
-    described = {name.strip(" *") for entry in entries for name in entry.split(",")}
+    found = [re.search(SECTION.format(name), text, re.MULTILINE) for name in ("Args", "Other Args")]
+    lists = [re.findall(r"^    (?! )([\w, *]+):", section.group(1) if section else "", re.MULTILINE) for section in found]
+    described = {name.strip(" *") for entry in chain(*lists) for name in entry.split(",")}
     cited = {key for group in re.findall(r"\[([\w, ]+)\]", text) for key in group.split(", ")}
     present = {
-        "args": set(names) <= described,
+        "args": set(names) <= described and len(lists[0]) <= LONGEST,
         "returns": not function or bool(re.search(SECTION.format("Returns"), text, re.MULTILINE)),
         "raises": bool(re.search(SECTION.format("Raises"), text, re.MULTILINE)),
         "source": bool(re.search(r"^Source: \S|^Source:\n    \S", text, re.MULTILINE)) or bool(cited & KEYS),
@@ -138,6 +141,8 @@ Source: docs/conventions.md.
     [
         (FULL, []),
         (FULL.replace("    scale: a factor.\n", ""), ["args"]),
+        (FULL.replace("    scale: a factor.\n", "\nOther Args:\n    scale: a factor.\n"), []),
+        (FULL.replace("    x, y:", "".join(f"    z{i}: a number.\n" for i in range(10)) + "    x, y:"), ["args"]),
         (FULL.replace("Returns:\n    Their sum, m.\n\n", ""), ["returns"]),
         (FULL.replace("Raises:", "Errors:"), ["raises"]),
         (FULL.replace("Source: docs/conventions.md.", ""), ["source"]),

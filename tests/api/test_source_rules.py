@@ -67,6 +67,10 @@ def test_long_files_are_detected(tmp_path: Path) -> None:
     (tmp_path / "long.rs").write_text("\n" * 401)
     (tmp_path / "short.py").write_text("\n" * 400)
     assert RULES.long_files(RULES.sources(tmp_path)) == {tmp_path / "long.rs": 401}
+    # The docstrings of a stub are copies.
+    for name, more in (("copied.pyi", ""), ("long.pyi", "x: int\n" * 400)):
+        (tmp_path / name).write_text('def f() -> None:\n    """One.\n' + "\n" * 500 + '    """\n' + more)
+    assert RULES.long_files(RULES.sources(tmp_path)) == {tmp_path / "long.pyi": 400 + 1, tmp_path / "long.rs": 401}
 
 
 def test_full_folders_are_detected(tmp_path: Path) -> None:

@@ -9,6 +9,7 @@ from ._types import _Array
 
 @final
 class Stepper:
+    """An initial-value problem during its integration."""
     def __new__(
         cls,
         f: Callable[..., ArrayLike],
@@ -24,14 +25,17 @@ class Stepper:
         jac_sparsity: ArrayLike | None,
         vectorized: bool,
     ) -> Self: ...
-    def step(self) -> int: ...
-    def nodes(self) -> _Array: ...
+    def step(self) -> int:
+        """Advance by one accepted step, and return the code of its status."""
+    def nodes(self) -> _Array:
+        """The polynomial of the last step: its values at its nodes, `(degree + 1, n)`."""
     @property
     def t(self) -> float: ...
     @property
     def y(self) -> _Array: ...
     @property
-    def evaluations(self) -> int: ...
+    def evaluations(self) -> int:
+        """The number of evaluations of `f`. As in scipy, it excludes evaluations for difference quotients."""
     @property
     def jacobians(self) -> int: ...
     @property
@@ -57,4 +61,5 @@ def integrate(
     positions: int,
     lists: bool,
     vectorized: bool,
-) -> dict[str, Any]: ...
+) -> dict[str, Any]:
+    """Integrate `dy/dt = f(t, y)`, and return a dict with the fields of the result."""

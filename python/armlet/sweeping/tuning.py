@@ -113,6 +113,8 @@ def tune(
             several starts by scipy's L-BFGS-B. It finds minima near its starts.
         over: conditions for each candidate, a grid as in `sweep`: `{"arm.masses[1]": [2.0, 3.0]}`. None runs each candidate once, with the
             values of the scenario.
+
+    Other Args:
         by: "worst": the cost of a candidate is the largest cost of its conditions. "mean": it is the mean cost of its conditions. It
             requires `over`.
         candidates: number of candidates per generation, >= 5; not with gradients.

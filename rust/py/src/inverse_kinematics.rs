@@ -123,6 +123,14 @@ const NAME: &str = "inverse_kinematics";
 ///     tasks: `Task` and other tasks with constant targets `(rows,)` or `(..., rows)`, m or rad, the highest priority first. The gains of
 ///         the tasks are not used.
 ///     q0: start of the search, `(n,)` or `(..., n)`, rad or m. Leading axes of `q0` and of all targets broadcast.
+///     limits: keep `q` within the arm's joint limits.
+///     solutions: number of different solutions of each target, from at most `restarts` random starts. None: one solution, without an axis
+///         for it. Solutions that reach every task are first, ordered by their distance `|q - q0|`. The others follow, ordered by the error
+///         of the first task in which they differ. Two solutions are equal if no joint differs by more than 1e-3 rad or m. A difference of
+///         2 pi does not count if it leaves all bodies in place. If fewer are found, the remaining rows are NaN, with the status
+///         `INFEASIBLE`.
+///
+/// Other Args:
 ///     method: the method of `solve_priority` for every step: "clamp", "damped", "exact" or "chiaverini" (keyword only, as all below).
 ///         None: steps for all tasks together, and "clamp" for steps in the order of priority.
 ///     eps: threshold on singular values, for steps in the order of priority: one number, or one per task. With `eps`, all steps are of
@@ -132,14 +140,8 @@ const NAME: &str = "inverse_kinematics";
 ///     restarts: largest number of random starts after `q0`; 50 if None.
 ///     seed: seed of the random starts; 0 if None.
 ///     step_max: largest change of a joint position in one step, rad or m; 0.5 if None.
-///     limits: keep `q` within the arm's joint limits.
 ///     check_limits: action for a start outside of the joint limits: None warns, True raises, and False does neither. With `limits=False`
 ///         it must be None.
-///     solutions: number of different solutions of each target, from at most `restarts` random starts. None: one solution, without an axis
-///         for it. Solutions that reach every task are first, ordered by their distance `|q - q0|`. The others follow, ordered by the error
-///         of the first task in which they differ. Two solutions are equal if no joint differs by more than 1e-3 rad or m. A difference of
-///         2 pi does not count if it leaves all bodies in place. If fewer are found, the remaining rows are NaN, with the status
-///         `INFEASIBLE`.
 ///     threads: number of threads for a batch; None: the environment variable `ARMLET_NUM_THREADS`, otherwise the number of cores.
 ///
 /// Threads share the rows of a batch. Every row is equal, bit for bit, to the result of a separate call, for any number of threads. A row

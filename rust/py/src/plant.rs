@@ -16,6 +16,7 @@ use pyo3::types::{PyDict, PyString, PyTuple};
 #[pyclass(frozen, subclass, module = "armlet", name = "Plant")]
 pub struct Plant {
     pub spec: PlantSpec,
+    /// The arm of the plant.
     #[pyo3(get)]
     pub arm: Py<Arm>,
     arguments: NamedValues,

@@ -72,18 +72,25 @@ pub struct Simulator {
     x: Vec<f64>,
     input: Vec<f64>,
     given: Vec<f64>,
+    /// Positions, `(n,)`, rad or m. A step overwrites this array.
     #[pyo3(get)]
     q: Py<PyAny>,
+    /// Velocities, `(n,)`, rad/s or m/s. A step overwrites this array.
     #[pyo3(get)]
     v: Py<PyAny>,
+    /// Input of the last step, `(n,)`, N m or N; rad/s or m/s for a `VelocityArm`. A step overwrites this array.
     #[pyo3(get)]
     tau: Py<PyAny>,
+    /// Motor positions of an elastic arm, `(n,)`, rad or m, else None. A step overwrites this array.
     #[pyo3(get)]
     theta: Option<Py<PyAny>>,
+    /// Motor velocities of an elastic arm, `(n,)`, rad/s or m/s, else None. A step overwrites this array.
     #[pyo3(get)]
     theta_dot: Option<Py<PyAny>>,
+    /// Deflections of the bristles of `LuGre` friction, `(n,)`, rad or m, else None. A step overwrites this array.
     #[pyo3(get)]
     bristles: Option<Py<PyAny>>,
+    /// The state of the law, such as the estimate of an adaptive law, or None. A step overwrites this array.
     #[pyo3(get)]
     estimate: Option<Py<PyAny>>,
 }

@@ -37,6 +37,10 @@ use pyo3::types::{PyBool, PyString, PyTuple};
 ///     gamma: positive definite adaptation gain: scalar, `(p,)` or `(p, p)`, where p is the size of the estimate. The unit of entry
 ///         `(i, j)` is the unit of `a_i` times the unit of `a_j`, per N m.
 ///     estimate: initial estimate, `(p,)`, kg, kg m, kg m^2 and units of friction; zero if None (keyword only).
+///     friction: estimate friction: True for "viscous" and "coulomb", or some of "viscous", "coulomb", "stribeck" (keyword only).
+///     armature: estimate the rotors' inertia (keyword only).
+///
+/// Other Args:
 ///     base: the result of `arm.base_parameters()`: the law estimates only this base set (keyword only).
 ///     natural: adapt in the metric of the bodies' pseudo-inertias (keyword only). It requires a physically possible initial estimate,
 ///         which then stays physically possible. `gamma` is a scalar, or one number per body, 1/(N m), and then one per joint parameter, in
@@ -46,8 +50,6 @@ use pyo3::types::{PyBool, PyString, PyTuple};
 ///         with a radius of gyration of 0.141 m about each axis. It may also be the inertial parameters of all bounds, in the shape of `arm.parameters`. The
 ///         true bodies must exceed the bounds. An initial estimate below the bounds is replaced by the nearest estimate that satisfies
 ///         them. It cannot be combined with `natural` or `base`.
-///     friction: estimate friction: True for "viscous" and "coulomb", or some of "viscous", "coulomb", "stribeck" (keyword only).
-///     armature: estimate the rotors' inertia (keyword only).
 ///     offset: estimate a constant torque of each joint, such as the offset of a torque sensor or a constant load (keyword only).
 ///     friction_speed: `v_s` of "coulomb" and "stribeck", rad/s or m/s, > 0: scalar or `(n,)`; 0.1 if None (keyword only).
 ///     leakage: `sigma`, >= 0 (keyword only). Its unit is 1/s divided by the unit of `gamma`. With `leakage_form="e"` the unit is 1/rad or

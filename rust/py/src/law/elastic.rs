@@ -79,6 +79,8 @@ fn cartesian<'py>(
 ///     motor_inertia, reduced_inertia: `B` and `B0`, kg m^2 or kg, positive definite: scalar, `(n,)` or `(n, n)`.
 ///     frame: name of the controlled frame (keyword only).
 ///     axes: the m controlled coordinates in world axes, such as "xy" or "xyz rx ry rz"; "xyz" if None (keyword only).
+///
+/// Other Args:
 ///     motor_damping: `D0`, N m s/rad or N s/m, positive definite: scalar, `(n,)` or `(n, n)`; computed from `damping_ratio` if None
 ///         (keyword only).
 ///     damping_ratio: `zeta` > 0 of `D0 = 2 zeta B0^1/2 (B0^-1/2 K_J B0^-1/2)^1/2 B0^1/2`; 1 if None (keyword only).

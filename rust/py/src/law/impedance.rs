@@ -135,13 +135,15 @@ pub(super) fn target<'py>(given: &mut Arguments<'py>, value: &Bound<'py, PyAny>,
 ///     frame: name of the controlled frame (keyword only).
 ///     axes: the m coordinates in world axes, such as "xy" or "xyz rx ry rz"; "xyz" if None, also for a pose `(4, 4)` (keyword only).
 ///     nullspace: a `NullSpace`, for arms with more joints than m (keyword only).
+///     tau_max: the largest commanded torque, N m or N, scalar or `(n,)`; no limit if None (keyword only).
+///
+/// Other Args:
 ///     feedforward: `F_ff`, a wrench in the m coordinates, `(m,)`, N and N m (keyword only).
 ///     compensate_coupling: compensate the coupling between null-space motion and the frame (keyword only).
 ///     eps: the smallest singular value in `L` and in the null-space projector, 1e-7 <= `eps` < 1; 0.02 if None (keyword only).
 ///         It requires `nullspace` or `compensate_coupling`.
 ///     integral_gain: `K_i`, N/(m s) and N m/(rad s), at least zero: scalar, `(m,)`, or positive definite `(m, m)` (keyword only).
 ///     wrench_max: the largest magnitude of each entry of `F`, N and N m, scalar or `(m,)`; no limit if None (keyword only).
-///     tau_max: the largest commanded torque, N m or N, scalar or `(n,)`; no limit if None (keyword only).
 ///
 /// Raises:
 ///     InputError: a shape is wrong, a number is not finite, a matrix is not positive definite, or a name is unknown. It is also raised for

@@ -18,18 +18,25 @@ use pyo3::types::{PyString, PyTuple};
 #[pyclass(frozen, module = "armlet", name = "BangBangBatch")]
 pub struct BangBangBatch {
     problems: Columns<6>,
+    /// Whether some duration satisfies the torque limits, in the broadcast shape.
     #[pyo3(get)]
     feasible: Py<PyAny>,
+    /// Shortest durations, s; NaN if infeasible.
     #[pyo3(get)]
     t_min: Py<PyAny>,
+    /// Longest durations, s; infinite if the motion may be arbitrarily slow, NaN if infeasible.
     #[pyo3(get)]
     t_max: Py<PyAny>,
+    /// The smallest `inertia * A` that the limits allow, N m, with the magnitude `A` of the acceleration.
     #[pyo3(get)]
     a_min: Py<PyAny>,
+    /// The largest `inertia * A` that the limits allow, N m, with the magnitude `A` of the acceleration.
     #[pyo3(get)]
     a_max: Py<PyAny>,
+    /// Whether the torque can hold the link at rest at the start.
     #[pyo3(get)]
     hold_start: Py<PyAny>,
+    /// Whether the torque can hold the link at rest at the end.
     #[pyo3(get)]
     hold_end: Py<PyAny>,
     /// The number of feasible problems.

@@ -163,9 +163,14 @@ fn require_partners(
 ///         and `tip_acceleration` is required. `tau_max`, `v_max` and `a_max` may vary along the path, with the same limit for both signs.
 ///         They are then `(K, n)` at the waypoints, or a callable `s -> (n,)` that is called at the path's knots. Between these they are
 ///         linear in `s`. A `tau_max` of shape `(n, 2)` always means lower and upper limits, also if `(K, n)` is the same shape.
+///     q_min, q_max: position limits, rad or m: number or `(n,)`, infinite for joints without limits. A path that exceeds them at or
+///         between waypoints has no timing. None for both: only `check_limits` applies.
+///     tip_speed: largest speed of the origin of `frame`, m/s: a number, `(K,)` at the waypoints, or a callable `s -> number`.
+///     stops: indices of waypoints where the arm stops.
+///
+/// Other Args:
 ///     knots: path positions of the waypoints, `(K,)`, increasing. None: from 0 to 1, in proportion to the distances between waypoints.
 ///     spline: end conditions of the spline: "natural" (default for waypoints), "clamped", "not-a-knot" (default for a callable).
-///     stops: indices of waypoints where the arm stops.
 ///     start_speed, end_speed: path speeds ds/dt at the ends, 1/s; zero if None.
 ///     friction: True for the arm's damping and Coulomb friction; viscous coefficients, number or `(n,)`, N m s/rad or N s/m; None: none.
 ///         It requires `tau_max` or `torque_rate`.
@@ -177,9 +182,6 @@ fn require_partners(
 ///     torque_rate: limit of |d tau/dt|, N m/s or N/s: number or `(n,)`. It requires a rest-to-rest motion without stops and without
 ///         Coulomb friction. The fastest timing is averaged over a window of time, and slowed down until it satisfies this limit. So the
 ///         result is not the fastest one.
-///     q_min, q_max: position limits, rad or m: number or `(n,)`, infinite for joints without limits. A path that exceeds them at or
-///         between waypoints has no timing. None for both: only `check_limits` applies.
-///     tip_speed: largest speed of the origin of `frame`, m/s: a number, `(K,)` at the waypoints, or a callable `s -> number`.
 ///     tip_acceleration: largest norm of the acceleration of the origin of `frame`, m/s^2, in the forms of `tip_speed`.
 ///     frame: name of the frame that `tip_speed` and `tip_acceleration` limit.
 ///     check_limits: action if a waypoint, or a sample of a callable, is outside of the arm's joint limits. None warns, True raises, and
