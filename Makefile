@@ -29,7 +29,7 @@ help: ## this list
 	@awk -F ':.*## ' '/^[a-z0-9-]+:.*## / { printf "make %-15s %s\n", $$1, $$2 }' Makefile
 
 demo: $(BUILD)/installed ## build armlet, run the demonstration: a table of checks, figures in out/
-	@$(PY) -m armlet demo --out "$(OUT)"
+	@$(PY) -m armlet demo --out "$(OUT)" && sh tools/left.sh "$(VENV)" "$(BUILD)" "$(OUT)"
 
 test: $(BUILD)/installed $(BUILD)/requirements ## everything: formatting, lints, types, Rust and Python tests on the built wheel
 	@# Compilers and type checkers use one core for much of their time.

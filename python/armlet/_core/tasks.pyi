@@ -224,7 +224,8 @@ class PriorityVelocity(Law):
     `u` solves `J_i u = x_d_dot,i + K_i e_i` for each task `i`, in the order of priority. `J_i` is the Jacobian of the task, and `x_d_dot,i`
     the velocity of its target. Away from singularities, the error `e_i` decays with the gain `K_i` if tasks of higher priority do not use
     its directions. `terms` returns `e`, `J`, `command` and `residuals`, each a list with one entry per level, and the arrays `ranks` and
-    `v`. `run.monitors` has the series `error_i` and `residual_i` of each level.
+    `v`. `run.monitors` has the series `error_i` and `residual_i` of each level. With limits, `terms` also has the bounds `lower` and `upper`
+    of `v`. The terms `limits` and `active` are the active rows as in `PrioritySolution`, and `why` is a list of one sentence per level.
 
     Args:
         arm: the model; not `planar_pr`, which has no links.
@@ -232,18 +233,20 @@ class PriorityVelocity(Law):
         method: "clamp" (default), "exact", "damped", "chiaverini" or "sns", as for `solve_priority`.
         eps: threshold on singular values, one number or one per level; None: 0.02 times each level's largest row norm. "exact" and "sns" do
             not accept it.
-        v_min, v_max: velocity bounds for "sns", a number or `(n,)`, rad/s or m/s (keyword only). A missing bound is minus the other bound.
-            None for both: the arm's bounds.
-        q_min, q_max: position limits for "sns", a number or `(n,)`, rad or m; None: the arm's limits (keyword only). At every evaluation
-            the velocity is at most `(q_max - q) / horizon` and at least `(q_min - q) / horizon`.
-        a_max: deceleration before a position limit for "sns", a number or `(n,)`, rad/s^2 or m/s^2 (keyword only). The velocity is at most
-            `sqrt(2 a_max (q_max - q))`, and the lower bound has the same form. None: without this bound.
-        horizon: for "sns", the shortest time in which a joint may reach its position limit, s; 0.1 if None (keyword only). It must be at
-            least the step or the sample time.
+        v_min, v_max: velocity bounds, a number or `(n,)`, rad/s or m/s (keyword only). A missing bound is minus the other bound. All limits
+            hold above all levels, with every method but "chiaverini".
+        q_min, q_max: position limits, a number or `(n,)`, rad or m (keyword only). At the distance `d` from a limit, the velocity towards it
+            is at most `a_max h (sqrt(1 + 2 d / (a_max h^2)) - 1)`, which is `d / h` without `a_max`.
+        a_max: deceleration before a position limit, a number or `(n,)`, rad/s^2 or m/s^2 (keyword only). None: without this bound.
+        horizon: the time `h`, s (keyword only). None: the sample period of a sampled loop, otherwise 0.1; "sns": 0.1. It must be at least the
+            step or the sample time. A joint outside of its limits returns within this time, at most with its velocity bound.
+        limits: whether the arm's own limits of velocity and position hold where no other limit is given (keyword only). None: only with
+            "sns"; with other methods, `simulate` warns if commands pass them. True ignores velocity limits that are not positive, and empty
+            ranges of positions, with a warning. False: they do not hold, without a warning.
 
     Raises:
         InputError: a shape is wrong, a number is out of its range, a task has no target, or a name or the method is unknown. It is also
-            raised for "sns" without velocity bounds, and for limits and `horizon` with another method.
+            raised for "sns" without velocity bounds, for limits with "chiaverini", and for `limits=True` if the arm has no limits.
 
     Source: Siciliano and Slotine, A general framework for managing multiple tasks in highly redundant robotic systems, ICAR 1991.
 
@@ -282,16 +285,15 @@ class PriorityAcceleration(Law):
         tasks: `Task` and other tasks, each with a target, a gain `K_i` in 1/s^2 and a damping `D_i` in 1/s, the highest priority first.
         method: "clamp" (default), "exact", "damped", "chiaverini" or "sns", as for `solve_priority`.
         joint_damping: `c`, 1/s, >= 0; 5 if None (keyword only).
-        a_max: bound of the joint accelerations for "sns", a number or `(n,)`, rad/s^2 or m/s^2; None: without bound (keyword only).
-        v_min, v_max, q_min, q_max: limits for "sns" as for `PriorityVelocity` (keyword only). At every evaluation the acceleration is at
-            most `(v_u - v) / horizon` with `v_u = min(v_max, (q_max - q) / (4 horizon), sqrt(a_max (q_max - q)))`. The lower bound has the
-            same form.
-        horizon: for "sns", the time `horizon` in these limits, s; 0.1 if None (keyword only). It must be at least the step or the sample
-            time.
+        a_max: bound of the joint accelerations, a number or `(n,)`, rad/s^2 or m/s^2; None: without bound (keyword only).
+        v_min, v_max, q_min, q_max, limits: as for `PriorityVelocity` (keyword only). At every evaluation the acceleration is at most
+            `(v_u - v) / horizon` with `v_u = min(v_max, (q_max - q) / (4 horizon), sqrt(a_max (q_max - q)))`. The lower bound has the same
+            form.
+        horizon: the time `horizon` in these limits, s, with the default of `PriorityVelocity` (keyword only).
 
     Raises:
         InputError: a shape is wrong, a number is out of its range, a task has no target, or a name or the method is unknown. It is also
-            raised for "sns" without velocity bounds, and for limits and `horizon` with another method.
+            raised for "sns" without velocity bounds, for limits with "chiaverini", and for `limits=True` if the arm has no limits.
 
     Source: [siciliano1991priority, nakanishi2008operational]; bounds: [flacco2015saturation].
 

@@ -182,7 +182,8 @@ def _ran_away(plant: _core.Plant, run: Run) -> str:
     if run.tau is not None and not np.isfinite(run.tau[-1]).all():
         i = int(np.flatnonzero(~np.isfinite(run.tau[-1]))[0])
         return f"; the input of the law is not finite at the last record, t = {run.t[-1]:.9g} s: tau[{i}] = {run.tau[-1, i]}"
-    if not isinstance(plant, _core.VelocityArm) and not np.linalg.eigvalsh(plant.arm.mass_matrix(run.q[-1]))[0] > 0.0:
+    torques = run.input_units[0] in ("N", "N m")
+    if torques and not np.linalg.eigvalsh(plant.arm.mass_matrix(run.q[-1]))[0] > 0.0:
         return (
             f"; the mass matrix is not positive definite at the last record, t = {run.t[-1]:.9g} s. "
             "Add <inertial> elements to the file, or use arm.with_payload(frame, mass) or arm.with_drives(armature=..)"
