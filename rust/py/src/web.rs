@@ -1,6 +1,6 @@
 //! Loops as WebAssembly, for `armlet.export_web`.
 
-use crate::arrays::{adopted, items};
+use crate::arrays::{adopted, items, nonnegative_integer};
 use crate::errors::{Failure, input_error};
 use crate::interrupts::long;
 use crate::loops::Loops;
@@ -12,15 +12,31 @@ use armlet_macros::entered;
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict, PyList};
 
+/// The largest length of a list.
+const MOST: usize = 1 << 20;
+
+/// Read a list of integers.
+fn counts(function: &'static str, name: &'static str, value: &Bound<'_, PyAny>) -> Result<Vec<usize>, Failure> {
+    items(function, name, "a list", value, MOST)?.iter().map(|each| nonnegative_integer(function, name, each)).collect()
+}
+
 /// Return the loop of run 0 as a dict: a WebAssembly module, its slots and its numbers. `positions` has the number of positions of each
 /// control, whose runs follow run 0. `frames` are the indices of frames whose positions are computed.
 #[entered]
 #[pyfunction]
 #[arguments(plant, law, q0, positions, frames, options)]
-pub fn _web_loop<'py>(positions: Vec<usize>, frames: Vec<usize>, options: &Bound<'py, PyDict>) -> Result<Bound<'py, PyDict>, Failure> {
+pub fn _web_loop<'py>(options: &Bound<'py, PyDict>) -> Result<Bound<'py, PyDict>, Failure> {
     const NAME: &str = "export_web";
     let loops = Loops::of(NAME, plant, law, options)?;
-    let made = loops.with_problem(q0, |problem, _, _| long(py, || web_loop(&problem, &positions, &frames)))?;
+    let (positions, frames) = (counts(NAME, "positions", positions)?, counts(NAME, "frames", frames)?);
+    let total = positions.iter().fold(1, |sum: usize, &count| sum.saturating_add(count));
+    let made = loops.with_problem(q0, |problem, rows, _| {
+        if total != rows {
+            let problem = format!("have a wrong sum: expected one run for each position and run 0, got {rows} runs");
+            return Err(input_error(py, NAME, "positions", problem).into());
+        }
+        long(py, || web_loop(&problem, &positions, &frames))
+    })?;
     let fields = PyDict::new(py);
     fields.set_item("module", PyBytes::new(py, &made.module))?;
     let groups = PyDict::new(py);
@@ -54,9 +70,12 @@ pub fn _web_loop<'py>(positions: Vec<usize>, frames: Vec<usize>, options: &Bound
 #[entered]
 #[pyfunction]
 #[arguments(operations, outputs, reach)]
-pub fn _wasm_of_operations<'py>(outputs: Vec<(u32, u32)>, reach: u32) -> Result<Bound<'py, PyBytes>, Failure> {
+pub fn _wasm_of_operations<'py>() -> Result<Bound<'py, PyBytes>, Failure> {
+    let outputs = items(NAME, "outputs", "a list", outputs, MOST)?;
+    let outputs = outputs.iter().map(|pair| pair.extract::<(u32, u32)>()).collect::<PyResult<Vec<_>>>()?;
+    let reach: u32 = reach.extract()?;
     let mut ops: Vec<Op> = Vec::new();
-    for (k, operation) in items(NAME, "operations", "a list", operations, 1 << 20)?.iter().enumerate() {
+    for (k, operation) in items(NAME, "operations", "a list", operations, MOST)?.iter().enumerate() {
         let (name, operands): (String, Vec<u64>) = operation.extract()?;
         let wrong = |problem: &str| input_error(py, NAME, "operations", format!("{problem} (first bad index {k})"));
         let at = |i: usize| operands.get(i).filter(|&&a| a < k as u64).map(|&a| a as u32).ok_or_else(|| wrong("has a later operand"));
