@@ -2,7 +2,8 @@
 
 The levels are speed bounds, tip velocity, interval of the elbow, orientation, interval of a joint, posture. Times are medians per call from
 Python, in us, and ratios to armlet. Every peer must violate the levels as little as armlet, in lexicographic order. A peer that is not
-installed is skipped.
+installed is skipped. Kept directions (`scale="direction"`) have other answers, and no peer. Two levels on four joints without bounds show
+what a solution object costs, which copies the stack for `why`.
 
     python -P benches/bench_hierarchy.py
 """
@@ -128,6 +129,24 @@ def main() -> None:
         "armlet, last active set (1 of 5 calls without)": (last_set, 5 * STACKS),
         "armlet, solve_priority": (from_the_start, STACKS),
         "armlet, row of a batch": (lambda: al.solve_priority(batch, bounds, method="exact", v_max=1.0), STACKS),
+    }
+
+    def directions() -> None:
+        for J, target in zip(jacobians, targets, strict=True):
+            al.solve_priority(J, target, method="exact", v_max=1.0, scale="direction")
+
+    plain, commands = [J[:2, :4].copy() for J in jacobians[0][:2]], [np.ones(2), np.ones(2)]
+
+    def without_bounds() -> None:
+        solution = None
+        for _ in range(50 * STACKS):
+            # As in a control loop, the last solution exists until the next one replaces it.
+            solution = al.solve_priority(plain, commands)
+        assert solution is not None
+
+    cases |= {
+        "armlet, kept directions": (directions, STACKS),
+        "armlet, two levels without bounds": (without_bounds, 50 * STACKS),
     }
     for name, make in (("DAQP, hierarchical", daqp_peer), ("quadprog, a chain", quadprog_peer)):
         peer = timing.if_there(name, make, say)

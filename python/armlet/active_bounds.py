@@ -100,17 +100,21 @@ def why(details: Details, v: Array, k: int) -> str:
         raise InputError(f"PrioritySolution.why: k is not a level: expected 1 to {len(levels)}, got {k}")
     n = v.size
     first = (np.zeros((0, n)), np.zeros(0), np.zeros(0)) if details["limits"] is None else (np.eye(n), *details["limits"])
-    missed, reasons = _core._priority_reasons([first, *levels], v, k)
+    scales = details.get("scales")
+    scaled = scales is not None and bool(scales[k - 1] < 1.0)
+    missed, reasons = _core._priority_reasons([first, *levels], v, k, scaled)
+    if scaled:
+        return f"level {k} is scaled by {scales[k - 1]:.3g}: {_reasons(reasons, 'the direction of the command takes')}"
     if not missed.any():
         return f"level {k} is reached"
     rows = [f"row {i + 1} by {abs(missed[i]):.3g}" for i in np.flatnonzero(missed)]
     jacobian = levels[k - 1][0]
     if np.linalg.norm(missed @ jacobian) <= FLAT * np.linalg.norm(jacobian) * np.linalg.norm(missed):
         return f"level {k} misses {_listed(rows)}: no joint velocity reduces this, because its rows conflict or its Jacobian is singular"
-    return f"level {k} misses {_listed(rows)}: {_reasons(reasons)}"
+    return f"level {k} misses {_listed(rows)}: {_reasons(reasons, 'damping near a singularity takes')}"
 
 
-def _reasons(reasons: Sequence[tuple[int, int, int, float]]) -> str:
+def _reasons(reasons: Sequence[tuple[int, int, int, float]], others: str) -> str:
     """The shares of single bounds, then those of the tasks of each level, then the rest."""
     parts, tasks, total = [], dict[int, float](), 0.0
     for level, row, side, share in reasons:
@@ -122,7 +126,7 @@ def _reasons(reasons: Sequence[tuple[int, int, int, float]]) -> str:
             tasks[level] = tasks.get(level, 0.0) + share
     parts += [f"the tasks of level {level} take {100 * share:.0f} %" for level, share in sorted(tasks.items()) if abs(share) >= 0.005]
     if total < 0.995:
-        parts.append(f"damping near a singularity takes {100 * (1 - total):.0f} %")
+        parts.append(f"{others} {100 * (1 - total):.0f} %")
     return _listed(parts)
 
 

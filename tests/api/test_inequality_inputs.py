@@ -28,9 +28,18 @@ BAD: list[tuple[str, Callable[[], object], str]] = [
     (
         "chiaverini",
         lambda: solve([J2], [INSIDE], method="chiaverini"),
-        "method is wrong: expected clamp, damped or exact for a stack with bounds",
+        "method is wrong: expected clamp, damped, exact or sns for a stack with bounds",
     ),
-    ("sns", lambda: solve([J2], [INSIDE], method="sns", v_max=1.0), "method is wrong: expected clamp, damped or exact"),
+    ("sns", lambda: solve([J2], [INSIDE], method="sns"), "v_max is missing"),
+    ("scale", lambda: solve([J2], [V2], method="exact", scale="largest"), "scale is unknown: expected direction or None, got largest"),
+    ("scale, type", lambda: solve([J2], [V2], method="exact", scale=1.0), "scale is not a name"),
+    ("scale, clamp", lambda: solve([J2], [V2], scale="direction"), "scale takes effect only with the methods exact and sns"),
+    ("scale, solver", lambda: al.PrioritySolver(4, [1], method="damped", scale="direction"), "scale takes effect only with the methods"),
+    (
+        "scale, arm",
+        lambda: al.PrioritySolver.for_arm(THREE_LINKS, [al.Task("link3", "xy")], scale="direction"),
+        "PrioritySolver.for_arm: scale takes effect only",
+    ),
     ("chiaverini, v_max", lambda: solve([J2], [V2], method="chiaverini", v_max=1.0), "v_max takes effect only with the methods exact"),
     ("v_min", lambda: solve([J2], [V2], v_min=2.0, v_max=1.0), "v_min is out of order"),
     ("task beside bounds", lambda: solve([J1, J2], [[np.inf, 0.0], INSIDE]), r"velocities\[0\] is not finite: .* \(first bad index 0\)"),
@@ -167,3 +176,71 @@ def test_reasons() -> None:
     assert seen.compatible is False and seen.losses is not None
     np.testing.assert_allclose(seen.losses[1], [0.8])
     assert al.diagnose_priority([J], rhs=[[0.2]], v_max=1.0).compatible is True
+
+
+def test_rounding_errors_in_place_of_a_row_command_nothing() -> None:
+    """A row of the size of a rounding error has no direction, as without bounds."""
+    J = np.array([[1.0, 0.0], [0.0, 1e-16]])
+    for options in ({}, {"scale": "direction"}):
+        sol = solve([J, [[0.0, 1.0]]], [[1.0, 1.0], [1.0]], method="exact", v_max=5.0, **options)
+        np.testing.assert_allclose(sol.v, [1.0, 1.0], atol=1e-15)
+        assert sol.ranks == [1, 1]
+    # The command of such a row is far beyond the bounds, and does not change which bounds hold.
+    far = solve(
+        [np.eye(3)[:1], [[1.0, 1e-16, 0.0], [0.0, 1e-16, 0.0]], [[0.0, 1.0, 1.0]]], [[0.2], [0.5, 2.0], [3.0]], method="exact", v_max=1.0
+    )
+    np.testing.assert_allclose(far.v, [0.2, 1.0, 1.0], atol=1e-15)
+    assert far.certificate <= 1e-13
+    # The first row of a level is zero.
+    zero = solve([[[0.0, 0.0], [2.0, -1.0], [-2.0, 0.0]]], [[3.0, 2.0, -2.0]], method="exact", scale="direction", v_max=0.5)
+    np.testing.assert_allclose(zero.scales, 0.5, rtol=1e-14)
+
+
+def test_kept_directions() -> None:
+    """A level executes the largest multiple of its command. `why` names the bounds that limit the scale."""
+    options: dict[str, Any] = {"method": "exact", "scale": "direction", "v_max": [0.5, 9.0, 1.0, 9.0]}
+    sol = solve([np.eye(4)[:2], np.eye(4)[[0, 2]]], [[1.0, 1.0], [1.0, 2.0]], **options)
+    # Level 2 cannot change joint 1, so that joint 3 has the rest of its command.
+    np.testing.assert_allclose(sol.v, [0.5, 0.5, 1.0, 0.0], atol=1e-15)
+    np.testing.assert_allclose(sol.scales, [0.5, 0.5], atol=1e-15)
+    assert sol.status is al.Status.DEGRADED and sol.certificate <= 1e-14
+    assert sol.why(1) == "level 1 is scaled by 0.5: joint 1 at its upper bound (level 0) takes 100 %"
+    assert sol.why(2) == "level 2 is scaled by 0.5: joint 3 at its upper bound (level 0) takes 100 %"
+    np.testing.assert_allclose(sol.violations[0], -sol.residuals[0])
+    # The multiplier is the increase of the scale per unit of the bound.
+    assert [(limit.row, round(limit.multiplier, 12)) for limit in sol.limits] == [(0, 1.0), (2, 0.5)]
+    assert pickle.loads(pickle.dumps(sol)).why(1) == sol.why(1)
+    # A level with bounds is not scaled, and the levels below keep it.
+    mixed = solve([J2, J1], [INSIDE, V1], **options)
+    assert mixed.scales[0] == 1.0 and -0.5 - 1e-12 <= (J2 @ mixed.v)[0] <= 0.5 + 1e-12
+    np.testing.assert_allclose(J1 @ mixed.v, mixed.scales[1] * V1, atol=1e-12)
+    sns = solve([J2, J1], [INSIDE, V1], method="sns", v_max=options["v_max"])
+    np.testing.assert_array_equal(sns.v, mixed.v)
+    # Without a bound, every scale is 1.
+    free = solve([J1, J2], [V1, V2], method="exact", scale="direction")
+    np.testing.assert_allclose(free.v, solve([J1, J2], [V1, V2], method="exact").v, atol=1e-14)
+    assert (free.scales == 1.0).all() and free.why(1) == "level 1 is reached"
+
+
+def test_kept_directions_in_batches_and_solvers() -> None:
+    """Rows of a batch are single solves, and a solver and its pickle are as well."""
+    rng = np.random.default_rng(4)
+    Js, vs = [rng.normal(size=(40, 2, 4)), rng.normal(size=(40, 1, 4))], [rng.normal(size=(40, 2)), rng.normal(size=(40, 1))]
+    for options in ({"method": "sns"}, {"method": "exact", "scale": "direction"}):
+        bounds: dict[str, Any] = options | {"v_max": 0.4}
+        many = solve(Js, vs, **bounds)
+        solver = pickle.loads(pickle.dumps(al.PrioritySolver(4, [2, 1], **bounds)))
+        for i in range(40):
+            one = solve([J[i] for J in Js], [v[i] for v in vs], **bounds)
+            np.testing.assert_array_equal(many.v[i], one.v)
+            np.testing.assert_array_equal(many.scales[i], one.scales)
+            assert many.limits(i) == one.limits and many.changes[i] == one.changes and one.certificate <= 1e-13
+            np.testing.assert_allclose(solver.solve([J[i] for J in Js], [v[i] for v in vs]), one.v, atol=1e-12)
+            if many.status[i] == al.Status.SUCCESS and options["method"] == "sns":
+                assert np.isnan(many.certificate[i]) or many.changes[i] > 0
+        assert 5 <= np.count_nonzero((many.scales < 1).any(axis=1)) <= 38
+    arm = al.PrioritySolver.for_arm(THREE_LINKS, [al.Task("link3", "xy")], method="exact", scale="direction", v_max=0.1)
+    q = np.array([0.3, 0.8, 0.4])
+    v = pickle.loads(pickle.dumps(arm)).solve(q, [[1.0, 0.5]])
+    speed = arm.jacobians(q)[0] @ v
+    assert np.abs(v).max() == 0.1 and abs(speed[0] * 0.5 - speed[1]) < 1e-14 and 0.0 < speed[0] < 1.0

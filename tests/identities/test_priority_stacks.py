@@ -23,7 +23,7 @@ COUNT = int(os.environ.get("ARMLET_RANDOM_STACKS", "20000"))
 SEED = 20220610
 #: Number of stacks that are solved in one batch. They have equal sizes.
 SIZE = 500
-METHODS = ("exact", "clamp", "damped", "chiaverini", "sns")
+METHODS = ("exact", "clamp", "damped", "chiaverini", "sns", "exact, bounds")
 STRATA = ("generic", "singular", "near")
 
 
@@ -76,8 +76,9 @@ def largest(x: Array) -> Array:
 
 
 def check(b: Block, method: str) -> None:
-    levels, always = len(b.jacobians), method in ("exact", "chiaverini", "sns")
-    keywords: dict[str, Any] = {"method": method} | ({"v_max": b.bounds} if method == "sns" else {})
+    bounded = method in ("sns", "exact, bounds")
+    levels, always = len(b.jacobians), bounded or method in ("exact", "chiaverini")
+    keywords: dict[str, Any] = {"method": method.removesuffix(", bounds")} | ({"v_max": b.bounds} if bounded else {})
     prefixes = [al.solve_priority(b.jacobians[:k], b.velocities[:k], **keywords) for k in range(1, levels + 1)]
     for sol in prefixes:
         assert np.isfinite(sol.v).all() and all(np.isfinite(r).all() for r in sol.residuals), method
@@ -102,11 +103,12 @@ def check(b: Block, method: str) -> None:
     moved = np.abs(np.einsum("bmk,bm->bk", U, times(first, v - prefixes[0].v)))
     assert (moved <= allowed[:, None])[s >= eps[0][:, None]].all(), method
     full = np.full(SIZE, m <= n) & (s >= eps[0][:, None]).all(axis=1)
-    if method == "sns":
+    if bounded:
         assert (np.abs(v) <= b.bounds).all()
+    if method == "sns":
         # The direction of the first level's velocity is kept.
         assert (largest(times(first, v) - prefixes[-1].scales[:, :1] * asked) <= 1e-10)[full].all()
-    else:
+    elif not bounded:
         assert (largest(asked - times(first, v)) <= allowed)[full].all(), method
     if method == "clamp":
         exact = al.solve_priority(b.jacobians, b.velocities, method="exact").v

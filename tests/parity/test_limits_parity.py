@@ -1,6 +1,6 @@
 """Velocities and accelerations of the method "sns" against the reference, with bounds as arguments and from joint limits.
 
-"sns" holds some joints at their bounds. For these joints together the reference computes one SVD.
+The reference enumerates the joints at their bounds, so that the arms are small.
 """
 
 from __future__ import annotations
@@ -9,25 +9,23 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from test_task_kinds_parity import levels
 from trees import close, driven_tree
 
 import armlet as al
 from armlet import reference as ref
 
-Array = NDArray[np.float64]
 SIDES = ("lower", "upper")
 
 
 @pytest.mark.parametrize("weighted", [False, True])
 def test_levels_within_bounds(weighted: bool) -> None:
-    """Velocities agree for 1 to 3 levels of 1 to 4 rows and 1 to 8 joints. Some bounds exclude a velocity of zero."""
+    """Velocities agree for 1 to 3 levels of 1 to 3 rows and 1 to 4 joints. Some bounds exclude a velocity of zero."""
     rng = np.random.default_rng(7)
     scaled = 0
-    for _ in range(50):
-        n = int(rng.integers(1, 9))
-        Js = [rng.normal(size=(int(rng.integers(1, 5)), n)) for _ in range(int(rng.integers(1, 4)))]
+    for _ in range(6):
+        n = int(rng.integers(1, 5))
+        Js = [rng.normal(size=(int(rng.integers(1, 4)), n)) for _ in range(int(rng.integers(1, 4)))]
         vs = [rng.normal(size=len(J)) for J in Js]
         root = rng.normal(size=(n, n)) + 3 * np.eye(n)
         options: dict[str, Any] = {"weight": root @ root.T} if weighted else {}
@@ -39,28 +37,16 @@ def test_levels_within_bounds(weighted: bool) -> None:
             {"v_min": 0.1, "v_max": upper + 0.2},
         ):
             got, want = al.solve_priority(Js, vs, method="sns", **bounds, **options), ref.solve_priority(Js, vs, "sns", **bounds, **options)
-            if not settled(Js, vs, bounds | options, want.v):
-                continue
             # Without the columns of joints at their bounds, the rows have singular values down to 1e-4.
             close(got.v, want.v, tolerance=1e-9)
             close(got.scales, want.scales, tolerance=1e-9)
             assert list(got.ranks) == want.ranks
             scaled += int(np.any((want.scales > 0.0) & (want.scales < 1.0)))
-    assert scaled >= 60
-
-
-def settled(Js: list[Array], vs: list[Array], options: dict[str, Any], v: Array) -> bool:
-    """Return whether rounding of the Jacobians changes the reference's solution by rounding only.
-
-    It changes by more where two choices of joints to hold at their bounds are equally good.
-    """
-    rng = np.random.default_rng(0)
-    near = [[J * (1.0 + 1e-15 * rng.normal(size=J.shape)) for J in Js] for _ in range(3)]
-    return all(float(np.abs(ref.solve_priority(other, vs, "sns", **options).v - v).max()) < 1e-9 for other in near)
+    assert scaled >= 8
 
 
 @pytest.mark.parametrize("name", ["PriorityVelocity", "PriorityAcceleration"])
-@pytest.mark.parametrize("n", [1, 3, 7])
+@pytest.mark.parametrize("n", [1, 2, 3])
 def test_limits_given(name: str, n: int) -> None:
     """Bounds of each kind agree, alone and together, also for a joint beyond its limit."""
     arm, theirs = driven_tree(n, 3)
@@ -76,12 +62,12 @@ def test_limits_given(name: str, n: int) -> None:
     for limits in given:
         law = getattr(al, name)(arm, levels(al, arm, n, name), "sns", **limits)
         other = getattr(ref, name)(theirs, levels(ref, arm, n, name), "sns", **limits)
-        for q, v in rng.uniform(-0.5, 0.5, (6, 2, n)):
+        for q, v in rng.uniform(-0.5, 0.5, (4, 2, n)):
             want = other.terms(0.2, q, v)
             close(law(0.2, q, v), want["tau"], tolerance=1e-9)
             bounds = other._limited(q, v)
             saturated += int(np.any((want["u"] == bounds["v_min"]) | (want["u"] == bounds["v_max"])))
-    assert saturated >= 20
+    assert saturated >= 4
 
 
 @pytest.mark.parametrize("name", ["PriorityVelocity", "PriorityAcceleration"])
@@ -106,7 +92,7 @@ def test_limits_with_exact(name: str, n: int) -> None:
     assert active >= 3
 
 
-@pytest.mark.parametrize("n", [2, 5, 8])
+@pytest.mark.parametrize("n", [2, 4])
 def test_limits_of_the_arm(n: int) -> None:
     """Bounds from the limits of the arm agree, for velocities and for accelerations."""
     arm, theirs = driven_tree(n, 2)
@@ -117,7 +103,7 @@ def test_limits_of_the_arm(n: int) -> None:
             close(law(t, q, speed * v), other(t, q, speed * v), tolerance=1e-9)
 
 
-@pytest.mark.parametrize("n", [3, 7])
+@pytest.mark.parametrize("n", [2, 4])
 def test_solvers_within_bounds(n: int) -> None:
     """`PrioritySolver` and `PrioritySolver.for_arm` with bounds return the reference's velocities."""
     arm, theirs = driven_tree(n, 1)
@@ -129,7 +115,6 @@ def test_solvers_within_bounds(n: int) -> None:
             Js = [other.jacobian(theirs, q) for other in others]
             vs = [rng.normal(size=len(J)) for J in Js]
             want = ref.solve_priority(Js, vs, "sns", **bounds)
-            if settled(Js, vs, bounds, want.v):
-                plain = al.PrioritySolver(n, [len(J) for J in Js], method="sns", **bounds)
-                for got in (of_arm.solve(q, vs), plain.solve(Js, vs)):
-                    close(got, want.v, tolerance=1e-9)
+            plain = al.PrioritySolver(n, [len(J) for J in Js], method="sns", **bounds)
+            for got in (of_arm.solve(q, vs), plain.solve(Js, vs)):
+                close(got, want.v, tolerance=1e-9)

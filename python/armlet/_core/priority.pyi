@@ -20,6 +20,7 @@ def solve_priority(
     weight: ArrayLike | None = None,
     v_min: ArrayLike | None = None,
     v_max: ArrayLike | None = None,
+    scale: str | None = None,
 ) -> PrioritySolution:
     """Compute joint velocities for tasks `J_i v = v_i` with priorities: a task does not disturb the tasks of higher priority.
 
@@ -30,8 +31,8 @@ def solve_priority(
         jacobians: one `(..., rows_i, n)` per level, the highest priority first. Zero rows, and more rows than joints, are allowed.
         velocities: one `(..., rows_i)` per level, in the unit of the task. `Within(lower, upper)` bounds a level instead.
         method: "exact" is the equation above. "clamp" is continuous and bounded, and equals "exact" where all singular values are at least
-            `eps`. "damped" and "chiaverini" use damped pseudoinverses. "sns" keeps the direction of the commands, and requires `v_min` or
-            `v_max`. The method and all further arguments are keyword only.
+            `eps`. "damped" and "chiaverini" use damped pseudoinverses. "sns" is "exact" with `scale="direction"`, and requires `v_min`
+            or `v_max`. The method and all further arguments are keyword only.
         eps: threshold on singular values, > 0, one number or one per level; None: 0.02 times each level's largest row norm. "exact" and
             "sns" do not accept it.
         rounding: relative error of the entries of the Jacobians; None: 8 times the machine epsilon. For Jacobians that were computed from
@@ -39,6 +40,8 @@ def solve_priority(
         weight: joint metric `W`, `(n, n)`, symmetric and positive definite: `v' W v` is minimised; None: the identity.
         v_min, v_max: bounds of `v` above all levels, a number or `(n,)`, rad/s or m/s. A missing bound is minus the other bound.
             "chiaverini" accepts no bounds.
+        scale: "direction" keeps the direction of each command. A level whose command is not feasible executes its largest feasible
+            multiple `s v_i`, `0 <= s <= 1`. None minimises `|J_i v - v_i|` instead. Only "exact" and "sns" accept "direction".
 
     Returns:
         A `PrioritySolution`. A batch does not raise for one invalid row. A row whose numbers are not finite, or whose result overflows, is
@@ -59,7 +62,7 @@ def solve_priority(
     <Status.SUCCESS: 0>
     """
 
-def _priority_reasons(levels: Sequence[Any], v: _Array, k: int) -> tuple[_Array, list[tuple[int, int, int, float]]]: ...
+def _priority_reasons(levels: Sequence[Any], v: _Array, k: int, scaled: bool) -> tuple[_Array, list[tuple[int, int, int, float]]]: ...
 def diagnose_priority(jacobians: Sequence[ArrayLike], rhs: Sequence[ArrayLike | Within] | None, rounding: float | None) -> dict[str, Any]:
     """Diagnose a stack of Jacobians, and return a dict with the fields of `armlet.PriorityDiagnosis`."""
 
@@ -128,7 +131,7 @@ class PrioritySolution:
     - `residuals`: a list of `v_i - J_i v` per level, `(rows_i,)`, in the unit of the task; NaN for a level with bounds.
     - `violations`: a list of `w_i = J_i v - clip(J_i v, lower, upper)` per level, `(rows_i,)`; zero within the bounds.
     - `ranks`: number of directions of each level that were realised.
-    - `scales`: scale of each level's command, `(levels,)`; it is 1 except for "sns".
+    - `scales`: scale of each level's command, `(levels,)`; it is 1 except for "sns" and `scale="direction"`.
     - `active`: for each level, a list of its rows at or beyond a bound, as `Active(row, side, multiplier, name)`.
     - `limits`: the same list for `v_min` and `v_max`, which are level 0.
     - `changes`: number of changes of the active set; `certificate`: largest residual of the optimality conditions.
@@ -158,7 +161,7 @@ class PrioritySolution:
         """Number of directions of each level that were realised."""  # list[int] for one stack; an array of integers (..., levels) for a batch
     @property
     def scales(self) -> _Array:
-        """Scale of each level's command, `(levels,)`; it is 1 except for "sns"."""
+        """Scale of each level's command, `(levels,)`; it is 1 except for "sns" and `scale="direction"`."""
     @property
     def status(self) -> Any:
         """`Status.SUCCESS`, or `Status.DEGRADED` if some level lost a direction, was scaled or was stopped by a bound."""  # Status for one stack; an array of integers (...) for a batch
@@ -181,7 +184,7 @@ class PrioritySolution:
     @property
     def certificate(self) -> Any:
         """Largest residual of the optimality conditions (Karush, Kuhn and Tucker) of all levels, divided by their largest term. It is NaN for
-        "chiaverini", and in a batch without bounds.
+        "chiaverini", and in a batch without bounds. In a batch of "sns" it is NaN for a row that meets no bound.
         """  # float for one stack; an array (...) for a batch
     def why(self, k: int) -> str:
         """Return one sentence: by how much level `k` is missed, and which rows of higher levels stop it. Levels count from 1.
@@ -197,7 +200,7 @@ class PrioritySolver:
     Args:
         n: number of joints.
         rows: number of rows of each level, the highest priority first.
-        method, eps, rounding, weight, v_min, v_max: as for `solve_priority` (keyword only).
+        method, eps, rounding, weight, v_min, v_max, scale: as for `solve_priority` (keyword only).
 
     Raises:
         InputError: `n` is not positive, a number of rows is negative, a shape does not fit, or the method is unknown. It is also raised
@@ -223,6 +226,7 @@ class PrioritySolver:
         weight: ArrayLike | None = None,
         v_min: ArrayLike | None = None,
         v_max: ArrayLike | None = None,
+        scale: str | None = None,
     ) -> Self: ...
     @staticmethod
     def for_arm(
@@ -234,13 +238,14 @@ class PrioritySolver:
         weight: ArrayLike | None = None,
         v_min: ArrayLike | None = None,
         v_max: ArrayLike | None = None,
+        scale: str | None = None,
     ) -> ArmPrioritySolver:
         """Make a solver for tasks of an arm. Its `solve(q, velocities)` takes joint positions instead of Jacobians.
 
         Args:
             arm: the arm; not `planar_pr`, which has no links.
             tasks: `Task` and other tasks, the highest priority first. Their targets and gains are not used.
-            method, eps, weight, v_min, v_max: as for `solve_priority` (keyword only). The bounds of "sns" default to the arm's bounds.
+            method, eps, weight, v_min, v_max, scale: as for `solve_priority` (keyword only). The bounds of "sns" default to the arm's bounds.
 
         >>> import armlet as al
         >>> arm = al.planar_arm([1.0, 1.0, 0.25, 0.25])
@@ -283,7 +288,7 @@ class PrioritySolver:
         """Number of directions of each level that the last solve realised."""
     @property
     def scales(self) -> _Array:
-        """Scale of each level's command in the last solve, `(levels,)`; 1 except for "sns"."""
+        """Scale of each level's command in the last solve, `(levels,)`; 1 except for "sns" and `scale="direction"`."""
     @property
     def status(self) -> Status:
         """Status of the last solve."""

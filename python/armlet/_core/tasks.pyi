@@ -346,7 +346,7 @@ class ArmPrioritySolver:
     def jacobians(self, q: ArrayLike) -> list[_Array]:
         """Return a list with the Jacobian `(rows_i, n)` of each task at `q` `(n,)`."""
     def set_bounds(self, v_min: ArrayLike, v_max: ArrayLike) -> None:
-        """Set the velocity bounds of the next solves with "sns", a number or `(n,)` each, rad/s or m/s. A solver that was made
+        """Set the velocity bounds of the next solves, a number or `(n,)` each, rad/s or m/s. A solver that was made
         without bounds raises `InputError`.
         """
     @property

@@ -23,6 +23,7 @@ from .lagrange import Array
 #: A level: its rows (m, n), its lower bounds (m,) and its upper bounds (m,).
 Level = tuple[Array, Array, Array]
 CUT = 1e-10  # singular values of unit rows below it count as zero
+MET = 1e-14  # a candidate with a smaller violation, relative to the terms of the level, is the minimum
 NOISE = 1e-9  # violations below this multiple of the row norm and the norm of x count as zero
 
 
@@ -101,6 +102,8 @@ def _minimum(level: Level, fixed: Level) -> Array:
             size = float(np.sum((A @ x - np.clip(A @ x, lower, upper)) ** 2))
             if size < goal:
                 best, goal = x, size
+            if size <= (MET * (np.linalg.norm(A) * np.linalg.norm(x) + np.linalg.norm(np.clip(0.0, lower, upper)))) ** 2:
+                return x
     assert best is not None, "the set of the higher levels is not empty"
     return best
 

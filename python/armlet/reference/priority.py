@@ -7,7 +7,7 @@
                 A+ = A' phi(A A'),   phi(mu) = 1/max(mu, eps^2) on the eigenvalues
     damped      as clamp, but x += A_i' (A_i A_i' + lambda^2)^-1 (v_i - J_i x),  lambda = eps (1 - prod min(1, sigma/eps))
     chiaverini  x = sum_i N_i N_i' J_i+ v_i,  J_i+ as in clamp, N_i as in exact                            (Chiaverini 1997)
-    sns         x = N z within bounds, with the largest scale of each level; joints are fixed at their bounds (see `saturation`)
+    sns         the x of the smallest norm within bounds that has the largest scale s of each level, J_i x = s v_i (see `saturation`)
     weight      min x'Wx: x is W^-1/2 times the result of the methods above for the Jacobians J_i W^-1/2
 
 x are the joint velocities, J_i and v_i the Jacobian and the task velocity of level i, and sigma the singular values of A_i. A' is the

@@ -23,14 +23,14 @@ impl PrioritySolver {
     /// entries of the Jacobians.
     ///
     /// The results are a flag, then `v`. The flag is one if `v` is valid, otherwise zero. The return value is `None` if the program would be
-    /// too long, or if the solver has bounds.
+    /// too long, or if each stack requires a search.
     pub fn recorded<T>(
         &self,
         inputs: usize,
         set_up: impl FnOnce() -> T,
         stack: impl FnOnce(T, &[Sym]) -> (Sym, Vec<Sym>, Vec<Sym>),
     ) -> Option<Evaluation> {
-        if self.is_bounded() || Regular::<Sym>::operations(self.n(), self.rows()) > MOST_OPERATIONS {
+        if !self.has_regular_stacks() || Regular::<Sym>::operations(self.n(), self.rows()) > MOST_OPERATIONS {
             return None;
         }
         let set_up = || (self.regular::<Sym>(), set_up());
@@ -208,6 +208,8 @@ pub struct StackBatch {
     single: PrioritySolver,
     /// The solution of a row that fails.
     failed: Solution,
+    /// The bounds of a row that no bound restricts.
+    free: Option<Bounded>,
     ranks: Vec<i64>,
     declined: Vec<usize>,
 }
@@ -216,7 +218,7 @@ impl StackBatch {
     /// Create a solver for batches of `rows` stacks, with the sizes and options of `solver`.
     pub fn new(solver: &PrioritySolver, rows: usize) -> Self {
         let (n, total) = (solver.n(), solver.rows().iter().sum::<usize>());
-        let mut program = if rows < FEWEST_ROWS || solver.is_bounded() {
+        let mut program = if rows < FEWEST_ROWS || !solver.has_regular_stacks() {
             None
         } else {
             branch_free::recorded::<Regular<Sym>>(&solver.given, &solver.settings, true)
@@ -225,7 +227,8 @@ impl StackBatch {
             program.inputs(total * (n + 1), 1).fill(solver.settings.rounding);
         }
         let ranks = regular_ranks(n, solver.rows()).map(|rank| rank as i64).collect();
-        StackBatch { program, single: solver.clone(), failed: solver.failed(), ranks, declined: Vec::new() }
+        let failed = solver.failed();
+        StackBatch { program, single: solver.clone(), free: failed.bounded.clone(), failed, ranks, declined: Vec::new() }
     }
 
     /// The solver of single stacks from which this solver was made.
@@ -251,11 +254,24 @@ impl StackBatch {
             answers.ranks.chunks_exact_mut(self.ranks.len()).for_each(|ranks| ranks.copy_from_slice(&self.ranks));
             answers.scales.fill(1.0);
             answers.status.fill(Status::Success.code());
+            self.set_free(answers);
         }
         let StackBatch { program, single, failed, declined, .. } = self;
         for &i in declined.iter() {
             interrupt::check();
             answers.set(i, solve_one(single, given, first + i, program.is_some()).unwrap_or(failed));
+        }
+    }
+
+    /// Write the bounds of all stacks, as of solutions that no bound restricts.
+    fn set_free(&mut self, answers: &mut StackAnswers) {
+        let (StackAnswers { v, residuals, bounded: Some(answers), .. }, Some(bounded)) = (answers, &mut self.free) else { return };
+        let (n, mut residual) = (self.single.n(), Vec::with_capacity(bounded.violations.len()));
+        for (i, v) in v.chunks_exact(n).enumerate() {
+            residual.clear();
+            residuals.iter().zip(self.single.rows()).for_each(|(all, &m)| residual.extend_from_slice(&all[i * m..(i + 1) * m]));
+            bounded.set_free(v, &residual, self.single.bounds());
+            answers.set(i, bounded);
         }
     }
 

@@ -44,8 +44,8 @@ pub enum PriorityMethod {
     /// `chiaverini1997singularity`). Algorithmic singularities do not occur, because no projected matrix is inverted. In return, lower
     /// levels have an error if tasks are not orthogonal.
     Chiaverini,
-    /// Saturation in the null space (Flacco, De Luca, Khatib 2015, `flacco2015saturation`). Joints at their bounds are fixed, and the task
-    /// is scaled without a change of its direction.
+    /// `Exact` with scaled commands, whose direction is kept. Each level has the largest scale that the bounds and the higher levels allow.
+    /// This is saturation in the null space (Flacco, De Luca, Khatib 2015, `flacco2015saturation`).
     Sns,
 }
 
@@ -71,6 +71,11 @@ impl PriorityMethod {
     /// Whether the method accepts bounds of levels and of joint velocities.
     pub fn accepts_bounds(self) -> bool {
         self != PriorityMethod::Chiaverini
+    }
+
+    /// Whether the method can keep the direction of commands by scaling. Damping changes the direction.
+    pub fn keeps_direction(self) -> bool {
+        matches!(self, PriorityMethod::Exact | PriorityMethod::Sns)
     }
 
     /// Whether the method damps small singular values of the projected Jacobian.
@@ -122,6 +127,9 @@ pub struct PriorityOptions {
     /// The joint metric `W`, shape `(n, n)`, row-major, symmetric and positive definite. Of all `v` with the same task velocities, the
     /// methods prefer the smallest `v' W v`. `None` means the identity.
     pub weight: Option<Vec<f64>>,
+    /// Whether the direction of each command is kept: a level that does not reach its command executes the largest feasible multiple of it.
+    /// `Exact` with this option is `Sns`; `clamp`, `damped` and `chiaverini` do not accept it.
+    pub keep_direction: bool,
     /// For each level, whether bounds `l <= J_i v <= u` replace its task velocity. Empty if no level has bounds.
     pub intervals: Vec<bool>,
     /// The lower joint velocity bounds above all levels, shape `(n,)`, rad/s or m/s. Infinite entries are allowed. `None` means `-v_max`.

@@ -9,8 +9,8 @@
 //!
 //! The branch-free algorithms solve most stacks. `regular` uses LQ factorisations. Its result is valid only if it is proven that every
 //! singular value is large and that no bound is met. For `clamp` and `damped`, `two_rows` solves levels of at most two rows in closed form,
-//! also at singularities. `hierarchy` is the general recursion over levels with singular values. Its file `sns` scales commands within bounds.
-//! `inequality` solves stacks with bounds. `solver`
+//! also at singularities. `hierarchy` is the general recursion over levels with singular values.
+//! `inequality` solves stacks with bounds, and scales commands. `solver`
 //! owns the memory and selects the algorithm. `batch` solves many stacks with a program: the recorded and compiled algorithm `regular`.
 //! `formula` is the solution within a recorded law.
 
@@ -38,7 +38,7 @@ pub use branch_free::Regular;
 pub use diagnose::{Compatibility, Diagnosis, LevelDiagnosis, SingularityKind, diagnose};
 pub use formula::StackFormula;
 pub use method::{DEFAULT_EPS, DEFAULT_ROUNDING, PriorityMethod, PriorityOptions};
-pub use reasons::{BoundedRows, Reason, Reasons, reasons};
+pub use reasons::{BoundedRows, Reason, Reasons, reasons, scale_reasons};
 pub use solution::{Bounded, LevelSolution, Solution};
 pub use solve::{certificate, solve_levels, solve_priority};
 pub use solver::PrioritySolver;

@@ -85,6 +85,51 @@ pub fn reasons(n: usize, levels: &[BoundedRows], v: &[f64], k: usize) -> Result<
     Ok(Reasons { violations, reasons })
 }
 
+/// Find the reasons why the scale of level `k` is not larger, at the velocities `v`, shape `(n,)`, of a stack with scaled commands. The
+/// largest share is first. `levels` is as for [`reasons`], and level `k` has tasks. Errors: `Solve` without convergence of a singular value
+/// decomposition.
+///
+/// `P r` is the command, projected on the range of the rows `A` in the null space of the higher tasks. The scale is `t / |d|` with the
+/// smallest `d` of `A d = P r`. The gradient of `-t` along `A x = t P r / |d|` is divided among the active rows.
+///
+/// ```
+/// use armlet_core::priority::scale_reasons;
+///
+/// // The command (1, 1) is scaled by 1/2, because the first joint is at its bound.
+/// let (limits, task) = ((&[1.0, 0.0, 0.0, 1.0][..], &[-0.5, -9.0][..], &[0.5, 9.0][..]), (&[1.0, 0.0, 0.0, 1.0][..], &[1.0, 1.0][..]));
+/// let found = scale_reasons(2, &[limits, (task.0, task.1, task.1)], &[0.5, 0.5], 1)?;
+/// assert_eq!((found.len(), found[0].row, found[0].side), (1, 0, 1));
+/// assert!((found[0].share - 1.0).abs() < 1e-12);
+/// # Ok::<(), armlet_core::error::Error>(())
+/// ```
+pub fn scale_reasons(n: usize, levels: &[BoundedRows], v: &[f64], k: usize) -> Result<Vec<Reason>> {
+    let v = DVectorView::from_slice(v, n);
+    let (mut active, m) = (Vec::new(), levels[k].1.len());
+    for (level, rows) in levels.iter().enumerate().take(k) {
+        active.extend((0..rows.1.len()).filter_map(|i| active_row(n, *rows, level, i, &v)));
+    }
+    let a = DMatrix::from_column_slice(n, m, levels[k].0);
+    let size = a.norm().max(f64::MIN_POSITIVE);
+    let (a, r) = (a / size, DVector::from_column_slice(levels[k].1) / size);
+    let above = columns(n, active.iter().filter(|row| row.free).map(|row| &row.normal));
+    let b = &a - &above * (inverse(&above)? * &a);
+    let d = inverse(&b)?.transpose() * r;
+    // A level without a feasible command has the scale 1.
+    if d.norm() == 0.0 {
+        return Ok(Vec::new());
+    }
+    let mut own = a.insert_row(n, 0.0);
+    own.row_mut(n).copy_from(&(-(&d / d.norm()).transpose() * b));
+    let mut gradient = DVector::zeros(n + 1);
+    gradient[n] = -1.0;
+    let inverse = inverse(&own)?;
+    let along = |x: DVector<f64>| &x - &own * (&inverse * &x);
+    active.iter_mut().for_each(|row| row.normal = along(row.normal.clone().insert_row(n, 0.0)));
+    let mut reasons = shares(&active, &along(gradient))?;
+    reasons.sort_by(|a, b| b.share.total_cmp(&a.share));
+    Ok(reasons)
+}
+
 /// The row `i` of a level, shape `(n,)`.
 fn row(n: usize, a: &[f64], i: usize) -> DVectorView<'_, f64> {
     DVectorView::from_slice(&a[i * n..(i + 1) * n], n)
@@ -173,7 +218,7 @@ fn columns<'a>(n: usize, columns: impl Iterator<Item = &'a DVector<f64>>) -> DMa
     DMatrix::from_column_slice(n, columns.len() / n, &columns)
 }
 
-/// The pseudo-inverse of a matrix with unit columns.
+/// The pseudo-inverse of a matrix with columns of about unit length.
 fn inverse(a: &DMatrix<f64>) -> Result<DMatrix<f64>> {
     // nalgebra stores columns. So the data of `a` are the rows of its transpose, and the result has the rows of the transposed inverse.
     let (n, m) = a.shape();

@@ -12,6 +12,8 @@ pub(super) struct Settings {
     /// The relative error of the entries of the Jacobians.
     pub rounding: f64,
     pub metric: Option<Metric>,
+    /// Whether each command has a scale, so that its direction is kept.
+    pub scales: bool,
     /// The lower and upper bounds of the joint velocities.
     pub bounds: Option<(Vec<f64>, Vec<f64>)>,
 }
@@ -27,18 +29,20 @@ impl Settings {
         };
         eps.iter().flatten().try_for_each(|e| positive("eps", *e))?;
         let metric = options.weight.as_ref().map(|weight| Metric::new(weight, n)).transpose()?;
-        let scales = options.method == PriorityMethod::Sns;
-        let limited = options.v_min.is_some() || options.v_max.is_some();
-        if (options.intervals.contains(&true) && (scales || !options.method.accepts_bounds()))
-            || (limited && !options.method.accepts_bounds())
-        {
-            let problem = format!("is wrong: expected clamp, damped or exact for a stack with bounds, got {}", options.method.name());
+        let limited = options.v_min.is_some() || options.v_max.is_some() || options.intervals.contains(&true);
+        if limited && !options.method.accepts_bounds() {
+            let problem = format!("is wrong: expected clamp, damped, exact or sns for a stack with bounds, got {}", options.method.name());
             return Err(Error::input("method", problem));
+        }
+        let scales = options.keep_direction || options.method == PriorityMethod::Sns;
+        if scales && !options.method.keeps_direction() {
+            let problem = format!("has no use: expected the methods exact and sns for a kept direction, got {}", options.method.name());
+            return Err(Error::input("scale", problem));
         }
         if ![0, levels].contains(&options.intervals.len()) {
             return Err(Error::wrong("intervals", "length", format!("0 or {levels}"), options.intervals.len()));
         }
-        let mut settings = Settings { method: options.method, eps, rounding: 0.0, metric, bounds: None };
+        let mut settings = Settings { method: options.method, eps, rounding: 0.0, metric, scales, bounds: None };
         settings.set_rounding(options.rounding.unwrap_or(DEFAULT_ROUNDING))?;
         let (low, high) = match options.velocity_bounds() {
             Some(bounds) => bounds,
@@ -98,11 +102,5 @@ impl Settings {
         lower.copy_from_slice(v_min);
         upper.copy_from_slice(v_max);
         Ok(())
-    }
-
-    /// Return the bounds of the method `sns`.
-    pub fn velocity_bounds(&self) -> (&[f64], &[f64]) {
-        let (lower, upper) = self.bounds.as_ref().expect("`Settings::new` requires bounds for sns");
-        (lower, upper)
     }
 }

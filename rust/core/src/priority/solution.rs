@@ -59,7 +59,8 @@ pub struct Bounded {
     pub multipliers: Vec<f64>,
     /// The number of changes of the active set.
     pub changes: usize,
-    /// The largest residual of the conditions of Karush, Kuhn and Tucker, divided by their largest term.
+    /// The largest residual of the conditions of Karush, Kuhn and Tucker, divided by their largest term. It is NaN for `sns` if the solution
+    /// meets no bound, because such stacks are solved without a search.
     pub certificate: f64,
 }
 
@@ -68,6 +69,21 @@ impl Bounded {
     pub(super) fn new(limits: usize, rows: usize) -> Self {
         let nan = || vec![f64::NAN; limits + rows];
         Bounded { limits, violations: nan(), sides: vec![0; limits + rows], multipliers: nan(), changes: 0, certificate: f64::NAN }
+    }
+
+    /// Write the bounds of a solution of tasks that no bound restricts.
+    pub(super) fn set_free(&mut self, v: &[f64], residuals: &[f64], bounds: Option<&(Vec<f64>, Vec<f64>)>) {
+        let (own, tasks) = self.violations.split_at_mut(self.limits);
+        own.fill(0.0);
+        tasks.iter_mut().zip(residuals).for_each(|(to, residual)| *to = -residual);
+        self.sides.fill(0);
+        self.multipliers.fill(0.0);
+        (self.changes, self.certificate) = (0, f64::NAN);
+        if let Some((lower, upper)) = bounds {
+            for (side, (v, (l, u))) in self.sides.iter_mut().zip(v.iter().zip(lower.iter().zip(upper))) {
+                *side = i8::from(v >= u) - i8::from(v <= l);
+            }
+        }
     }
 }
 
@@ -90,7 +106,7 @@ pub struct LevelSolution {
     /// Whether the level realises fewer directions than its rows and the null space of the levels above allow. For `chiaverini`, also
     /// whether a singular value of `J_i` is below `eps`.
     pub singular: bool,
-    /// The scale of the command. It is 1 except for `sns`.
+    /// The scale of the command. It is 1 except for `sns`, and for `exact` with kept directions.
     pub scale: f64,
 }
 

@@ -26,7 +26,7 @@ pub fn solve_priority(n: usize, jacobians: &[&[f64]], velocities: &[&[f64]], opt
 /// Kuhn and Tucker, divided by their largest term. `rows`: number of rows of each level. `jacobian` and `command`: stacked, row-major.
 ///
 /// The stack is solved again by the active-set method. The certificate is that of this solution, and at least its relative distance from
-/// `v`. It is NaN for `chiaverini`, which minimises no objective, and for `sns`. Errors: as for [`PrioritySolver::new`].
+/// `v`. It is NaN for `chiaverini`, which minimises no objective. For `sns` no bound may restrict `v`. Errors: as for [`PrioritySolver::new`].
 ///
 /// ```
 /// use armlet_core::priority::{PriorityMethod, PriorityOptions, certificate};
@@ -36,10 +36,13 @@ pub fn solve_priority(n: usize, jacobians: &[&[f64]], velocities: &[&[f64]], opt
 /// # Ok::<(), armlet_core::error::Error>(())
 /// ```
 pub fn certificate(rows: &[usize], options: &PriorityOptions, jacobian: &[f64], command: &[f64], v: &[f64]) -> Result<f64> {
-    if matches!(options.method, PriorityMethod::Chiaverini | PriorityMethod::Sns) {
-        return Ok(f64::NAN);
-    }
-    let mut solver = PrioritySolver::new(v.len(), rows, &PriorityOptions { intervals: vec![true; rows.len()], ..options.clone() })?;
+    let method = match options.method {
+        PriorityMethod::Chiaverini => return Ok(f64::NAN),
+        PriorityMethod::Sns => PriorityMethod::Exact,
+        method => method,
+    };
+    let options = PriorityOptions { method, intervals: vec![true; rows.len()], ..options.clone() };
+    let mut solver = PrioritySolver::new(v.len(), rows, &options)?;
     solver.upper().copy_from_slice(command);
     let (own_jacobian, own_command) = solver.inputs();
     own_jacobian.copy_from_slice(jacobian);

@@ -64,7 +64,7 @@ impl PrioritySolver {
         memory::require((18_usize.saturating_mul(most)).saturating_add(8_usize.saturating_mul(total)).saturating_mul(8 * most))?;
         let settings = Settings::new(n, rows.len(), options)?;
         let given = Stack::with_intervals(n, rows, &options.intervals);
-        let bounded = !given.upper.is_empty() || (settings.bounds.is_some() && settings.method != PriorityMethod::Sns);
+        let bounded = !given.upper.is_empty() || settings.bounds.is_some() || settings.scales;
         let mut solution = Solution::new(n, rows);
         if bounded {
             solution.bounded = Some(Bounded::new(settings.bounds.as_ref().map_or(0, |_| n), given.command.len()));
@@ -73,7 +73,7 @@ impl PrioritySolver {
             regular: Compiled::new(&given, &settings),
             two_rows: TwoRowLevels::<f64>::applies(rows, settings.method).then(|| Compiled::new(&given, &settings)),
             scaled: ScaledStack::new(&given),
-            hierarchy: Hierarchy::new(&given, settings.method),
+            hierarchy: Hierarchy::new(&given),
             inequalities: bounded.then(|| Box::new(Inequalities::new(&given, &settings))),
             solution,
             settings,
@@ -168,7 +168,10 @@ impl PrioritySolver {
     /// Start each solve of a stack with bounds with the active set of the last solve. Its result then depends on earlier solves, but only by
     /// rounding errors.
     pub fn keep_active_set(&mut self) {
-        self.inequalities.iter_mut().for_each(|inequalities| inequalities.keep_active_set());
+        // The solution of `sns` does not depend on earlier solves, not even by rounding errors.
+        if !self.settings.method.has_bounds() {
+            self.inequalities.iter_mut().for_each(|inequalities| inequalities.keep_active_set());
+        }
     }
 
     /// Forget the active set of the last solve, so that the next result does not depend on earlier solves.
@@ -185,9 +188,14 @@ impl PrioritySolver {
         failed
     }
 
-    /// Whether the joint velocities or a level have bounds.
+    /// Whether the joint velocities or a level have bounds, or commands are scaled.
     pub fn is_bounded(&self) -> bool {
         self.inequalities.is_some()
+    }
+
+    /// Whether the algorithm `regular` solves the stacks whose solution meets no bound. For `sns` it is valid only without one.
+    pub(super) fn has_regular_stacks(&self) -> bool {
+        self.inequalities.is_none() || (self.settings.method.has_bounds() && self.given.upper.is_empty())
     }
 
     /// Solve for one Jacobian per level, shape `(rows_i, n)`, row-major, and one task velocity per level, shape `(rows_i,)`.
@@ -210,8 +218,8 @@ impl PrioritySolver {
     /// Solve for the numbers in [`PrioritySolver::inputs`]. Errors: `Input` for numbers that are not finite, `Solve` if the result
     /// overflows.
     pub fn run(&mut self) -> Result<&Solution> {
-        if self.inequalities.is_some() {
-            return self.run_bounded();
+        if !self.has_regular_stacks() {
+            return self.run_hierarchy();
         }
         let PrioritySolver { settings, given, regular, solution, .. } = self;
         let Some([v, residuals, ..]) = regular.solve(settings.rounding, given) else { return self.run_declined() };
@@ -220,6 +228,9 @@ impl PrioritySolver {
         let ranks = regular_ranks(given.n, &given.rows);
         solution.levels.iter_mut().zip(ranks).for_each(|(level, rank)| *level = LevelSolution::new(rank, rank));
         solution.status = Status::Success;
+        if let Some(bounded) = &mut solution.bounded {
+            bounded.set_free(&solution.v, &solution.residuals, settings.bounds.as_ref());
+        }
         Ok(&self.solution)
     }
 
@@ -237,19 +248,21 @@ impl PrioritySolver {
         Ok(&self.solution)
     }
 
-    /// Solve level by level with singular values. Errors: as for [`PrioritySolver::run`].
+    /// Solve level by level: with singular values, or by the active-set method if there are bounds. Errors: as for [`PrioritySolver::run`].
     pub fn run_hierarchy(&mut self) -> Result<&Solution> {
+        if self.inequalities.is_some() {
+            return self.run_bounded();
+        }
         let PrioritySolver { settings, given, scaled, hierarchy, solution, .. } = self;
         scaled.load(given, settings)?;
         hierarchy.start(settings);
         for (level, solution) in scaled.levels().zip(&mut solution.levels) {
             hierarchy.project(&level)?;
             *solution = match settings.method {
-                PriorityMethod::Exact => hierarchy.exact_step(&level),
+                PriorityMethod::Exact | PriorityMethod::Sns => hierarchy.exact_step(&level),
                 PriorityMethod::Clamp => hierarchy.clamped_step(&level),
                 PriorityMethod::Damped => hierarchy.damped_step(&level),
                 PriorityMethod::Chiaverini => hierarchy.chiaverini_step(&level),
-                PriorityMethod::Sns => hierarchy.saturated_step(&level, settings),
             }?;
         }
         self.finish()
@@ -276,16 +289,12 @@ impl PrioritySolver {
         Ok(&self.solution)
     }
 
-    /// Compute the joint velocities from the metric coordinates, and residuals and status. For `sns`, remove rounding excess over bounds.
+    /// Compute the joint velocities from the metric coordinates, and residuals and status.
     fn finish(&mut self) -> Result<&Solution> {
         let PrioritySolver { settings, given, hierarchy, solution, .. } = self;
         let Solution { v, residuals, .. } = solution;
         v.copy_from_slice(&hierarchy.y);
         settings.metric.iter().for_each(|metric| metric.velocity(v));
-        if settings.method == PriorityMethod::Sns {
-            let (lower, upper) = settings.velocity_bounds();
-            v.iter_mut().zip(lower).zip(upper).for_each(|((v, l), u)| *v = v.max(*l).min(*u));
-        }
         let mut sound = v.iter().map(|v| v * 0.0).sum::<f64>();
         for ((r, row), c) in residuals.iter_mut().zip(given.jacobian.chunks_exact(given.n)).zip(&given.command) {
             *r = c - dot(row, v);

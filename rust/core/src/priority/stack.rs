@@ -114,6 +114,11 @@ pub(super) struct Level<'a> {
 }
 
 impl<'a> Level<'a> {
+    /// A level of rows with moderate magnitude, without a threshold on singular values.
+    pub fn of_rows(n: usize, jacobian: &'a [f64], command: &'a [f64]) -> Self {
+        Level { n, jacobian, command, eps: 0.0, exponent: 0, is_last: false }
+    }
+
     /// The number of rows `m`.
     pub fn rows(&self) -> usize {
         self.command.len()

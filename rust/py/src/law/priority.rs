@@ -30,7 +30,7 @@ impl<'py> Arguments<'py> {
         let (stored, levels) = each(function, tasks, |task| task.level(arm))?;
         self.store("tasks", &stored.into_bound(tasks.py()).into_any());
         self.store("method", &pyo3::types::PyString::new(tasks.py(), method).into_any());
-        let keywords = Keywords { method, eps, rounding: None, weight: None, v_min: None, v_max: None };
+        let keywords = Keywords { method, eps, rounding: None, weight: None, v_min: None, v_max: None, scale: None };
         let options = keywords.options(function, model.n(), levels.len())?;
         if let Some(eps) = eps {
             self.store_copy("eps", eps)?;

@@ -63,7 +63,8 @@ pub fn for_arm(arm: &Bound<'_, PyAny>, tasks: &Bound<'_, PyAny>, keywords: Keywo
     let mut core = Core::new(tree, functions, &options)?;
     core.solver_mut().keep_active_set();
     let mut named = vec![("method", keywords.method.into_pyobject(py).map_err(PyErr::from)?.into_any().unbind())];
-    for (name, value) in [("eps", keywords.eps), ("weight", keywords.weight), ("v_min", keywords.v_min), ("v_max", keywords.v_max)] {
+    let Keywords { eps, weight, v_min, v_max, scale, .. } = keywords;
+    for (name, value) in [("eps", eps), ("weight", weight), ("v_min", v_min), ("v_max", v_max), ("scale", scale)] {
         if let Some(value) = value {
             named.push((name, value.clone().unbind()));
         }
@@ -278,7 +279,7 @@ impl ArmPrioritySolver {
         Ok(PyList::new(py, parts)?)
     }
 
-    /// Set the velocity bounds of the next solves with "sns", a number or `(n,)` each, rad/s or m/s. A solver that was made
+    /// Set the velocity bounds of the next solves, a number or `(n,)` each, rad/s or m/s. A solver that was made
     /// without bounds raises `InputError`.
     fn set_bounds(&self, v_min: &Bound<'_, PyAny>, v_max: &Bound<'_, PyAny>) -> Result<(), Failure> {
         let (low, high) = (per_joint(NAME, "v_min", v_min, self.n)?, per_joint(NAME, "v_max", v_max, self.n)?);

@@ -3,19 +3,19 @@
 //!
 //! The dict has `limits` (`(v_min, v_max)` or None), `levels` (one `(jacobian, lower, upper)` per level, or None for a batch), and the arrays
 //! `violations`, `sides` and `multipliers`. These have one column per row: first the joints if they have bounds, then the levels. They are
-//! None without bounds.
+//! None without bounds. If commands are scaled, the dict also has the array `scales` `(levels,)`.
 
 use super::single::SingleSolution;
-use crate::arrays::{WHATEVER, adopted, copied, count, numbers};
+use crate::arrays::{WHATEVER, adopted, copied, count, flag, numbers};
 use crate::errors::{Failure, input_error};
-use armlet_core::priority::{BoundedRows, certificate, reasons};
+use armlet_core::priority::{BoundedRows, PriorityMethod, certificate, reasons, scale_reasons};
 use armlet_macros::entered;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList, PyTuple};
 
 /// Make the dict of a single solution.
 pub fn details<'py>(py: Python<'py>, found: &SingleSolution) -> Result<Bound<'py, PyDict>, Failure> {
-    let [v, _, _, _, jacobian, command, upper] = found.parts();
+    let [v, _, scales, _, jacobian, command, upper] = found.parts();
     let details = PyDict::new(py);
     details.set_item("limits", limits(py, &found.options, found.n)?)?;
     let (levels, mut start) = (PyList::empty(py), 0);
@@ -35,7 +35,13 @@ pub fn details<'py>(py: Python<'py>, found: &SingleSolution) -> Result<Bound<'py
             details.set_item("sides", adopted(py, &count, sides)?)?;
             details.set_item("multipliers", copied(py, &count, &bounded.multipliers)?)?;
             details.set_item("changes", bounded.changes)?;
-            details.set_item("certificate", bounded.certificate)?;
+            // The solution of "sns" that meets no bound has no certificate yet.
+            let known = !bounded.certificate.is_nan() || v.iter().any(|v| v.is_nan());
+            let certificate = || certificate(&found.rows, &found.options, jacobian, command, v);
+            details.set_item("certificate", if known { bounded.certificate } else { certificate()? })?;
+            if found.options.keep_direction || found.options.method == PriorityMethod::Sns {
+                details.set_item("scales", copied(py, &[scales.len()], scales)?)?;
+            }
         }
         None => {
             details.set_item("violations", py.None())?;
@@ -57,9 +63,10 @@ pub fn limits<'py>(
 }
 
 /// Return `(violations, [(level, row, side, share), ..])` of level `k`, which counts from 1. `levels`: level 0, then the levels of a stack.
+/// `scaled`: whether the shares are those of the scale of the level.
 #[entered]
 #[pyfunction]
-#[arguments(levels, v, k)]
+#[arguments(levels, v, k, scaled)]
 pub fn _priority_reasons<'py>() -> Result<Bound<'py, PyTuple>, Failure> {
     let read = |value: &Bound<'_, PyAny>| -> Result<Vec<f64>, Failure> { Ok(numbers(NAME, "levels", value, &[WHATEVER])?.1.into_owned()) };
     let v = read(v)?;
@@ -71,7 +78,10 @@ pub fn _priority_reasons<'py>() -> Result<Bound<'py, PyTuple>, Failure> {
         return Err(input_error(py, NAME, "levels", "is not a list of (jacobian, lower, upper): expected more than k levels").into());
     }
     let rows: Vec<BoundedRows> = parts.iter().map(|level| (&level[0][..], &level[1][..], &level[2][..])).collect();
-    let found = reasons(n, &rows, &v, k)?;
+    let mut found = reasons(n, &rows, &v, k)?;
+    if flag(NAME, "scaled", scaled)? {
+        found.reasons = scale_reasons(n, &rows, &v, k)?;
+    }
     let reasons: Vec<_> = found.reasons.iter().map(|reason| (reason.level, reason.row, reason.side, reason.share)).collect();
     let violations = copied(py, &[found.violations.len()], &found.violations)?;
     Ok(PyTuple::new(py, [violations, reasons.into_pyobject(py)?.into_any()])?)

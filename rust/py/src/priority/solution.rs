@@ -20,7 +20,7 @@ use std::sync::Arc;
 /// - `residuals`: a list of `v_i - J_i v` per level, `(rows_i,)`, in the unit of the task; NaN for a level with bounds.
 /// - `violations`: a list of `w_i = J_i v - clip(J_i v, lower, upper)` per level, `(rows_i,)`; zero within the bounds.
 /// - `ranks`: number of directions of each level that were realised.
-/// - `scales`: scale of each level's command, `(levels,)`; it is 1 except for "sns".
+/// - `scales`: scale of each level's command, `(levels,)`; it is 1 except for "sns" and `scale="direction"`.
 /// - `active`: for each level, a list of its rows at or beyond a bound, as `Active(row, side, multiplier, name)`.
 /// - `limits`: the same list for `v_min` and `v_max`, which are level 0.
 /// - `changes`: number of changes of the active set; `certificate`: largest residual of the optimality conditions.
@@ -170,7 +170,7 @@ impl PrioritySolution {
     }
 
     /// Largest residual of the optimality conditions (Karush, Kuhn and Tucker) of all levels, divided by their largest term. It is NaN for
-    /// "chiaverini", and in a batch without bounds.
+    /// "chiaverini", and in a batch without bounds. In a batch of "sns" it is NaN for a row that meets no bound.
     #[getter]
     fn certificate<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         self.with_details(py, "certificate", &[self.v(py)?])

@@ -74,8 +74,8 @@ fn solve_row(solver: &mut Core, stack: &Stack, upper: Option<&Stack>) -> Result<
 ///     jacobians: one `(..., rows_i, n)` per level, the highest priority first. Zero rows, and more rows than joints, are allowed.
 ///     velocities: one `(..., rows_i)` per level, in the unit of the task. `Within(lower, upper)` bounds a level instead.
 ///     method: "exact" is the equation above. "clamp" is continuous and bounded, and equals "exact" where all singular values are at least
-///         `eps`. "damped" and "chiaverini" use damped pseudoinverses. "sns" keeps the direction of the commands, and requires `v_min` or
-///         `v_max`. The method and all further arguments are keyword only.
+///         `eps`. "damped" and "chiaverini" use damped pseudoinverses. "sns" is "exact" with `scale="direction"`, and requires `v_min`
+///         or `v_max`. The method and all further arguments are keyword only.
 ///     eps: threshold on singular values, > 0, one number or one per level; None: 0.02 times each level's largest row norm. "exact" and
 ///         "sns" do not accept it.
 ///     rounding: relative error of the entries of the Jacobians; None: 8 times the machine epsilon. For Jacobians that were computed from
@@ -83,6 +83,8 @@ fn solve_row(solver: &mut Core, stack: &Stack, upper: Option<&Stack>) -> Result<
 ///     weight: joint metric `W`, `(n, n)`, symmetric and positive definite: `v' W v` is minimised; None: the identity.
 ///     v_min, v_max: bounds of `v` above all levels, a number or `(n,)`, rad/s or m/s. A missing bound is minus the other bound.
 ///         "chiaverini" accepts no bounds.
+///     scale: "direction" keeps the direction of each command. A level whose command is not feasible executes its largest feasible
+///         multiple `s v_i`, `0 <= s <= 1`. None minimises `|J_i v - v_i|` instead. Only "exact" and "sns" accept "direction".
 ///
 /// Returns:
 ///     A `PrioritySolution`. A batch does not raise for one invalid row. A row whose numbers are not finite, or whose result overflows, is
@@ -103,10 +105,10 @@ fn solve_row(solver: &mut Core, stack: &Stack, upper: Option<&Stack>) -> Result<
 /// <Status.SUCCESS: 0>
 #[entered]
 #[pyfunction]
-#[arguments(jacobians, velocities, *, method="clamp", eps=None, rounding=None, weight=None, v_min=None, v_max=None)]
+#[arguments(jacobians, velocities, *, method="clamp", eps=None, rounding=None, weight=None, v_min=None, v_max=None, scale=None)]
 pub fn solve_priority() -> Result<PrioritySolution, Failure> {
     let (method, rounding) = (method_name(NAME, method)?, optional_number(NAME, "rounding", rounding)?);
-    let keywords = Keywords { method, eps, rounding, weight, v_min, v_max };
+    let keywords = Keywords { method, eps, rounding, weight, v_min, v_max, scale };
     if let Some(solution) = solve_with_last(jacobians, velocities, &keywords) {
         return Ok(solution);
     }

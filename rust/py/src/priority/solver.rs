@@ -24,7 +24,7 @@ struct State {
 /// Args:
 ///     n: number of joints.
 ///     rows: number of rows of each level, the highest priority first.
-///     method, eps, rounding, weight, v_min, v_max: as for `solve_priority` (keyword only).
+///     method, eps, rounding, weight, v_min, v_max, scale: as for `solve_priority` (keyword only).
 ///
 /// Raises:
 ///     InputError: `n` is not positive, a number of rows is negative, a shape does not fit, or the method is unknown. It is also raised
@@ -104,12 +104,12 @@ impl PrioritySolver {
 #[pymethods]
 impl PrioritySolver {
     #[new]
-    #[arguments(n, rows, *, method="clamp", eps=None, rounding=None, weight=None, v_min=None, v_max=None)]
+    #[arguments(n, rows, *, method="clamp", eps=None, rounding=None, weight=None, v_min=None, v_max=None, scale=None)]
     fn new() -> Result<Self, Failure> {
         let (n, rows) = (count(NAME, "n", n)?, row_counts(NAME, rows)?);
         require_size(py, NAME, n, &rows)?;
         let (method, rounding) = (method_name(NAME, method)?, optional_number(NAME, "rounding", rounding)?);
-        let options = Keywords { method, eps, rounding, weight, v_min, v_max }.options(NAME, n, rows.len())?;
+        let options = Keywords { method, eps, rounding, weight, v_min, v_max, scale }.options(NAME, n, rows.len())?;
         let mut core = Core::new(n, &rows, &options)?;
         core.keep_active_set();
         Ok(PrioritySolver { n, counts: rows, state: Mutex::new(State { core, options }) })
@@ -120,7 +120,7 @@ impl PrioritySolver {
     /// Args:
     ///     arm: the arm; not `planar_pr`, which has no links.
     ///     tasks: `Task` and other tasks, the highest priority first. Their targets and gains are not used.
-    ///     method, eps, weight, v_min, v_max: as for `solve_priority` (keyword only). The bounds of "sns" default to the arm's bounds.
+    ///     method, eps, weight, v_min, v_max, scale: as for `solve_priority` (keyword only). The bounds of "sns" default to the arm's bounds.
     ///
     /// >>> import armlet as al
     /// >>> arm = al.planar_arm([1.0, 1.0, 0.25, 0.25])
@@ -128,10 +128,10 @@ impl PrioritySolver {
     /// >>> solver.solve([0.0, 1.5707963267948966, 1.5707963267948966, 0.0], [[1.0, 1.0], [1.0, 1.0]]).round(12)
     /// array([ 1. , -2. ,  0.8,  0.4])
     #[staticmethod]
-    #[arguments(arm, tasks, *, method="clamp", eps=None, weight=None, v_min=None, v_max=None)]
+    #[arguments(arm, tasks, *, method="clamp", eps=None, weight=None, v_min=None, v_max=None, scale=None)]
     fn for_arm() -> Result<ArmPrioritySolver, Failure> {
         let method = method_name(NAME, method)?;
-        for_arm(arm, tasks, Keywords { method, eps, rounding: None, weight, v_min, v_max })
+        for_arm(arm, tasks, Keywords { method, eps, rounding: None, weight, v_min, v_max, scale })
     }
 
     /// Compute joint velocities `(n,)`, rad/s or m/s, from lists with one Jacobian `(rows_i, n)` and one task velocity `(rows_i,)` per
@@ -242,7 +242,7 @@ impl PrioritySolver {
         self.state().core.solution().ranks()
     }
 
-    /// Scale of each level's command in the last solve, `(levels,)`; 1 except for "sns".
+    /// Scale of each level's command in the last solve, `(levels,)`; 1 except for "sns" and `scale="direction"`.
     #[getter]
     fn scales<'py>(&self) -> Result<Bound<'py, PyAny>, Failure> {
         let scales = self.state().core.solution().scales();
@@ -269,6 +269,9 @@ impl PrioritySolver {
         keywords.set_item("weight", options.weight.map(|w| w.chunks(n).map(<[f64]>::to_vec).collect::<Vec<_>>()))?;
         keywords.set_item("v_min", options.v_min)?;
         keywords.set_item("v_max", options.v_max)?;
+        if options.keep_direction {
+            keywords.set_item("scale", "direction")?;
+        }
         Ok(((n, self.counts.clone()), keywords))
     }
 

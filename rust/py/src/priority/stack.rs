@@ -254,12 +254,13 @@ pub struct Keywords<'a, 'py> {
     pub weight: Option<&'a Bound<'py, PyAny>>,
     pub v_min: Option<&'a Bound<'py, PyAny>>,
     pub v_max: Option<&'a Bound<'py, PyAny>>,
+    pub scale: Option<&'a Bound<'py, PyAny>>,
 }
 
 impl Keywords<'_, '_> {
     /// Whether the caller set no other keywords than the method and the rounding.
     pub fn plain(&self) -> bool {
-        self.eps.is_none() && self.weight.is_none() && self.v_min.is_none() && self.v_max.is_none()
+        [self.eps, self.weight, self.v_min, self.v_max, self.scale].iter().all(Option::is_none)
     }
 
     pub fn options(&self, function: &str, n: usize, levels: usize) -> Result<PriorityOptions, Failure> {
@@ -268,6 +269,16 @@ impl Keywords<'_, '_> {
         require_partner(function, "eps", self.eps, "the methods clamp, damped and chiaverini", method.has_threshold())?;
         for (name, value) in [("v_min", self.v_min), ("v_max", self.v_max)] {
             require_partner(function, name, value, "the methods exact, clamp, damped and sns", method.accepts_bounds())?;
+        }
+        if let Some(scale) = self.scale {
+            let name = arrays::name(function, "scale", scale)?;
+            if name != "direction" {
+                return Err(
+                    input_error(scale.py(), function, "scale", format!("is unknown: expected direction or None, got {name}")).into()
+                );
+            }
+            require_partner(function, "scale", self.scale, "the methods exact and sns", method.keeps_direction())?;
+            options.keep_direction = true;
         }
         if let Some(eps) = self.eps {
             options.eps = Some(per_joint(function, "eps", eps, levels)?);

@@ -12,9 +12,7 @@
 
 mod null_space;
 mod projected_level;
-mod sns;
 
-use super::method::PriorityMethod;
 use super::settings::Settings;
 use super::solution::LevelSolution;
 use super::stack::{Level, Stack};
@@ -22,7 +20,6 @@ use crate::error::Result;
 use crate::linalg::{axpy, clamp_gain, dot};
 use null_space::NullSpace;
 use projected_level::{ProjectedLevel, RankRule};
-use sns::Saturation;
 
 /// The state of a solve between two levels, with its memory.
 #[derive(Debug, Clone)]
@@ -37,12 +34,11 @@ pub(super) struct Hierarchy {
     pub residual: Vec<f64>,
     /// The velocity of the present level alone, for `chiaverini`.
     alone: Vec<f64>,
-    saturation: Option<Saturation>,
 }
 
 impl Hierarchy {
     /// Allocate memory for the levels of a stack.
-    pub fn new(stack: &Stack, method: PriorityMethod) -> Self {
+    pub fn new(stack: &Stack) -> Self {
         let n = stack.n;
         let most = stack.rows.iter().copied().max().unwrap_or(0).max(n);
         Hierarchy {
@@ -52,18 +48,14 @@ impl Hierarchy {
             y: vec![0.0; n],
             residual: vec![0.0; most],
             alone: vec![0.0; n],
-            saturation: (method == PriorityMethod::Sns).then(|| Saturation::new(n, most)),
         }
     }
 
-    /// Start a solve: no level has used a direction, and the velocity is zero or, for `sns`, nearest to zero within the bounds.
+    /// Start a solve: no level has used a direction, and the velocity is zero.
     pub fn start(&mut self, settings: &Settings) {
         self.null_space.reset();
         self.rank_rule = RankRule::new(settings.rounding);
         self.y.fill(0.0);
-        if self.saturation.is_some() {
-            sns::start_within_bounds(settings, &mut self.y);
-        }
     }
 
     /// Project the Jacobian of a level on the null space of the levels above, and decompose it.
@@ -123,22 +115,6 @@ impl Hierarchy {
         // A level without directions cannot lose a direction.
         solution.singular |= null_space.dim() > 0 && svd.s().iter().any(|s| *s < level.eps);
         self.remove(level, used);
-        Ok(solution)
-    }
-
-    /// Take the step of `sns`: the largest feasible scale of the command.
-    pub fn saturated_step(&mut self, level: &Level, settings: &Settings) -> Result<LevelSolution> {
-        let condition = self.rank_rule.condition;
-        let (rank, used) = self.count_rank(level)?;
-        let Hierarchy { null_space, projected, y, saturation, .. } = self;
-        let cut = settings.rounding * projected.norm(null_space) * condition;
-        let mut solution = LevelSolution::new(rank, projected.svd.s().len());
-        let saturation = saturation.as_mut().expect("allocated for sns");
-        null_space.rotate(&projected.svd);
-        saturation.start(null_space, y);
-        null_space.remove(used);
-        solution.scale = saturation.solve(level, projected, (rank, cut), settings)?;
-        y.copy_from_slice(&saturation.best);
         Ok(solution)
     }
 

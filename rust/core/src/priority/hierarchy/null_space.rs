@@ -2,7 +2,7 @@
 //! `0 < scale <= 1`, are the remaining fractions of these directions.
 
 use crate::error::Result;
-use crate::linalg::{Svd, axpy, clamp_remainder, dot, householder};
+use crate::linalg::{Svd, axpy, clamp_remainder, dot};
 use crate::priority::stack::Level;
 use nalgebra::DMatrix;
 
@@ -33,12 +33,6 @@ impl NullSpace {
         self.used = 0;
         self.scale.fill(1.0);
         self.is_identity = true;
-    }
-
-    /// Copy the directions `X` of another null space. Their scales must be one.
-    pub fn set(&mut self, other: &NullSpace) {
-        self.basis.copy_from(&other.basis);
-        (self.used, self.is_identity) = (other.used, other.is_identity);
     }
 
     fn n(&self) -> usize {
@@ -90,17 +84,6 @@ impl NullSpace {
             }
         }
         x.copy_from_slice(product);
-    }
-
-    /// Apply a Householder reflection to the directions: `X <- X (I - beta w w')`.
-    pub fn reflect(&mut self, w: &[f64], beta: f64) {
-        let (used, k) = (self.used, self.dim());
-        let entries = &mut self.product[..k];
-        for mut row in self.basis.columns_mut(used, k).row_iter_mut() {
-            entries.iter_mut().zip(row.iter()).for_each(|(to, x)| *to = *x);
-            householder::reflect(w, beta, entries);
-            row.iter_mut().zip(&*entries).for_each(|(to, x)| *to = *x);
-        }
     }
 
     /// Remove the first `count` directions, which a level uses completely.

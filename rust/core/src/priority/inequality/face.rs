@@ -75,7 +75,9 @@ impl Face {
             return Ok(());
         }
         let regular = if m <= k { self.factor_wide(frame, rows, size) } else { self.factor_tall(frame, rows) / rule.norm };
-        if regular > REGULAR.max(rule.rounding * rule.condition) {
+        // A row that may be a rounding error of the level has no direction.
+        let shortest = rows.iter().map(|i| size[*i]).fold(rule.norm, f64::min) / rule.norm;
+        if regular > REGULAR.max(rule.rounding * rule.condition) && (m > k || regular * shortest > rule.rounding) {
             self.condition = 1.0 / regular;
             return Ok(());
         }

@@ -66,6 +66,12 @@ impl Frame {
         }
     }
 
+    /// Free the last coordinate of the levels above. All columns are zero there.
+    pub fn free_last_used(&mut self) {
+        self.used -= 1;
+        self.columns.row_mut(self.used).fill(0.0);
+    }
+
     /// A column, shape `(n,)`.
     pub fn column(&self, i: usize) -> &[f64] {
         let n = self.n();

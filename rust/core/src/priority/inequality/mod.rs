@@ -15,14 +15,16 @@
 //! A level is solved by a primal active-set method (`search`). Rows with a positive multiplier, tasks and violated rows are then fixed, and
 //! the lower levels use the remaining coordinates (`frame`). Repeated solves first try the active set of the last solve, and accept it if
 //! the certificate holds (`warm`). The methods `clamp` and `damped` add penalty rows to a level, so that their steps are least-squares
-//! solutions too (`damping`).
+//! solutions too (`damping`). With a kept direction, each command has a scale (`scale`).
 
 mod damping;
 mod face;
 mod frame;
 mod last_set;
 mod outcome;
+mod projected_command;
 mod rows;
+mod scale;
 mod search;
 mod unbounded;
 mod vertex;
@@ -38,11 +40,15 @@ use crate::status::Status;
 use face::{Face, RankRule};
 use frame::Frame;
 use last_set::LastSet;
+use projected_command::Scaling;
 use rows::Rows;
 use unbounded::Damping;
 
 /// The rounding error of `a x`, divided by `|a|` and the largest norm of `x` in the solve.
 const NOISE: f64 = 1e-13;
+
+/// A multiplier counts as zero if its force is below this fraction of the largest force of the level.
+const ZERO_FORCE: f64 = 1e-11;
 
 /// The part of a row in the solve of a level.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -66,6 +72,8 @@ enum Goal {
     Violation,
     /// The distance from the preferred `x`, which is zero for `exact`.
     Norm,
+    /// The negative length `t` of a scaled command.
+    Scale,
 }
 
 /// The solver of stacks with bounds, with its memory.
@@ -78,7 +86,7 @@ pub(super) struct Inequalities {
     frame: Frame,
     face: Face,
     rule: RankRule,
-    /// The velocities in the coordinates of the metric.
+    /// The velocities in the coordinates of the metric. If commands are scaled, `t` is before them.
     x: Vec<f64>,
     /// The largest norm of `x` so far.
     reach: f64,
@@ -113,15 +121,16 @@ pub(super) struct Inequalities {
     changes: usize,
     certificate: f64,
     damping: Option<Damping>,
+    scaling: Option<Scaling>,
 }
 
 impl Inequalities {
     /// Allocate memory for a stack.
     pub fn new(stack: &Stack, settings: &Settings) -> Self {
-        let rows = Rows::new(stack, settings.bounds.is_some());
-        let (n, count) = (stack.n, rows.len());
+        let rows = Rows::new(stack, settings.bounds.is_some(), settings.scales);
+        let (n, count, problems) = (stack.n + rows.offset, rows.len(), (2 + rows.offset) * rows.levels.len());
         let zeros = |size| vec![0.0; size];
-        let most = stack.rows.iter().copied().max().unwrap_or(0).max(if rows.levels[0].is_empty() { 0 } else { n }) + n;
+        let most = stack.rows.iter().copied().max().unwrap_or(0).max(rows.levels[0].len()) + n;
         Inequalities {
             number: 0,
             goal: Goal::Violation,
@@ -143,14 +152,15 @@ impl Inequalities {
             step: zeros(n),
             rate: zeros(count + n),
             right_side: zeros(most),
-            last: (0..2 * rows.levels.len()).map(|_| LastSet::new(count)).collect(),
+            last: (0..problems).map(|_| LastSet::new(count)).collect(),
             known: false,
             warm: false,
             keeps: false,
             touched: false,
             changes: 0,
             certificate: 0.0,
-            damping: settings.method.damps().then(|| Damping::new(stack, settings.method)),
+            damping: settings.method.damps().then(|| Damping::new(stack)),
+            scaling: settings.scales.then(|| Scaling::new(stack)),
             rows,
         }
     }
@@ -189,6 +199,7 @@ impl Inequalities {
     /// Solve all levels. Return false at the limit of the number of changes, or if the active set of the last solve is not accepted.
     fn solve_levels(&mut self, given: &Stack, settings: &Settings, solution: &mut Solution) -> Result<bool> {
         self.begin(settings);
+        solution.levels.fill(LevelSolution { rank: 0, singular: true, scale: if settings.scales { 0.0 } else { 1.0 } });
         for level in 0..self.rows.levels.len() {
             let Some(outcome) = self.solve_level(level, given, settings)? else { return Ok(false) };
             if level > 0 {
@@ -201,11 +212,13 @@ impl Inequalities {
     /// Start at the velocities within the bounds of level 0 that are nearest to zero.
     fn begin(&mut self, settings: &Settings) {
         self.frame.start(&self.rows.a);
+        self.frame.used = self.rows.offset;
         self.x.fill(0.0);
+        let velocities = &mut self.x[self.rows.offset..];
         if !self.rows.levels[0].is_empty() {
             let bounds = self.rows.lower.iter().zip(&self.rows.upper);
-            self.x.iter_mut().zip(bounds).for_each(|(x, (l, u))| *x = 0.0f64.max(*l).min(*u));
-            settings.metric.iter().for_each(|metric| metric.coordinates(&mut self.x));
+            velocities.iter_mut().zip(bounds).for_each(|(x, (l, u))| *x = 0.0f64.max(*l).min(*u));
+            settings.metric.iter().for_each(|metric| metric.coordinates(velocities));
         }
         self.reach = dot(&self.x, &self.x).sqrt();
         self.part.fill(Part::Later);
@@ -216,6 +229,7 @@ impl Inequalities {
         self.rule = RankRule { norm: 0.0, rounding: settings.rounding, condition: 1.0 };
         (self.changes, self.certificate, self.penalties, self.touched) = (0, 0.0, 0, self.x.iter().any(|x| *x != 0.0));
         self.damping.iter_mut().for_each(Damping::begin);
+        self.scaling.iter_mut().for_each(|scaling| scaling.begin(settings));
     }
 
     /// Solve one level, and fix its directions. The result is `None` if the number of changes reached its limit.
@@ -230,6 +244,9 @@ impl Inequalities {
             return Ok(None);
         }
         self.clear_working();
+        if level > 0 && self.scaling.is_some() && !given.is_interval(level - 1) {
+            return self.solve_scaled_level(level);
+        }
         self.part[own].fill(Part::Own);
         self.rule.norm = self.rows.frobenius[level];
         self.watch();
@@ -241,6 +258,7 @@ impl Inequalities {
         }
         let outcome = self.fix(level, damps)?;
         self.penalties = 0;
+        self.use_fixed_rows(level)?;
         Ok(Some(outcome))
     }
 
@@ -294,20 +312,10 @@ impl Inequalities {
     /// Fix the rows with a positive multiplier, the tasks and the violated rows. The directions of the other coordinates remain for the
     /// lower levels.
     fn fix(&mut self, level: usize, damps: bool) -> Result<LevelSolution> {
-        for j in (0..self.working.len()).rev() {
-            if self.multiplier[self.working[j]] == 0.0 {
-                self.release(j);
-            }
-        }
+        self.release_idle();
         self.keep_violated();
         let limited = !self.working.is_empty();
-        if limited {
-            self.rule.condition /= self.face.triangle_bound(&self.frame, &self.working, &self.rows.size, self.frame.used).min(1.0);
-        }
-        self.frame.used += self.working.len();
-        for i in self.working.drain(..) {
-            (self.part[i], self.multiplier[i]) = (Part::Fixed, self.rows.unscaled(level, self.multiplier[i], 2));
-        }
+        self.fix_working(|rows, multiplier| rows.unscaled(level, multiplier, 2));
         for i in self.rows.levels[level].clone() {
             self.part[i] = Part::Kept;
         }
@@ -320,6 +328,26 @@ impl Inequalities {
         let mut outcome = LevelSolution::new(rank, possible);
         outcome.singular |= limited;
         Ok(outcome)
+    }
+
+    /// Release the working rows without a force.
+    fn release_idle(&mut self) {
+        for j in (0..self.working.len()).rev() {
+            if self.multiplier[self.working[j]] == 0.0 {
+                self.release(j);
+            }
+        }
+    }
+
+    /// Fix the working rows. `unscaled` returns a multiplier in the unit of the caller.
+    fn fix_working(&mut self, unscaled: impl Fn(&Rows, f64) -> f64) {
+        if !self.working.is_empty() {
+            self.rule.condition /= self.face.triangle_bound(&self.frame, &self.working, &self.rows.size, self.frame.used).min(1.0);
+        }
+        self.frame.used += self.working.len();
+        for i in self.working.drain(..) {
+            (self.part[i], self.multiplier[i]) = (Part::Fixed, unscaled(&self.rows, self.multiplier[i]));
+        }
     }
 
     /// Keep only the tasks and the violated rows in the list of pulled rows. Store the active set of the level.

@@ -28,7 +28,7 @@ impl Inequalities {
     /// Write the solution in the units of the caller.
     pub(super) fn write(&mut self, settings: &Settings, solution: &mut Solution) {
         let Inequalities { rows, x, .. } = self;
-        solution.v.copy_from_slice(x);
+        solution.v.copy_from_slice(&x[rows.offset..]);
         settings.metric.iter().for_each(|metric| metric.velocity(&mut solution.v));
         let limits = rows.levels[0].clone();
         if !limits.is_empty() {

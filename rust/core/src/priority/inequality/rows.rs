@@ -1,5 +1,7 @@
 //! The rows `l <= a x <= u` of a solve, level by level. Level 0 bounds the joint velocities. `x` are joint velocities in the coordinates of
 //! the metric. The rows of a level are multiplied by a power of two, so that the longest has a norm of about one.
+//!
+//! If commands are scaled (`scale`), entry 0 of every row belongs to the length `t` of the present level, and the last row bounds `t`.
 
 use crate::error::{Error, Result, finite};
 use crate::linalg::{dot, largest};
@@ -11,7 +13,7 @@ use std::ops::Range;
 
 #[derive(Debug, Clone)]
 pub struct Rows {
-    /// The rows `a`, one per column, shape `(n, rows)`. The rows of level 0 come first.
+    /// The rows `a`, one per column, shape `(offset + n, rows)`. The rows of level 0 come first.
     pub a: DMatrix<f64>,
     /// The bounds `l` and `u`. Both are the command for a row of a task.
     pub lower: DVector<f64>,
@@ -23,35 +25,38 @@ pub struct Rows {
     /// The threshold on singular values, and the Frobenius norm, of each level.
     pub eps: DVector<f64>,
     pub frobenius: DVector<f64>,
+    /// The number of entries of a row before those of the joints: 1 if commands are scaled, otherwise 0.
+    pub offset: usize,
     /// The rows of a level are those of the caller, multiplied by this power of two.
     exponents: Vec<i32>,
 }
 
 impl Rows {
-    /// Allocate memory for a stack, with bounds of the joint velocities if `limited`.
-    pub fn new(stack: &Stack, limited: bool) -> Self {
-        let first = if limited { stack.n } else { 0 };
+    /// Allocate memory for a stack, with bounds of the joint velocities if `limited`, and with scaled commands if `scaled`.
+    pub fn new(stack: &Stack, limited: bool, scaled: bool) -> Self {
+        let (first, offset) = (if limited { stack.n } else { 0 }, usize::from(scaled));
         let levels: Vec<_> = std::iter::once(0..first).chain(level_ranges(&stack.rows).map(|r| r.start + first..r.end + first)).collect();
-        let (rows, count) = (first + stack.command.len(), levels.len());
+        let (rows, count) = (first + stack.command.len() + offset, levels.len());
         let zeros = |size| DVector::zeros(size);
         Rows {
-            a: DMatrix::zeros(stack.n, rows),
+            a: DMatrix::zeros(offset + stack.n, rows),
             lower: zeros(rows),
             upper: zeros(rows),
             size: zeros(rows + stack.n),
             eps: zeros(count),
             frobenius: zeros(count),
             exponents: vec![0; count],
+            offset,
             levels,
         }
     }
 
-    /// The number of rows of all levels.
+    /// The number of rows of all levels, with the row that bounds `t`.
     pub fn len(&self) -> usize {
         self.a.ncols()
     }
 
-    /// Row `i`, shape `(n,)`.
+    /// Row `i`, shape `(offset + n,)`.
     pub fn row(&self, i: usize) -> &[f64] {
         let n = self.a.nrows();
         &self.a.as_slice()[i * n..(i + 1) * n]
@@ -65,12 +70,21 @@ impl Rows {
     /// Read a stack. Errors: `Input` for numbers that are not finite, and for bounds out of order.
     pub fn load(&mut self, given: &Stack, settings: &Settings) -> Result<()> {
         self.load_limits(settings);
-        let n = given.n;
+        let (n, width) = (given.n, self.a.nrows());
+        if self.offset > 0 {
+            let last = self.len() - 1;
+            self.a.column_mut(last).fill(0.0);
+            (self.a[(0, last)], self.size[last]) = (1.0, 1.0);
+        }
         for (i, rows) in level_ranges(&given.rows).enumerate() {
             let (level, entries) = (self.levels[i + 1].clone(), rows.start * n..rows.end * n);
-            let jacobian = &mut self.a.as_mut_slice()[level.start * n..level.end * n];
-            jacobian.copy_from_slice(&given.jacobian[entries.clone()]);
-            settings.metric.iter().for_each(|metric| jacobian.chunks_exact_mut(n).for_each(|row| metric.row(row)));
+            let jacobian = &mut self.a.as_mut_slice()[level.start * width..level.end * width];
+            for (row, given) in jacobian.chunks_exact_mut(width).zip(given.jacobian[entries.clone()].chunks_exact(n)) {
+                let (length, row) = row.split_at_mut(width - n);
+                length.fill(0.0);
+                row.copy_from_slice(given);
+                settings.metric.iter().for_each(|metric| metric.row(row));
+            }
             let biggest = largest(jacobian);
             if !biggest.is_finite() {
                 finite(&format!("jacobians[{i}]"), &given.jacobian[entries])?;
@@ -94,11 +108,13 @@ impl Rows {
     /// Write the bounds of the joint velocities, in the coordinates of the metric.
     fn load_limits(&mut self, settings: &Settings) {
         let Some((lower, upper)) = settings.bounds.as_ref().filter(|_| !self.levels[0].is_empty()) else { return };
-        let n = self.a.nrows();
-        let unit = &mut self.a.as_mut_slice()[..n * n];
-        unit.fill(0.0);
-        unit.iter_mut().step_by(n + 1).for_each(|x| *x = 1.0);
-        settings.metric.iter().for_each(|metric| unit.chunks_exact_mut(n).for_each(|row| metric.row(row)));
+        let (n, offset) = (self.levels[0].len(), self.offset);
+        for i in 0..n {
+            let mut row = self.a.column_mut(i);
+            row.fill(0.0);
+            row[offset + i] = 1.0;
+            settings.metric.iter().for_each(|metric| metric.row(&mut row.as_mut_slice()[offset..]));
+        }
         self.lower.as_mut_slice()[..n].copy_from_slice(lower);
         self.upper.as_mut_slice()[..n].copy_from_slice(upper);
         self.measure(0);

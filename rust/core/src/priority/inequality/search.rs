@@ -7,12 +7,9 @@
 //! proof that there is none. So no face occurs twice.
 
 use super::unbounded::Damping;
-use super::{Goal, Inequalities, NOISE, Part};
+use super::{Goal, Inequalities, NOISE, Part, ZERO_FORCE};
 use crate::error::Result;
 use crate::linalg::{axpy, dot};
-
-/// A multiplier counts as zero if its force is below this fraction of the largest force of the level.
-const ZERO_FORCE: f64 = 1e-11;
 
 /// The step to a minimiser is repeated at most this number of times, if its relative residual is above this limit. The second step removes
 /// rounding errors of the first.
@@ -72,6 +69,9 @@ impl Inequalities {
         value[rows.len()..].fill(0.0);
         let norm = frame.norm();
         frame.column_mut(norm).fill(0.0);
+        if self.goal == Goal::Scale {
+            (0..x.len()).for_each(|c| frame.column_mut(norm)[c] = -frame.column(frame.basis(0))[c]);
+        }
         if self.goal == Goal::Norm {
             let damping = self.damping.as_ref();
             let preferred = damping.and_then(Damping::preferred);
@@ -148,7 +148,7 @@ impl Inequalities {
     /// List the tasks, the violated and the tied rows of the level, and its penalty rows.
     pub(super) fn pull(&mut self) {
         self.pulled.clear();
-        if self.goal == Goal::Norm {
+        if self.goal != Goal::Violation {
             return;
         }
         for at in 0..self.watched.len() {
@@ -174,10 +174,11 @@ impl Inequalities {
     /// Compute the step to the minimiser on the face, and the rates of the rows along it.
     pub(super) fn step_on_face(&mut self) -> Result<()> {
         let from = self.determined();
-        if self.goal == Goal::Norm {
+        if self.goal != Goal::Violation {
+            let factor = if self.goal == Goal::Norm { 1.0 } else { self.factor_of_ascent(from) };
             let Inequalities { frame, step, .. } = self;
             step[..from].fill(0.0);
-            step[from..].iter_mut().zip(&frame.column(frame.norm())[from..]).for_each(|(p, c)| *p = -c);
+            step[from..].iter_mut().zip(&frame.column(frame.norm())[from..]).for_each(|(p, c)| *p = -c * factor);
         } else {
             for at in 0..self.pulled.len() {
                 self.right_side[at] = -self.distance(self.pulled[at]);
@@ -273,6 +274,9 @@ impl Inequalities {
             let (p, c) = (&self.step[from..], &self.frame.column(self.frame.norm())[from..]);
             return dot(p, c) + t * dot(p, p);
         }
+        if self.goal == Goal::Scale {
+            return -1.0;
+        }
         let own = self.watched.iter().copied().filter(|i| self.part[*i] == Part::Own).map(|i| {
             let value = self.value[i] + t * self.rate[i];
             (value - value.max(self.rows.lower[i]).min(self.rows.upper[i])) * self.rate[i]
@@ -331,8 +335,10 @@ impl Inequalities {
 
     /// The largest force that counts as a rounding error.
     fn zero_force(&self) -> f64 {
-        if self.goal == Goal::Norm {
-            return ZERO_FORCE * self.reach;
+        match self.goal {
+            Goal::Norm => return ZERO_FORCE * self.reach,
+            Goal::Scale => return ZERO_FORCE,
+            Goal::Violation => {}
         }
         let own = self.pulled.iter().filter(|i| **i < self.rows.len());
         let force = |&i: &usize| self.rows.size[i] * (ZERO_FORCE * self.distance(i).abs() + 10.0 * self.tolerance(i));
@@ -353,17 +359,13 @@ impl Inequalities {
     }
 
     /// Return the largest component of the gradient with the forces of the multipliers, divided by the largest term of the level.
-    pub(super) fn stationarity(&mut self) -> f64 {
+    pub(super) fn stationarity(&self) -> f64 {
         let size = if self.goal == Goal::Norm { 1.0 } else { self.rule.norm };
         let mut term = 0.0f64;
         for &i in self.pulled.iter().filter(|i| **i < self.rows.len()) {
-            let distance = self.distance(i).abs();
-            if self.rows.size[i] > 0.0 {
-                self.reach = self.reach.max(distance / self.rows.size[i]);
-            }
-            term = term.max(distance);
+            term = term.max(self.distance(i).abs());
         }
-        let mut largest = size * term.max(size * self.reach);
+        let mut largest = if self.goal == Goal::Scale { 1.0 } else { size * term.max(size * self.reach) };
         for &i in &self.working {
             largest = largest.max(self.multiplier[i].abs() * self.rows.size[i]);
         }

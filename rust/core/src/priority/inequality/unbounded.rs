@@ -27,11 +27,11 @@ pub struct Damping {
 
 impl Damping {
     /// Allocate memory for a stack.
-    pub fn new(stack: &Stack, method: PriorityMethod) -> Self {
+    pub fn new(stack: &Stack) -> Self {
         Damping {
             tasks: stack.clone(),
             scaled: ScaledStack::new(stack),
-            hierarchy: Hierarchy::new(stack, method),
+            hierarchy: Hierarchy::new(stack),
             known: false,
             velocities: vec![0.0; stack.rows.len() * stack.n],
             level: None,

@@ -6,7 +6,7 @@
 //! If the minimum is zero, the vertex is optimal. Otherwise the negative residual is a direction that decreases the goal, and along which no
 //! active row leaves its bounds. The rows with a positive multiplier are the working rows, whose triangle solves the least squares.
 
-use super::{Inequalities, Part};
+use super::{Goal, Inequalities, Part};
 use crate::linalg::dot;
 
 /// A residual below this fraction of the largest force counts as zero. The same holds for the cosine of two directions.
@@ -28,10 +28,12 @@ impl Inequalities {
             self.hold(i, side);
             self.nonnegative_multipliers();
         }
-        self.step.iter_mut().for_each(|p| *p = -*p);
+        let decreases = dot(&self.step, &self.step).sqrt() > ZERO * largest;
+        // The gradient of a scale has no unit.
+        let size = if self.goal == Goal::Scale { self.longest() } else { 1.0 };
+        self.step.iter_mut().for_each(|p| *p *= -size);
         let from = self.determined();
         self.rates(from);
-        let decreases = dot(&self.step, &self.step).sqrt() > ZERO * largest;
         let (t, blocking) = self.line_search(from, true);
         if !decreases || !self.is_movement(t) {
             self.find_multipliers();

@@ -29,6 +29,9 @@ impl Inequalities {
         self.hold_last();
         self.pull_last();
         self.step_on_face()?;
+        if self.goal == Goal::Scale && self.step.iter().any(|p| *p != 0.0) {
+            return Ok(false);
+        }
         self.advance(self.determined(), 1.0);
         self.find_multipliers();
         self.touched |= self.last[self.number].touched;
@@ -61,7 +64,7 @@ impl Inequalities {
     /// Pull the tasks of the level and the rows that were violated in the last solve.
     fn pull_last(&mut self) {
         self.pulled.clear();
-        if self.goal == Goal::Norm {
+        if self.goal != Goal::Violation {
             return;
         }
         let Inequalities { number, last, side, part, pulled, watched, rows, penalties, .. } = self;
