@@ -1,5 +1,6 @@
 //! The active rows of a law of task priority at one instant, and the reasons why its levels are not reached.
 
+use super::single::Memory;
 use super::solution::PrioritySolution;
 use crate::errors::Failure;
 use armlet_core::law::{LawSpec, Term};
@@ -31,7 +32,7 @@ pub fn put_active_rows(parts: &Bound<'_, PyDict>, spec: &LawSpec, terms: &mut Ve
     }
     solver.run()?;
     let py = parts.py();
-    let solution = Bound::new(py, PrioritySolution::of(&solver, rows.into(), Arc::new(options)))?;
+    let solution = Bound::new(py, PrioritySolution::of(&solver, rows.into(), Arc::new(options), &mut Memory::default()))?;
     let why = (1..=tasks.len()).map(|k| solution.call_method1("why", (k,))).collect::<PyResult<Vec<_>>>()?;
     for (name, item) in [("limits", solution.getattr("limits")?), ("active", solution.getattr("active")?), ("why", why.into_pyobject(py)?)]
     {

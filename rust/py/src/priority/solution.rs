@@ -1,7 +1,7 @@
 //! The result of `armlet.solve_priority`, and results that the solvers share.
 
 use super::details::details;
-use super::single::SingleSolution;
+use super::single::{Memory, SingleSolution};
 use crate::arrays::{copied, count};
 use crate::constructor_call::short_repr;
 use crate::errors::{Failure, entry};
@@ -49,21 +49,20 @@ pub struct PrioritySolution {
 }
 
 impl PrioritySolution {
-    /// Copy the result of the solver's last run, with the options of the solver.
-    pub fn of(solver: &Core, rows: Arc<[usize]>, options: Arc<PriorityOptions>) -> Self {
-        let solution = solver.solution();
-        let mut numbers = Vec::with_capacity(solver.n() + solution.residuals.len() + 2 * rows.len());
-        numbers.extend_from_slice(&solution.v);
-        numbers.extend_from_slice(&solution.residuals);
-        numbers.extend(solution.levels.iter().map(|level| level.scale));
-        numbers.extend(solution.levels.iter().map(|level| level.rank as f64));
-        let [jacobian, command, upper] = solver.stack();
-        let mut stack = Vec::with_capacity(jacobian.len() + command.len() + upper.len());
-        stack.extend_from_slice(jacobian);
-        stack.extend_from_slice(command);
-        stack.extend_from_slice(upper);
+    /// Copy the result of the solver's last run, with the options of the solver, to `memory`.
+    pub fn of(solver: &Core, rows: Arc<[usize]>, options: Arc<PriorityOptions>, memory: &mut Memory) -> Self {
+        let (solution, stack) = (solver.solution(), solver.stack());
+        let numbers = memory.fill(|numbers| {
+            numbers
+                .reserve_exact(solver.n() + solution.residuals.len() + 2 * rows.len() + stack.iter().map(|part| part.len()).sum::<usize>());
+            numbers.extend_from_slice(&solution.v);
+            numbers.extend_from_slice(&solution.residuals);
+            numbers.extend(solution.levels.iter().map(|level| level.scale));
+            numbers.extend(solution.levels.iter().map(|level| level.rank as f64));
+            stack.iter().for_each(|part| numbers.extend_from_slice(part));
+        });
         let bounded = solution.bounded.clone().map(Box::new);
-        let found = SingleSolution { n: solver.n(), rows, numbers, stack, status: solution.status, bounded, options };
+        let found = SingleSolution { n: solver.n(), rows, numbers, status: solution.status, bounded, options };
         let [v, residuals, ranks, scales, status, details] = [const { PyOnceLock::new() }; 6];
         PrioritySolution { found: Some(found), v, residuals, ranks, scales, status, details }
     }

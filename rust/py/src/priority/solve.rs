@@ -1,5 +1,6 @@
 //! `armlet.solve_priority`, for one stack or for a batch of stacks.
 
+use super::single::Memory;
 use super::solution::PrioritySolution;
 use super::stack::{Keywords, Stack, items, method_name};
 use super::stacks;
@@ -19,6 +20,7 @@ struct LastSolver {
     solver: Core,
     rows: Arc<[usize]>,
     options: Arc<PriorityOptions>,
+    memory: Memory,
 }
 
 /// The options of a call that set no other keywords than `method` and `rounding`.
@@ -152,7 +154,7 @@ fn solve_with_last(jacobians: &Bound<'_, PyAny>, velocities: &Bound<'_, PyAny>, 
     // No Python code runs in this closure, so `LAST` is not borrowed twice.
     LAST.with(|last| {
         let mut last = last.try_borrow_mut().ok()?;
-        let LastSolver { solver, rows, options } = last.as_mut()?;
+        let LastSolver { solver, rows, options, memory } = last.as_mut()?;
         if solver.method().name() != keywords.method || [length(jacobians)?, length(velocities)?] != [rows.len(); 2] {
             return None;
         }
@@ -171,7 +173,7 @@ fn solve_with_last(jacobians: &Bound<'_, PyAny>, velocities: &Bound<'_, PyAny>, 
         if options.rounding != keywords.rounding {
             *options = Arc::new(plain_options(solver, keywords.rounding));
         }
-        Some(PrioritySolution::of(solver, rows.clone(), options.clone()))
+        Some(PrioritySolution::of(solver, rows.clone(), options.clone(), memory))
     })
 }
 
@@ -189,9 +191,10 @@ fn single(
     }
     let rows: Arc<[usize]> = solver.rows().into();
     let options = Arc::new(options);
-    let solution = PrioritySolution::of(&solver, rows.clone(), options.clone());
+    let mut memory = Memory::default();
+    let solution = PrioritySolution::of(&solver, rows.clone(), options.clone(), &mut memory);
     if reusable {
-        LAST.set(Some(LastSolver { solver, rows, options }));
+        LAST.set(Some(LastSolver { solver, rows, options, memory }));
     }
     Ok(solution)
 }

@@ -1,6 +1,7 @@
 //! `armlet.PrioritySolver`: its constructor allocates buffers, so that a solve allocates nothing in the core.
 
 use super::arm_solver::{ArmPrioritySolver, for_arm};
+use super::single::Memory;
 use super::solution::{PrioritySolution, residual_list, status_member};
 use super::stack::{Keywords, Stack, items, method_name, per_joint, require_size};
 use super::within::Targets;
@@ -226,7 +227,7 @@ impl PrioritySolver {
     #[getter]
     fn solution(&self) -> PrioritySolution {
         let State { core, options } = &*self.state();
-        PrioritySolution::of(core, core.rows().into(), Arc::new(options.clone()))
+        PrioritySolution::of(core, core.rows().into(), Arc::new(options.clone()), &mut Memory::default())
     }
 
     /// Residuals `v_i - J_i v` of the last solve, a list of `(rows_i,)` per level.
