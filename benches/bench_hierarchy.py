@@ -125,7 +125,7 @@ def main() -> None:
     lower = [np.array([levels[k][1] for levels in problems]) for k in range(5)]
     upper = [np.array([levels[k][2] for levels in problems]) for k in range(5)]
     bounds: list[Any] = [al.Within(low, high) if (low < high).any() else low for low, high in zip(lower, upper, strict=True)]
-    cases = {
+    cases: dict[str, tuple[Callable[[], Any], int]] = {
         "armlet, last active set (1 of 5 calls without)": (last_set, 5 * STACKS),
         "armlet, solve_priority": (from_the_start, STACKS),
         "armlet, row of a batch": (lambda: al.solve_priority(batch, bounds, method="exact", v_max=1.0), STACKS),

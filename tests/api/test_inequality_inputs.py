@@ -16,6 +16,7 @@ J1, J2 = np.array([[1.0, 2.0, 0.0, 1.0], [0.0, 1.0, 1.0, -1.0]]), np.array([[2.0
 V1, V2 = np.array([1.0, -2.0]), np.array([3.0])
 INSIDE = al.Within([-0.5], [0.5])
 solve = al.solve_priority
+ONE: dict[str, Any] = {"scale": 1.0}
 BAD: list[tuple[str, Callable[[], object], str]] = [
     ("order", lambda: solve([J1, J2], [V1, al.Within([1.0], [0.0])]), r"velocities\[1\] is out of order: .* got 1 and 0 .*index 0"),
     ("order, row", lambda: solve([J1], [al.Within([0.0, 2.0], [1.0, 1.0])]), r"velocities\[0\] is out of order: .*\(first bad index 1\)"),
@@ -32,7 +33,7 @@ BAD: list[tuple[str, Callable[[], object], str]] = [
     ),
     ("sns", lambda: solve([J2], [INSIDE], method="sns"), "v_max is missing"),
     ("scale", lambda: solve([J2], [V2], method="exact", scale="largest"), "scale is unknown: expected direction or None, got largest"),
-    ("scale, type", lambda: solve([J2], [V2], method="exact", scale=1.0), "scale is not a name"),
+    ("scale, type", lambda: solve([J2], [V2], method="exact", **ONE), "scale is not a name"),
     ("scale, clamp", lambda: solve([J2], [V2], scale="direction"), "scale takes effect only with the methods exact and sns"),
     ("scale, solver", lambda: al.PrioritySolver(4, [1], method="damped", scale="direction"), "scale takes effect only with the methods"),
     (
@@ -181,7 +182,8 @@ def test_reasons() -> None:
 def test_rounding_errors_in_place_of_a_row_command_nothing() -> None:
     """A row of the size of a rounding error has no direction, as without bounds."""
     J = np.array([[1.0, 0.0], [0.0, 1e-16]])
-    for options in ({}, {"scale": "direction"}):
+    kept: list[dict[str, Any]] = [{}, {"scale": "direction"}]
+    for options in kept:
         sol = solve([J, [[0.0, 1.0]]], [[1.0, 1.0], [1.0]], method="exact", v_max=5.0, **options)
         np.testing.assert_allclose(sol.v, [1.0, 1.0], atol=1e-15)
         assert sol.ranks == [1, 1]

@@ -33,19 +33,20 @@ STRATA = ("regular", "copies", "singular", "excluded", "scales", "vertices", "wi
 HIGHS = {"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10}
 
 
-def batch(rng: np.random.Generator, stratum: str) -> tuple[list[Array], list[Any], dict[str, Array]]:
+def batch(rng: np.random.Generator, stratum: str) -> tuple[list[Array], list[Any], dict[str, Any]]:
     """The Jacobians (SIZE, m, n), the targets (SIZE, m), and the bounds of the joints."""
     n, count = int(rng.integers(2, 9)), int(rng.integers(1, 5))
     Js = [rng.normal(size=(SIZE, int(rng.integers(1, 4)), n)) for _ in range(count)]
     if stratum == "vertices":
-        Js = [rng.integers(-2, 3, size=J.shape) * (rng.random(size=J.shape) < 0.6) for J in Js]
+        Js = [rng.integers(-2, 3, size=J.shape) * (rng.random(size=J.shape) < 0.6).astype(float) for J in Js]
     for J in Js[1:] if stratum == "copies" else []:
         J[:, -1] = rng.choice([1.0, -1.0, 2.0]) * Js[0][:, 0]
     for J in Js if stratum == "singular" else []:
         J[:, -1] = rng.choice([0.0, 2.0, -0.5]) * J[:, 0]
     if stratum == "scales":
         Js = [J * 10.0 ** rng.uniform(-6, 6, (SIZE, 1, 1)) for J in Js]
-    sizes = [np.linalg.norm(J, axis=(1, 2))[:, None] + (J.any(axis=(1, 2))[:, None] == 0) for J in Js]
+    sizes = [np.linalg.norm(J.reshape(SIZE, -1), axis=1)[:, None] for J in Js]
+    sizes = [np.where(size > 0.0, size, 1.0) for size in sizes]
     targets: list[Any] = [size * rng.normal(size=J.shape[:2]) for J, size in zip(Js, sizes, strict=True)]
     low, high = -rng.uniform(0.1, 1.5, n), rng.uniform(0.1, 1.5, n)
     if stratum == "vertices":
