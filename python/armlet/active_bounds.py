@@ -100,7 +100,7 @@ def why(details: Details, v: Array, k: int) -> str:
         raise InputError(f"PrioritySolution.why: k is not a level: expected 1 to {len(levels)}, got {k}")
     n = v.size
     first = (np.zeros((0, n)), np.zeros(0), np.zeros(0)) if details["limits"] is None else (np.eye(n), *details["limits"])
-    scales = details.get("scales")
+    scales: Any = details.get("scales")
     scaled = scales is not None and bool(scales[k - 1] < 1.0)
     missed, reasons = _core._priority_reasons([first, *levels], v, k, scaled)
     if scaled:
