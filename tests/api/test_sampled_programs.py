@@ -1,6 +1,6 @@
-"""Sampled runs, whose programs take many samples in one call, against `Simulator`, which evaluates the law once per call of `step`.
+"""Sampled runs, whose programs take many samples in one call, against `Simulator`, whose programs take one step per call of `step`.
 
-The two ways share the recorded formulas only: the clock, the queue of outputs and the memory of the sensors are separate code.
+Both share the programs and the controller. `tests/parity/test_sampling_parity.py` compares them with a controller in numpy.
 """
 
 from __future__ import annotations

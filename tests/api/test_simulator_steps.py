@@ -186,3 +186,76 @@ def test_a_state_that_is_set_is_measured() -> None:
     sim.step()
     # The sensor rounds by 1e-9 rad, and the gain is 60.
     np.testing.assert_allclose(sim.tau, HOLD(0.0, [0.4, 0.1], [0.0, 0.0]), rtol=0.0, atol=1e-6)
+
+
+PID = al.PID(ARM, [0.3, 0.5], 60.0, 10.0, 20.0, tau_max=[50.0, 50.0])
+GUARDED = al.Guarded(HOLD, al.MomentumObserver(ARM, 50.0, threshold=100.0), reaction="stop", stiffness=200.0, damping=30.0)
+QUEUES = [al.Sampling(2e-3, delay=4e-3), al.Sampling(3e-3, rate_limit=500.0), al.Sampling(2e-3, delay=3e-3, rate_limit=900.0)]
+
+
+@pytest.mark.parametrize(("law", "sampling"), [(PID, None), *((law, each) for law in (PID, GUARDED) for each in (1e-3, 4e-3, *QUEUES))])
+@pytest.mark.parametrize("method", METHODS)
+def test_an_input_of_the_caller_does_not_change_the_law(method: str, law: Any, sampling: Any) -> None:
+    """In a step with an input of the caller, the plant moves as without a law, and the state of the law does not change."""
+    sim = al.Simulator(PLANT, law, [0.1, 0.2], dt=1e-3, method=method, sample_time=sampling)
+    alone = al.Simulator(PLANT, None, [0.1, 0.2], dt=1e-3, method=method)
+    for k in range(12):
+        sim.step()
+        estimate, given = sim.estimate.copy(), [3.0 - k, 0.5 * k]
+        alone.set_state(sim.q.copy(), sim.v.copy())
+        sim.step(given)
+        alone.step(given)
+        np.testing.assert_array_equal(sim.estimate, estimate)
+        np.testing.assert_array_equal(sim.tau, given)
+        # The stages of "ros2" solve one system of equations for all states.
+        np.testing.assert_allclose(sim.q, alone.q, rtol=0.0, atol=1e-12 if method == "ros2" else 0.0)
+
+
+@pytest.mark.parametrize("sampling", [4e-3, al.Sampling(4e-3, rate_limit=500.0)], ids=["plain", "limited rate"])
+def test_what_acts_after_an_input_of_the_caller(sampling: Any) -> None:
+    """A controller that stores its outputs continues with the last one. A plain controller holds the input until its next sample."""
+    sim = al.Simulator(PLANT, HOLD, [0.1, 0.2], dt=1e-3, sample_time=sampling)
+    for _ in range(12):
+        sim.step()
+    last = sim.tau.copy()
+    sim.step([7.0, -8.0])  # this step begins with a sample, which is not taken
+    sim.step()
+    np.testing.assert_array_equal(sim.tau, [7.0, -8.0] if sampling == 4e-3 else last)
+
+
+@pytest.mark.parametrize("sampling", [None, 2e-3, *QUEUES], ids=str)
+def test_a_reset_forgets_inputs_and_samples(sampling: Any) -> None:
+    sim = al.Simulator(PLANT, HOLD, [0.1, 0.2], dt=1e-3, sample_time=sampling)
+
+    def steps() -> Array:
+        rows = []
+        for given in ([[1.0, 2.0]], [], [], [[3.0, 1.0]], [], [], []):
+            sim.step(*given)
+            rows.append(np.concatenate([sim.q, sim.v, sim.tau]))
+        return np.array(rows)
+
+    first = steps()
+    sim.reset()
+    np.testing.assert_array_equal(steps(), first)
+
+
+@pytest.mark.parametrize("sampling", [None, 1e-3, al.Sampling(2e-3, delay=2e-3)], ids=str)
+@pytest.mark.parametrize("driven", [False, True], ids=["law", "driven"])
+def test_angles_beyond_the_range_of_machine_code(driven: bool, sampling: Any) -> None:
+    """The interpreter repeats the step that exceeds 10^6 rad, and continues. Whole turns change the motion only by rounding."""
+    # The law has no springs, so that its output does not depend on whole turns.
+    law = al.PDGravity(ARM, [0.3, 0.5], 1e-12, 10.0)
+    sims = [al.Simulator(PLANT, law, [0.1, 0.2], dt=1e-3, sample_time=sampling, state_limit=np.inf) for _ in range(2)]
+    turns = 2.0 * np.pi * 159155.0  # the first joint reaches 10^6 rad within 20 steps
+    for sim, more in zip(sims, (0.0, turns), strict=True):
+        sim.set_state([1e6 - turns - 0.05 + more, 0.2], [10.0, 0.0])
+    for _ in range(20):
+        for sim in sims:
+            sim.step(*([[1.0, -0.5]] if driven else []))
+        # The rounding error of the angle is 1e-10 rad.
+        np.testing.assert_allclose(sims[1].q - [turns, 0.0], sims[0].q, rtol=0.0, atol=1e-8)
+    assert sims[1].q[0] > 1e6
+    for sim in sims:
+        sim.reset()
+        sim.step()
+    np.testing.assert_array_equal(sims[1].q, sims[0].q)

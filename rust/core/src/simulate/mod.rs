@@ -55,6 +55,8 @@ pub use batch::{Keep, lanes, simulate_batch};
 pub use gradient::{
     Parameter, Parameters, RecordParts, Rows, Shared, adjoint, adjoint_of_rows, record_parts, sensitivities, sensitivities_of_rows,
 };
+#[doc(hidden)]
+pub use loops::stepped_loop::SteppedLoop;
 pub use observer::event::{Crossings, Event, EventFunction, Signal};
 pub use observer::run_observer::{Guard, Polynomials, RunObserver, Switched};
 pub use problem::bound::DEFAULT_STATE_LIMIT;

@@ -161,7 +161,7 @@ impl<'a> World<'a> {
         }
         if let (true, Some(which)) = (at < width, own(self.forces.len())) {
             for (&t, row) in times.iter().zip(out.chunks_mut(stride)) {
-                row[at..width].copy_from_slice(&self.forces[which].at(t));
+                row[at..width].copy_from_slice(&self.pushed.unwrap_or_else(|| self.forces[which].at(t)));
             }
         }
     }

@@ -4,7 +4,7 @@ use crate::loop_derivative_cases::{Case, N, cases, full, gain, numbers, six_axis
 use armlet_core::integrate::{Differentiable, System};
 use armlet_core::law::{LawSpec, PdGravitySpec};
 use armlet_core::plant::{PlantSpec, RigidSpec, Touch};
-use armlet_core::simulate::{Exogenous, Method, Options, Problem, RatesLoop, Times};
+use armlet_core::simulate::{Exogenous, Method, Options, Problem, RatesLoop, SteppedLoop, Times};
 use std::f64::consts::PI;
 
 /// The time at which derivatives are computed, s.

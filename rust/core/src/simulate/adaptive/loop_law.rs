@@ -2,7 +2,7 @@
 //! recorded with a held input.
 
 use super::rates_loop::RatesLoop;
-use crate::scalar::Real;
+use crate::simulate::sampled::control::saturate;
 use crate::simulate::world::Exogenous;
 
 impl RatesLoop<'_> {
@@ -17,12 +17,6 @@ impl RatesLoop<'_> {
         law.evaluate(u.t, &x[..*seen], &mut tau);
         dz.fill(0.0);
         (self.control.tau, self.control.dz) = (tau, dz);
-        self.saturate();
-    }
-
-    pub(in crate::simulate) fn saturate(&mut self) {
-        for (tau, &limit) in self.control.tau.iter_mut().zip(&self.limits) {
-            *tau = Real::clamped(*tau, -limit, limit);
-        }
+        saturate(&mut self.control.tau, &self.limits);
     }
 }

@@ -13,11 +13,12 @@ use crate::linalg::Pairs;
 use crate::plant::Touch;
 use crate::simulate::assembly::{sampler, start, world};
 use crate::simulate::loops::simulated_loop::SimulatedLoop;
+use crate::simulate::loops::stepped_loop::SteppedLoop;
 use crate::simulate::problem::Problem;
 use crate::simulate::problem::force::Wrench;
 use crate::simulate::record::key::Common;
 use crate::simulate::record::rates::{self, Rates, RatesOfRun};
-use crate::simulate::sampled::control::Control;
+use crate::simulate::sampled::control::{Control, saturate};
 use crate::simulate::sampled::sampler::Sampler;
 use crate::simulate::world::{Exogenous, World};
 use crate::trace::{Engine, engine};
@@ -226,48 +227,6 @@ impl<'a> RatesLoop<'a> {
     pub fn contacts(&mut self, x: &[f64], out: &mut [f64]) {
         self.compute(|rates, _| rates.contacts(x, out));
     }
-
-    /// Use `tau` as the plant's input instead of the law's output. If `tau` is `None`, the law computes the input, and `held` selects
-    /// whether this input is held.
-    pub fn drive(&mut self, tau: Option<&[f64]>, held: bool) {
-        self.control.held = held || tau.is_some();
-        if let Some(tau) = tau {
-            self.control.tau.copy_from_slice(tau);
-            self.saturate();
-            self.control.dz.fill(0.0);
-        }
-        self.hold();
-    }
-
-    /// Apply `wrench` instead of the external forces. `None` restores the forces.
-    pub fn push(&mut self, wrench: Option<&Wrench>) {
-        self.world.push(wrench);
-    }
-
-    /// Restart at `t = 0`.
-    pub fn rewind(&mut self) {
-        if let Some(sampler) = &mut self.sampler {
-            sampler.clear();
-        }
-    }
-
-    /// Undo a step from time `t`, s. `sides` are the modes of the joints before this step. A sample at `t` remains, unless its output is
-    /// not finite.
-    pub fn undo_step(&mut self, t: f64, sides: &[i8]) {
-        self.use_machine_code();
-        if let Some(sampler) = &mut self.sampler {
-            sampler.discard_at(t, true);
-        }
-        self.set_modes_of_joints(sides);
-    }
-
-    /// Continue at time `t`, s, from a state that the caller has set. A sample at `t` is taken again.
-    pub fn replace_state(&mut self, t: f64) {
-        self.use_machine_code();
-        if let Some(sampler) = &mut self.sampler {
-            sampler.discard_at(t, false);
-        }
-    }
 }
 
 impl RatesLoop<'_> {
@@ -344,6 +303,42 @@ impl SimulatedLoop<f64> for RatesLoop<'_> {
     }
     fn leave_step(&mut self, x: &mut [f64]) -> bool {
         self.arrest(x)
+    }
+}
+
+impl SteppedLoop for RatesLoop<'_> {
+    fn drive(&mut self, tau: Option<&[f64]>, held: bool) {
+        self.control.held = held || tau.is_some();
+        if let Some(tau) = tau {
+            self.control.tau.copy_from_slice(tau);
+            saturate(&mut self.control.tau, &self.limits);
+            self.control.dz.fill(0.0);
+        }
+        self.hold();
+    }
+    fn push(&mut self, wrench: Option<&Wrench>) {
+        self.world.push(wrench);
+    }
+    fn rewind(&mut self) {
+        if let Some(sampler) = &mut self.sampler {
+            sampler.clear();
+        }
+    }
+    fn sides(&self) -> &[i8] {
+        self.modes_of_joints()
+    }
+    fn undo_step(&mut self, t: f64, sides: &[i8]) {
+        self.use_machine_code();
+        if let Some(sampler) = &mut self.sampler {
+            sampler.discard_at(t, true);
+        }
+        self.set_modes_of_joints(sides);
+    }
+    fn replace_state(&mut self, t: f64) {
+        self.use_machine_code();
+        if let Some(sampler) = &mut self.sampler {
+            sampler.discard_at(t, false);
+        }
     }
 }
 

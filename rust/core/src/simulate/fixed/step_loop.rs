@@ -7,7 +7,7 @@ use crate::scalar::trig::REDUCTION_LIMIT;
 use crate::simulate::loops::log::{Log, MOST_LANES};
 use crate::simulate::loops::simulated_loop::SimulatedLoop;
 use crate::simulate::loops::sink::Sink;
-use crate::simulate::record::slots::Instant;
+use crate::simulate::record::slots::{Instant, StepSlots};
 use crate::simulate::record::step::Recorded;
 use crate::simulate::record::step_programs::Programs;
 use crate::simulate::sampled::frame_controller::ControllerSlots;
@@ -66,6 +66,16 @@ impl<'a, S: Real> StepLoop<'a, S> {
     /// Let the programs compute and store a record every `steps` steps.
     pub fn note_every(&mut self, steps: usize) {
         self.log = Some(Log::new(&self.recorded.slots, steps, &self.frames));
+    }
+
+    /// Return this loop with its own copies of motions and forces, and without a table of inputs.
+    pub fn into_owned(self) -> StepLoop<'static, S> {
+        StepLoop { world: self.world.into_owned(), table: None, ..self }
+    }
+
+    /// The number of states.
+    pub fn states(&self) -> usize {
+        self.recorded.slots.state.count
     }
 
     /// Write the exogenous input at time `t`, s, and the state `x` to the frames.
@@ -145,6 +155,78 @@ impl<S: Real> StepLoop<'_, S> {
             self.programs.answer(frame);
         }
         read(&self.frames, self.recorded.slots.tau, &mut self.tau);
+    }
+}
+
+/// The held results of one run whose caller may give the input of a step.
+impl StepLoop<'_, f64> {
+    /// The slots of the plant's input, and of the other results of the law.
+    fn results(&self) -> Slots {
+        let slots = &self.recorded.slots;
+        slots.tau.part(0, slots.tau.count + slots.law_rate.count)
+    }
+
+    /// The held results of the law: the plant's input, then the other results.
+    pub fn held_results(&self) -> &[f64] {
+        self.frames[0].group(self.results())
+    }
+
+    /// Hold the results `results`.
+    pub fn restore_results(&mut self, results: &[f64]) {
+        let (slots, inputs) = (self.results(), self.tau.len());
+        self.frames[0].write(slots, results);
+        self.tau.copy_from_slice(&results[..inputs]);
+    }
+
+    /// Hold the plant's input `tau` and the other results `others` of the law.
+    pub fn hold(&mut self, tau: &[f64], others: &[f64]) {
+        let StepSlots { tau: input, law_rate, .. } = self.recorded.slots;
+        self.frames[0].write(input, tau);
+        self.frames[0].write(law_rate, others);
+        self.tau.copy_from_slice(tau);
+    }
+
+    /// Hold the plant's input `tau`, so that the state of the law does not change.
+    pub fn hold_alone(&mut self, tau: &[f64]) {
+        let (recorded, frame) = (self.recorded.clone(), &mut self.frames[0]);
+        let StepSlots { tau: input, law_rate, torque_states, .. } = recorded.slots;
+        frame.write(input, tau);
+        let rates = frame.group_mut(law_rate);
+        rates.fill(0.0);
+        if let Some(first) = torque_states {
+            // The programs add the input to these rates.
+            rates[first..].iter_mut().zip(tau).for_each(|(rate, &tau)| *rate = -tau);
+        }
+        self.tau.copy_from_slice(tau);
+    }
+
+    /// Continue with the programs for `engine`.
+    pub fn use_engine(&mut self, engine: Engine) {
+        self.programs = self.recorded.programs_for(engine);
+        let inputs = self.recorded.slots.signature.angle();
+        let mut frame = Frame::new(self.programs.slots(), 1);
+        self.programs.prepare(&mut frame);
+        frame.numbers_mut()[..inputs].copy_from_slice(&self.frames[0].numbers()[..inputs]);
+        self.frames[0] = frame;
+    }
+
+    /// Discard the sample at time `t`, s, if one is due. With `failed`, discard it only if its results are not finite.
+    pub fn discard_sample(&mut self, t: f64, failed: bool) {
+        if let Some(samples) = &mut self.samples {
+            samples.discard(samples.step(t), failed);
+        }
+    }
+
+    /// Whether the controller stores its outputs.
+    pub fn has_queue(&self) -> bool {
+        self.samples.as_ref().is_some_and(|samples| !samples.controllers.is_empty())
+    }
+
+    /// Discard all samples, because the run restarts.
+    pub fn discard_samples(&mut self) {
+        if let Some(samples) = &mut self.samples {
+            samples.clear();
+        }
     }
 }
 

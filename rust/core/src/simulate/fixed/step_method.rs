@@ -280,5 +280,7 @@ impl<S: Real> FixedStep<S, StepLoop<'_, S>, Vec<S>> for StepMethod<S> {
         true
     }
 
-    fn restart(&mut self) {}
+    fn restart(&mut self) {
+        self.filled = 0;
+    }
 }

@@ -1,5 +1,5 @@
-//! Programs (recorded computations) of the state rates of a closed loop and of their derivatives. Adaptive and implicit methods and steppers
-//! use them, and loops in which joints stick and slip between fixed steps.
+//! Programs (recorded computations) of the state rates of a closed loop and of their derivatives. Adaptive and implicit methods use them, and
+//! loops in which joints stick and slip between fixed steps.
 //!
 //! A loop is recorded once. The interpreter computes the recording until machine code of it repays, and beyond the range of its sines.
 //!

@@ -45,6 +45,8 @@ pub struct StepSlots {
     pub tau: Slots,
     /// The results of the law in addition to the plant's input.
     pub law_rate: Slots,
+    /// The first result in `law_rate` to which the programs add the plant's input, if the plant's input may differ from the law's output.
+    pub torque_states: Option<usize>,
     /// The sampled controller.
     pub controller: ControllerSlots,
     /// The reference values of the monitors, which are computed at the first record. There are none without records.
@@ -67,7 +69,7 @@ impl StepSlots {
         mut signature: Signature,
         closed: &ClosedLoop,
         (wrench, instants, shared): (usize, &'static [f64], bool),
-        (seen, parts): (usize, Parts),
+        (seen, parts, torque_states): (usize, Parts, Option<usize>),
         ((metrics, lasting), reference): ((usize, usize), usize),
     ) -> Self {
         let instant = |signature: &mut Signature| Instant::add(signature, ["desired", "force"], [closed.desired(), wrench]);
@@ -100,6 +102,7 @@ impl StepSlots {
             step,
             tau,
             law_rate,
+            torque_states,
             controller,
             reference,
             stage,

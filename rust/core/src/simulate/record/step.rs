@@ -108,11 +108,11 @@ fn recorded(problem: &Problem, run: usize, common: Common, plain: Option<bool>) 
     let MethodKind::ExplicitSteps(method) = problem.options.method.kind() else { unreachable!("the steps are explicit") };
     let context = (if problem.forces.is_empty() { 0 } else { 6 }, method.instants(), common.shared);
     let (parts, law) = (problem.options.sampling.as_ref().map_or(Parts::default(), Sampling::parts), problem.law(run));
-    let controlled = (problem.plant(run).seen(), parts);
-    let mut slots = StepSlots::new(Signature::new(given), &closed, context, controlled, (metrics, reference));
     let torque_states = law.torque_states().filter(|_| parts.delays || parts.limits_rate);
+    let controlled = (problem.plant(run).seen(), parts, torque_states);
+    let mut slots = StepSlots::new(Signature::new(given), &closed, context, controlled, (metrics, reference));
     let most = if common.long { LARGE_IN_LANES } else { LARGE };
-    let tracing = trace(closed, extras, (method, law.route().is_recordable(), plain, most), torque_states, &slots);
+    let tracing = trace(closed, extras, (method, law.route().is_recordable(), plain, most), &slots);
     slots.end(tracing.cuts.len(), noted);
     debug_assert_eq!(sym::recorded().1 as usize, slots.signature.angle(), "all inputs have slots");
     let recording = sym::finish();
@@ -126,14 +126,13 @@ fn trace(
     mut closed: ClosedLoop,
     extras: MetricsAndRecords,
     (method, with_law, in_parts, most): (ExplicitSteps, bool, Option<bool>, u32),
-    torque_states: Option<usize>,
     slots: &StepSlots,
 ) -> Tracing {
     let one = || instant(slots.exogenous.sizes());
     let u: Vec<Exogenous<Sym>> = slots.instants.iter().map(|_| one()).collect();
     let (x, stored, h) = (slots.state.declare(), slots.metrics.declare(), sym::input());
     let held = [slots.tau.declare(), slots.law_rate.declare()];
-    let controller = Controller::declare(&slots.controller, &held[0], torque_states);
+    let controller = Controller::declare(&slots.controller, &held[0], slots.torque_states);
     let firsts = slots.reference.declare();
     let (stage, stage_input) = (slots.stage.declare(), one());
     slots.rates.declare();

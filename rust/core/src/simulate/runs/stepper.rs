@@ -1,12 +1,13 @@
 //! A loop that computes one step of fixed size per call. The law or the caller provides the input.
 
+use super::stepped_programs::SteppedPrograms;
 use crate::error::{Error, Result};
 use crate::integrate::{FixedStep, Method, MethodKind, WithSteps};
 use crate::law::Route;
 use crate::simulate::adaptive::rates_loop::RatesLoop;
 use crate::simulate::fixed::schedule::{after_jump, is_end};
 use crate::simulate::fixed::steps::divided_step;
-use crate::simulate::loops::simulated_loop::SimulatedLoop;
+use crate::simulate::loops::stepped_loop::SteppedLoop;
 use crate::simulate::problem::Problem;
 use crate::simulate::problem::bound::Bound;
 use crate::simulate::problem::force::Wrench;
@@ -60,8 +61,8 @@ pub trait Stepping: Send {
 }
 
 /// A loop with its method and its state.
-struct Stepper<M> {
-    closed: RatesLoop<'static>,
+struct Stepper<F, M> {
+    closed: F,
     method: M,
     x: Vec<f64>,
     tau: Vec<f64>,
@@ -94,7 +95,7 @@ struct Before {
     driven: bool,
 }
 
-impl<M: FixedStep<f64, RatesLoop<'static>, Vec<f64>>> Stepper<M> {
+impl<F: SteppedLoop, M: FixedStep<f64, F, Vec<f64>>> Stepper<F, M> {
     /// The number of jumps that a stepper has passed at time `t`, s.
     fn jumps_until(&self, t: f64) -> usize {
         self.breaks.partition_point(|&jump| jump <= t || t > 0.0 && is_end(self.dt, jump, t))
@@ -104,27 +105,58 @@ impl<M: FixedStep<f64, RatesLoop<'static>, Vec<f64>>> Stepper<M> {
         self.steps as f64 * self.dt
     }
 
-    fn restore(&mut self) {
+    /// Restore the state, the input and the times before the last step.
+    fn go_back(&mut self) {
         self.x.copy_from_slice(&self.before.x);
         self.tau.copy_from_slice(&self.before.tau);
         (self.steps, self.passed) = (self.before.steps, self.before.passed);
+        self.method.restart();
+    }
+
+    fn restore(&mut self) {
+        self.go_back();
         if self.before.driven {
             self.closed.drive(Some(&self.tau), false);
         }
         let t = after_jump(&self.breaks[..self.passed], self.time());
         self.closed.undo_step(t, &self.before.sides);
-        self.method.restart();
+    }
+
+    /// Compute a step with the law's input or the input `given`.
+    fn advance(&mut self, given: Option<&[f64]>) {
+        let (start, end) = (self.time(), (self.steps + 1) as f64 * self.dt);
+        let t = after_jump(&self.breaks[..self.passed], start);
+        self.closed.drive(given, self.hold != 0);
+        if given.is_some() || self.hold == 0 {
+            self.tau.copy_from_slice(self.closed.input_at(t, &self.x));
+        }
+        let is_smooth = t == start && self.breaks.get(self.passed).is_none_or(|&jump| jump > end && !is_end(self.dt, jump, end));
+        if is_smooth && given.is_none() && self.method.stride(&mut self.closed, self.steps as usize, 1, self.dt, &mut self.x) {
+            if self.hold != 0 {
+                self.tau.copy_from_slice(self.closed.input_at(t, &self.x));
+            }
+            return;
+        }
+        if given.is_none() && self.hold != 0 {
+            if self.steps.is_multiple_of(self.hold) {
+                self.closed.sample(t, &self.x);
+                self.method.restart();
+            }
+            self.tau.copy_from_slice(self.closed.input_at(t, &self.x));
+        }
+        let jumps = (self.breaks.as_slice(), self.dt, &mut self.passed);
+        divided_step(&mut self.closed, &mut self.method, jumps, (start, self.dt, end), &mut self.x);
     }
 }
 
-impl<M: FixedStep<f64, RatesLoop<'static>, Vec<f64>> + Send> Stepping for Stepper<M> {
+impl<F: SteppedLoop + Send, M: FixedStep<f64, F, Vec<f64>> + Send> Stepping for Stepper<F, M> {
     fn step(&mut self, tau: Option<&[f64]>, push: Option<&Wrench>) -> Status {
         if self.status != Status::Success {
             return self.status;
         }
         self.before.x.copy_from_slice(&self.x);
         self.before.tau.copy_from_slice(&self.tau);
-        self.before.sides.copy_from_slice(self.closed.modes_of_joints());
+        self.before.sides.copy_from_slice(self.closed.sides());
         (self.before.steps, self.before.passed, self.before.driven) = (self.steps, self.passed, tau.is_some());
         if push.is_some() || self.pushed {
             // The force jumps, so that the method must not use values of the previous step.
@@ -132,24 +164,12 @@ impl<M: FixedStep<f64, RatesLoop<'static>, Vec<f64>> + Send> Stepping for Steppe
             self.method.restart();
             self.pushed = push.is_some();
         }
-        let (start, end) = (self.time(), (self.steps + 1) as f64 * self.dt);
-        let t = after_jump(&self.breaks[..self.passed], start);
-        match tau {
-            Some(tau) => {
-                self.tau.copy_from_slice(tau);
-                self.closed.drive(Some(&self.tau), false);
-            }
-            None => {
-                self.closed.drive(None, self.hold != 0);
-                if self.hold != 0 && self.steps.is_multiple_of(self.hold) {
-                    self.closed.sample(t, &self.x);
-                    self.method.restart();
-                }
-            }
+        self.closed.begin_step();
+        self.advance(tau);
+        if self.closed.declines() {
+            self.go_back();
+            self.advance(tau);
         }
-        self.tau.copy_from_slice(self.closed.input_at(t, &self.x));
-        let jumps = (self.breaks.as_slice(), self.dt, &mut self.passed);
-        divided_step(&mut self.closed, &mut self.method, jumps, (start, self.dt, end), &mut self.x);
         if self.bound.holds(&self.x) {
             self.steps += 1;
         } else {
@@ -224,8 +244,13 @@ pub fn stepper(problem: &Problem) -> Result<Box<dyn Stepping>> {
     require_fixed_steps(o.method)?;
     problem.validate()?;
     problem.require_memory(1)?;
+    let boxed = Boxed(problem, problem.breaks()?);
+    if let Some((programs, x)) = SteppedPrograms::of(problem) {
+        let method = programs.method();
+        return Ok(boxed.with(programs, x, method));
+    }
     let (closed, x) = RatesLoop::stepped(problem);
-    let (u, boxed) = (closed.instant(), Boxed(problem, problem.breaks()?));
+    let u = closed.instant();
     match o.method.kind() {
         MethodKind::ExplicitSteps(method) => method.apply(closed, x, u, boxed),
         MethodKind::ImplicitSteps(method) => Ok(method.apply(closed, x, u, boxed)),
@@ -236,13 +261,10 @@ pub fn stepper(problem: &Problem) -> Result<Box<dyn Stepping>> {
 /// Creates a stepper for any method of fixed steps, from the problem and the jumps of its input.
 struct Boxed<'a>(&'a Problem<'a>, Vec<f64>);
 
-impl WithSteps<f64, RatesLoop<'static>> for Boxed<'_> {
+impl<F: SteppedLoop + Send + 'static> WithSteps<f64, F> for Boxed<'_> {
     type Output = Box<dyn Stepping>;
 
-    fn with<M>(self, closed: RatesLoop<'static>, x: Vec<f64>, method: M) -> Box<dyn Stepping>
-    where
-        M: FixedStep<f64, RatesLoop<'static>, Vec<f64>> + Send + 'static,
-    {
+    fn with<M: FixedStep<f64, F, Vec<f64>> + Send + 'static>(self, closed: F, x: Vec<f64>, method: M) -> Box<dyn Stepping> {
         let Boxed(problem, breaks) = self;
         let o = &problem.options;
         let bound = Bound::new(problem.plant(0).states(), o.state_limit);
@@ -252,7 +274,7 @@ impl WithSteps<f64, RatesLoop<'static>> for Boxed<'_> {
         let tau = vec![0.0; problem.plant(0).n()];
         let plain = o.sampling.as_ref().is_none_or(Sampling::is_plain);
         let simple = plain && problem.law(0).initial_state().is_empty() && problem.law(0).route() != Route::Outside;
-        let sides = closed.modes_of_joints().to_vec();
+        let sides = closed.sides().to_vec();
         let passed = breaks.partition_point(|&jump| jump <= 0.0);
         Box::new(Stepper {
             before: Before { x: x.clone(), tau: tau.clone(), sides, steps: 0, passed, driven: false },

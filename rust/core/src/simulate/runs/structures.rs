@@ -190,7 +190,7 @@ fn initial_metrics<S: Real>(problem: &Problem, common: Common, run: impl Fn(usiz
 }
 
 /// Create the loop of a recording, for the runs `row(lane)` with the loop parameters `given(lane)`. `table` has the exogenous inputs of all steps.
-fn loop_of<'a, 'b, S: Real>(
+pub fn loop_of<'a, 'b, S: Real>(
     problem: &'a Problem<'a>,
     (recorded, engine): (&Arc<Recorded>, Engine),
     row: impl Fn(usize) -> usize + Copy,

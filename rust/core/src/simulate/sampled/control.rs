@@ -1,5 +1,14 @@
 //! The input of a loop: the output of the law at its last evaluation, or the output that a sampled controller holds.
 
+use crate::scalar::Real;
+
+/// Limit each entry of `tau` to its limit. Without limits, nothing happens.
+pub fn saturate(tau: &mut [f64], limits: &[f64]) {
+    for (tau, &limit) in tau.iter_mut().zip(limits) {
+        *tau = Real::clamped(*tau, -limit, limit);
+    }
+}
+
 /// The plant's input and the other results of the law.
 pub struct Control {
     /// Whether the input is held.

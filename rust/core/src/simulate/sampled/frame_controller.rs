@@ -3,6 +3,7 @@
 
 use super::clock::Clock;
 use super::sensors::{CAPACITY, Sensors};
+use crate::error::all_finite;
 use crate::simulate::problem::sampling::Sampling;
 use crate::trace::{Frame, Slots};
 use std::ops::Range;
@@ -32,7 +33,8 @@ pub struct FrameController {
     state: Vec<f64>,
     /// The results of the law at the last samples: the output, then the other results, with all lanes.
     results: Vec<f64>,
-    samples: usize,
+    /// For each place in `results`, the sample that is stored there, if any.
+    stored: Vec<Option<usize>>,
 }
 
 impl FrameController {
@@ -40,40 +42,48 @@ impl FrameController {
     pub fn new(slots: ControllerSlots, sampling: &Sampling, sensors: Vec<Sensors>) -> Self {
         let samples = CAPACITY + sampling.delayed() as usize;
         let numbers = (slots.output.count + slots.others.count) * sensors.len();
-        FrameController { sensors, state: vec![0.0; slots.measured.count], results: vec![0.0; samples * numbers], samples, slots }
+        let stored = vec![None; samples];
+        FrameController { sensors, state: vec![0.0; slots.measured.count], results: vec![0.0; samples * numbers], stored, slots }
     }
 
     /// The range of the output of sample `k` in the stored results, and the range of the other results.
     fn places(&self, k: usize) -> [Range<usize>; 2] {
         let lanes = self.sensors.len();
         let (output, others) = (self.slots.output.count * lanes, self.slots.others.count * lanes);
-        let first = k % self.samples * (output + others);
+        let first = k % self.stored.len() * (output + others);
         [first..first + output, first + output..first + output + others]
     }
 
-    /// Copy the output of sample `k` to the slots `to`. Without a sample, it is zero.
-    fn recall(&self, frame: &mut Frame, k: Option<usize>, to: Slots) {
-        match k.map(|k| self.places(k)) {
+    /// Copy one part of the results of sample `k` to the slots `to`: the output, or with `others` the other results. Before the first
+    /// sample, they are zero. If the sample was not taken, because the caller gave the input, the slots do not change.
+    fn recall(&self, frame: &mut Frame, k: Option<usize>, (others, to): (bool, Slots)) {
+        match k {
             None => frame.group_mut(to).fill(0.0),
-            Some([output, _]) => frame.group_mut(to).copy_from_slice(&self.results[output]),
+            Some(k) if self.is_stored(k) => frame.group_mut(to).copy_from_slice(&self.results[self.places(k)[usize::from(others)].clone()]),
+            Some(_) => (),
         }
+    }
+
+    fn is_stored(&self, k: usize) -> bool {
+        self.stored[k % self.stored.len()] == Some(k)
     }
 
     /// Prepare step `step`: select the output that acts. If a sample is due, measure the state in the frame for the law.
     pub fn begin(&mut self, frame: &mut Frame, clock: &Clock, step: usize) {
         let (slots, due) = (self.slots, clock.due(step));
         if due.is_none() || slots.output != slots.tau {
-            self.recall(frame, clock.acting(step), slots.tau);
+            self.recall(frame, clock.acting(step), (false, slots.tau));
         }
         let Some(k) = due else {
-            match clock.last(step).map(|k| self.places(k)) {
-                None => frame.group_mut(slots.others).fill(0.0),
-                Some([_, others]) => frame.group_mut(slots.others).copy_from_slice(&self.results[others]),
-            }
+            self.recall(frame, clock.last(step), (true, slots.others));
             return;
         };
-        self.recall(frame, k.checked_sub(1), slots.output);
-        frame.group_mut(slots.change).fill(self.sensors[0].largest_change(k as u64));
+        if slots.change.count > 0 {
+            // The first output changes from zero.
+            let previous = k.checked_sub(1).filter(|&previous| self.is_stored(previous));
+            self.recall(frame, previous, (false, slots.output));
+            frame.group_mut(slots.change).fill(self.sensors[0].largest_change(previous.map_or(0, |_| k as u64)));
+        }
         let lanes = frame.lanes();
         for (lane, sensors) in self.sensors.iter_mut().enumerate().filter(|_| slots.measured.count > 0) {
             frame.read(slots.state, lane, self.state.iter_mut());
@@ -84,8 +94,25 @@ impl FrameController {
 
     /// Store the results of the law, if step `step` began with a sample.
     pub fn end(&mut self, frame: &Frame, clock: &Clock, step: usize) {
-        let Some([output, others]) = clock.due(step).map(|k| self.places(k)) else { return };
+        let Some(k) = clock.due(step) else { return };
+        let ([output, others], at) = (self.places(k), k % self.stored.len());
         self.results[output].copy_from_slice(frame.group(self.slots.output));
         self.results[others].copy_from_slice(frame.group(self.slots.others));
+        self.stored[at] = Some(k);
+    }
+
+    /// Discard the sample of step `step`, if one is due. With `failed`, discard it only if its results are not finite.
+    pub fn discard(&mut self, clock: &Clock, step: usize, failed: bool) {
+        let Some(k) = clock.due(step).filter(|&k| self.is_stored(k)) else { return };
+        let at = k % self.stored.len();
+        if !(failed && self.places(k).into_iter().all(|results| all_finite(&self.results[results]))) {
+            self.stored[at] = None;
+        }
+    }
+
+    /// Discard all samples, because the run restarts.
+    pub fn clear(&mut self) {
+        self.stored.fill(None);
+        self.sensors.iter_mut().for_each(Sensors::clear);
     }
 }

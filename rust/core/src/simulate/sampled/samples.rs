@@ -34,6 +34,16 @@ impl Samples {
         }
     }
 
+    /// Discard the sample of step `step` in all frames, if one is due. With `failed`, discard it only if its results are not finite.
+    pub fn discard(&mut self, step: usize, failed: bool) {
+        self.controllers.iter_mut().for_each(|controller| controller.discard(&self.clock, step, failed));
+    }
+
+    /// Discard all samples, because the run restarts.
+    pub fn clear(&mut self) {
+        self.controllers.iter_mut().for_each(FrameController::clear);
+    }
+
     /// Return the number of steps from step `step` on, up to `most`, that one program computes. Either they all begin with a sample, or the
     /// same output acts in all of them.
     pub fn alike(&self, step: usize, most: usize) -> usize {
