@@ -67,7 +67,19 @@ class Numbers(Field):
     finite: bool = True
 
     def check(self, value: object, path: str) -> Iterator[str]:
-        yield from self._check(value, path, 0)
+        if not self._is_plain(value):
+            yield from self._check(value, path, 0)
+
+    def _is_plain(self, value: object) -> bool:
+        """Whether the value is a valid list of Python floats, or one valid float. This is fast, because sweeps check every cell."""
+        if type(value) is float and self.scalar:
+            value = [value]
+        elif type(value) is not list or not self.depth:
+            return False
+        if {*map(type, value)} != {float}:
+            return False
+        least = min(value)
+        return all(map(math.isfinite, value)) and (least > self.low or (not self.strict and least == self.low))
 
     def _check(self, value: object, path: str, level: int) -> Iterator[str]:
         if isinstance(value, list | tuple) and level < self.depth:

@@ -10,12 +10,12 @@ import os
 import re
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
-from functools import lru_cache, partial
+from functools import partial
 from os import PathLike
 from pathlib import Path
 from typing import Any
 
-from ..arguments import file_path, instance, require_shallow, shown
+from ..arguments import file_path, instance, require_shallow
 from ..border import bordered
 from ..errors import InputError, ModelError, SolveError
 from ..files import write_whole
@@ -25,17 +25,17 @@ from ..run.records import Run
 from ..run.simulation import simulate
 from .across import RIGID, across, knowing, needs_of
 from .built import Built, summary
-from .fields import Kind, OneOf
+from .changes import change, entry_of, field_of, plain
+from .fields import Field, Kind, OneOf
 from .file import read
 from .tables import SCENARIO, arguments
 from .toml import toml_text
 
-__all__ = ["Built", "Scenario", "change", "pathed"]
+__all__ = ["Built", "Scenario", "pathed"]
 
 MESSAGE = re.compile(r"^[\w.]+: (?P<key>[\w.\[\]]+) (?P<problem>.*?)(?: \(first bad index (?P<index>[\d, ()]+)\))?$", re.DOTALL)
 #: Names that `simulate` uses in messages about joint limits, and the paths of these positions in the tables.
 LIMITED = {"q0": "$.run.q0", "law.target": "$.law.target", "law.motion": "$.motion"}
-STEP = re.compile(r"\.?([A-Za-z_]\w*)|\[(\d+)\]")
 
 
 @bordered
@@ -109,7 +109,7 @@ class Scenario:
             The scenario.
         """
         _require_tables("Scenario.from_dict", data)
-        return cls(_plain(data), file_path("Scenario.from_dict", folder))
+        return cls(plain(data), file_path("Scenario.from_dict", folder))
 
     @staticmethod
     def problems(data: Mapping[str, Any]) -> Iterator[str]:
@@ -154,8 +154,10 @@ class Scenario:
             key: Any = None
             if table != "law":
                 # `made` also stores the table itself, because Python may reuse the `id` of a deleted table.
-                text = made.setdefault(id(tables[table]), (tables[table], repr(tables[table])))[1]
-                key = (table, text, *(id(parts.get(need)) for need in kind.needs))
+                stored = made.get(id(tables[table]))
+                if stored is None:
+                    stored = made[id(tables[table])] = (tables[table], repr(tables[table]))
+                key = (table, stored[1], *(id(parts.get(need)) for need in kind.needs))
                 if key in made:
                     parts[table] = made[key]
                     continue
@@ -220,21 +222,28 @@ class Scenario:
             InputError: a path does not exist, or its new value is not valid.
         """
         instance("Scenario.replace", "changes", changes, Mapping, "values by path, such as {'law.kp': 30.0}")
-        data = _plain(self.data)
+        data = plain(self.data)
         for path, value in changes.items():
             change(data, path, value)
         return Scenario(data, self.folder, self.name)
 
     def _varied(self, changes: Mapping[str, Any]) -> Scenario:
-        """Variant of `replace` for the cells of a sweep. Unchanged tables are shared and not checked again."""
-        touched = dict.fromkeys(path.partition(".")[0].partition("[")[0] for path in changes)
-        if not all(table in self.data and table in SCENARIO.keys for table in touched):
-            return self.replace(changes)
-        data = dict(self.data) | {table: _plain(self.data[table]) for table in touched}
+        """Variant of `replace` for the cells of a sweep. Only changed entries of the tables are copied and checked."""
+        data, entries, whole = dict(self.data), dict[tuple[str, str], Field](), False
         for path, value in changes.items():
+            table, key = entry_of(path)
+            if table not in self.data or (field := field_of(table, self.data[table], key)) is None:
+                return self.replace(changes)
+            if data[table] is self.data[table]:
+                data[table] = dict(self.data[table])
+            # A new key, and another inner law, may contradict other tables.
+            whole = whole or key not in data[table] or key == "law"
+            if (table, key) not in entries and key in data[table]:
+                data[table][key] = plain(data[table][key])
+            entries[table, key] = field
             change(data, path, value)
-        found = (problem for table in touched for problem in SCENARIO.keys[table].check(data[table], f"$.{table}"))
-        if any(found) or any(across(data)):
+        found = (problem for (table, key), field in entries.items() for problem in field.check(data[table][key], f"$.{table}.{key}"))
+        if any(found) or (whole and any(across(data))):
             return self.replace(changes)
         made = object.__new__(Scenario)
         for name, part in (("data", data), ("folder", self.folder), ("name", self.name)):
@@ -261,7 +270,7 @@ class Scenario:
         True
         """
         name = file_path("Scenario.save", path)
-        data, folder = _plain(self.data), Path(name).parent
+        data, folder = plain(self.data), Path(name).parent
         for table in ("arm", "model"):
             robot = data.get(table, {}).get("path")
             if robot is not None and "://" not in robot and not Path(robot).is_absolute():
@@ -274,7 +283,7 @@ class Scenario:
         Returns:
             A scenario that does not depend on other files.
         """
-        data = _plain(self.data)
+        data = plain(self.data)
         for table in ("arm", "model"):
             path = data.get(table, {}).pop("path", None)
             if path is not None:
@@ -344,42 +353,3 @@ def _missing(table: str, values: Mapping[str, Any]) -> tuple[str, ...]:
     for kind in what.kinds.values() if isinstance(what, OneOf) else [what]:
         keys |= set(getattr(kind, "keys", ()))
     return tuple(keys - set(values))
-
-
-def change(data: dict[str, Any], path: str, value: Any) -> None:
-    """Set one entry of the tables `data`. `path` names the entry, such as `law.kd[1]`."""
-    if not isinstance(path, str):
-        raise InputError(f"scenario: {shown(path)} is not a path: expected a path such as law.kp or run.q0[1]")
-    require_shallow("scenario", path, value)
-    steps = _steps(path)
-    place: Any = data
-    for i, step in enumerate(steps):
-        last = i == len(steps) - 1
-        inside = step in range(len(place)) if isinstance(place, list) and isinstance(step, int) else isinstance(place, dict)
-        if not inside or (isinstance(place, dict) and (isinstance(step, int) or (step not in place and not last))):
-            held = ", ".join(place) if isinstance(place, dict) else f"{len(place)} entries" if isinstance(place, list) else repr(place)
-            here = ".".join(map(str, steps[:i])) or "the scenario"
-            raise InputError(f"scenario: {path!r} leads nowhere: expected a part of {here}, which holds {held}, got {step!r}")
-        if last:
-            place[step] = _plain(value)
-        else:
-            place = place[step]
-
-
-@lru_cache(maxsize=256)
-def _steps(path: str) -> tuple[str | int, ...]:
-    """Split a path such as `law.kd[1]` into its steps law, kd, 1."""
-    steps = tuple(name or int(index) for name, index in STEP.findall(path))
-    rebuilt = "".join(f"[{step}]" if isinstance(step, int) else f".{step}" for step in steps)[1:]
-    if not steps or rebuilt != path:
-        raise InputError(f"scenario: {path!r} is not a path: expected a path such as law.kp or run.q0[1], got {path!r}")
-    return steps
-
-
-def _plain(value: Any) -> Any:
-    """Copy tables and lists. Numbers and arrays of numpy become Python numbers and lists."""
-    if isinstance(value, Mapping):
-        return {str(key): _plain(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
-    return value.tolist() if hasattr(value, "tolist") else value

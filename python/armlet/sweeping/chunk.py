@@ -59,7 +59,8 @@ class Chunk:
 
     def failed(self, error: str) -> Columns:
         """Return the rows of a chunk without a result. Each row has the text `error`."""
-        return _rows(self, {row: error for row in range(len(self))}, np.full(len(self), Status.INTERRUPTED, dtype=np.int32), {})
+        values = [self.cells[i] for i in range(self.start, self.stop)]
+        return _rows(self.start, values, dict.fromkeys(range(len(self)), error), np.full(len(self), Status.INTERRUPTED, dtype=np.int32), {})
 
 
 def of_cell(i: int, changes: Mapping[str, Any], make: Callable[[Mapping[str, Any]], Any]) -> Any:
@@ -95,21 +96,25 @@ def run_chunk(
         one = scenario._varied(changes)
         return one, one._build(made)
 
+    values = [cells[i] for i in range(start, stop)]
+    options, shown = dict[str, Any](), ""
     groups: dict[tuple[Any, ...], list[tuple[int, Any]]] = {}
     seeds: dict[tuple[Any, ...], int] = {}
     for row in range(stop - start):
         try:
-            one, built = of_cell(start + row, cells[start + row], build)
+            one, built = of_cell(start + row, values[row], build)
         except Exception as error:
             if strict:
                 raise
             errors[row] = _text(error)
             continue
-        options = {key: value for key, value in one.data["run"].items() if key not in STATES}
+        before, options = options, {key: value for key, value in one.data["run"].items() if key not in STATES}
         sampling = options.get("sample_time")
         if isinstance(sampling, Mapping):
             options["sample_time"] = {key: value for key, value in sampling.items() if key != "seed"}
-        kind = (type(built.plant).__name__, type(built.law).__name__, built.plant.arm.n, repr(options))
+        if options != before:
+            shown = repr(options)
+        kind = (type(built.plant).__name__, type(built.law).__name__, built.plant.arm.n, shown)
         key = (*kind, 0)
         if isinstance(sampling, Mapping):
             # Row j of a batch has the seed `seed + j`. So cells with noise or jitter share a batch only if their seeds are consecutive.
@@ -128,13 +133,13 @@ def run_chunk(
             for name, column in part.items():
                 found.setdefault(name, np.full(stop - start, np.nan))[index] = column
             status[index] = batch.status
-    return _rows(Chunk(scenario, cells, start, stop, threads, metrics), errors, status, found)
+    return _rows(start, values, errors, status, found)
 
 
-def _rows(chunk: Chunk, errors: Mapping[int, str], status: NDArray[np.int32], found: Columns) -> Columns:
-    table: Columns = {"cell": np.arange(chunk.start, chunk.stop)}
-    table |= columns([chunk.cells[i] for i in range(chunk.start, chunk.stop)]) | {"status": status} | found
-    return table | ({"error": np.array([errors.get(row, "") for row in range(len(chunk))])} if errors else {})
+def _rows(start: int, values: Sequence[Mapping[str, Any]], errors: Mapping[int, str], status: NDArray[np.int32], found: Columns) -> Columns:
+    """Return the rows of the table from cell `start` on. `values` are the values of the cells by path."""
+    table: Columns = {"cell": np.arange(start, start + len(values))} | columns(values) | {"status": status} | found
+    return table | ({"error": np.array([errors.get(row, "") for row in range(len(values))])} if errors else {})
 
 
 Members = list[tuple[int, Any]]
