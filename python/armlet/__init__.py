@@ -85,11 +85,12 @@ from .elastic import ElasticLimits, Equilibrium, elastic_limits, equilibrium
 from .errors import ArmletError, FormatError, InputError, InternalError, ModelError, SolveError
 from .excitation import ExcitingMotion, exciting_motion
 from .figures.comparison import compare
+from .fitting import LogFit, Refuted, fit_log
 from .friction_models import LuGre, StickSlip
 from .identification import BaseParameters, Identification, ParameterReport
 from .integration import DenseOutput, Integration, integrate
 from .interop import Verification, from_mujoco, from_pinocchio, scipy_method, to_control, verify
-from .logs import Log, LogFit, LogReport, fit_log, read_log
+from .logs import Log, LogReport, read_log
 from .null_space import NullSpace
 from .printed import export_c
 from .priority import PriorityDiagnosis, diagnose_priority
@@ -173,6 +174,7 @@ __all__ = [  # noqa: RUF022 - in the order of `dir`
     "PriorityVelocity",
     "ProfileReport",
     "Quintic",
+    "Refuted",
     "RelativeTask",
     "RigidArm",
     "Run",

@@ -78,7 +78,7 @@ ELSEWHERE = {
 }
 #: Classes of results, whose fields are optional.
 RESULTS = {"BatchRun", "ElasticLimits", "Equilibrium", "Events", "ModelError", "PriorityDiagnosis", "Run", "Sensitivity", "SolveError"}
-RESULTS |= {"BaseParameters", "LogFit", "LogReport", "PrioritySolution", "Status", "Tuning", "WorstCase"}
+RESULTS |= {"BaseParameters", "LogFit", "LogReport", "PrioritySolution", "Refuted", "Status", "Tuning", "WorstCase"}
 
 
 def functions() -> Iterator[tuple[str, Any]]:

@@ -158,6 +158,7 @@ PYTHON: dict[str, Any] = {
     "Log": LOG,
     "LogReport": LOG.report,
     "LogFit": al.fit_log(TREE, LOG, ["inertia"]),
+    "Refuted": al.Refuted("delay", None, 1e-4, 9.0, 0.5, "the torques act 5 ms later than assumed", "pass delay=0.005"),
     "LuGre": al.LuGre(coulomb=1.0, static=[1.5, 2.0], stribeck_speed=0.05, stiffness=1e4),
     "StickSlip": al.StickSlip(coulomb=1.0, load_ratio=0.1),
     "Contact": al.Contact(time=0.25, joint=1, residual=np.array([2.0, 3.0])),

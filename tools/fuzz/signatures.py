@@ -18,7 +18,7 @@ RESULTS = {
     "BaseParameters", "BatchRun", "DenseOutput", "ElasticLimits", "Equilibrium", "Events", "Identification", "Integration",
     "InverseKinematics", "Metrics", "ParameterReport", "PriorityDiagnosis", "PrioritySolution", "Run", "State", "Status", "SweepTable",
     "Tuning", "Verification", "Law", "Motion", "Plant", "TimedPath", "BangBangReport", "BangBangBatch", "ProfileReport", "TorqueOptimum",
-    "ArmPrioritySolver", "LoopProgram", "Sensitivity", "RunIdentification", "WorstCase", "LogFit", "LogReport",
+    "ArmPrioritySolver", "LoopProgram", "Sensitivity", "RunIdentification", "WorstCase", "LogFit", "LogReport", "Refuted",
 }  # fmt: skip
 # Special methods that are called. Other names that begin with an underscore are private.
 SLOTS = {"__call__", "__getitem__", "__eq__"}

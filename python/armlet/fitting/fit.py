@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..border import bordered
+from ..logs.log import Log
 from ..pickling import sealed
+from .refuted import Refuted, refuted_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -56,6 +59,10 @@ class LogFit:
     #: Range of each joint's positions, (n,), rad or m, and the cutoff of the filter, Hz.
     ranges: _Array
     cutoff: float
+    #: The log, the speed of Stribeck friction, rad/s or m/s, and the delay of the torques, s, as `fit_log` received them.
+    log: Log
+    stribeck_speed: float
+    delay: float
     #: With `consistent=True`: the fit before the projection, which has the inertial parameters.
     before: LogFit | None = None
 
@@ -73,15 +80,32 @@ class LogFit:
         """Fitted Stribeck friction of each joint, (n,), N m or N; zeros if it was not fitted."""
         return self._of_joints("stribeck")
 
+    @cached_property
+    def _verdict(self) -> tuple[tuple[Refuted, ...], tuple[str, ...]]:
+        if self.before is not None:
+            return self.before._verdict
+        return refuted_of(self.model, self.log, self.kinds, self.stribeck_speed, self.cutoff, self.delay, self.residual)
+
+    @property
+    def refuted(self) -> tuple[Refuted, ...]:
+        """The assumptions that the log refutes at the family level 5 %, as `Refuted`; empty if there are none.
+
+        The first entry explains most of the residual. Each later entry states what the entries before do not explain. With
+        `consistent=True`, the tests apply to the fit before the projection. docs/fit.md has the list of assumptions.
+        """
+        return self._verdict[0]
+
     @property
     def unidentifiable(self) -> tuple[str, ...]:
-        """In words: the parameters that the log does not determine, and the joints that hardly move."""
+        """In words: the parameters that the log does not determine, and the joints that hardly move.
+
+        It has the assumptions too that `refuted` cannot test, because a fault has the same torque as fitted parameters.
+        """
         hidden = [name for name, deviation in zip(self.names, self.deviations, strict=True) if not np.isfinite(deviation)]
-        if not hidden:
-            return ()
-        still = [joint for joint, moved in zip(self.joints, self.ranges, strict=True) if moved <= STILL * self.ranges.max(initial=0.0)]
         lines = [f"not identifiable from this log: {name}" for name in hidden]
-        return (*lines, *(f"joint {joint!r} hardly moves: move it while the other joints move" for joint in still))
+        still = [joint for joint, moved in zip(self.joints, self.ranges, strict=True) if moved <= STILL * self.ranges.max(initial=0.0)]
+        moves = [f"joint {joint!r} hardly moves: move it while the other joints move" for joint in still] if hidden else []
+        return (*lines, *self._verdict[1], *moves)
 
     @property
     def correlated(self) -> tuple[tuple[str, str, float], ...]:
@@ -114,6 +138,7 @@ class LogFit:
         lines = [head + ", ".join(f"{residual:.3g}" for residual in self.residuals)]
         rows = zip(self.values, self.deviations, self.names, strict=True)
         lines += [f"  {value: .6g} +- {deviation:.2g}  {name}" for value, deviation, name in rows]
+        lines += [f"refuted: {each}" for each in self.refuted]
         lines += self.unidentifiable
         lines += [f"correlated ({ratio:.3f}): {first} and {second}" for first, second, ratio in self.correlated[:5]]
         return "\n".join(lines)
