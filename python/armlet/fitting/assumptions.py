@@ -151,7 +151,7 @@ def _rate(model: _core.Arm, samples: Samples, kinds: Sequence[str], explained: A
         sign = np.sign(samples.motion[1])
         jumps = (np.roll(sign, -1, axis=0) - np.roll(sign, 1, axis=0)) / (2.0 * samples.period)
         rate = rate + limits["friction"] * samples.filtered(jumps)
-    return rate
+    return np.asarray(rate)
 
 
 def _across(model: _core.Arm) -> tuple[Array, Array] | None:
