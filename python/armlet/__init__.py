@@ -96,6 +96,7 @@ from .printed import export_c
 from .priority import PriorityDiagnosis, diagnose_priority
 from .rest_to_rest import point_to_point
 from .run import BatchRun, Run, load
+from .run.active_limits import LimitHold
 from .run.events import Event, Events, JointStops, State
 from .run.gradients import gradient
 from .run.guards import Contact
@@ -150,6 +151,7 @@ __all__ = [  # noqa: RUF022 - in the order of `dir`
     "JointLimitTask",
     "JointStops",
     "JointTracking",
+    "LimitHold",
     "Law",
     "Log",
     "LogFit",

@@ -244,7 +244,9 @@ CASES = {
     },
     **{
         f"{kind.__name__} {'velocity' if velocity else 'acceleration'}": Case(
-            partial(velocity_task, kind, *place, velocity=velocity), options | {"gain": 3.0, "damping": 7.0}
+            partial(velocity_task, kind, *place, velocity=velocity),
+            options | {"gain": 3.0, "damping": 7.0, "lower": -0.1, "upper": 0.1},
+            {"upper+lower": "of two bounds, only one is active"},
         )
         for kind, place, options in (
             (al.Task, ("link3", "x"), {"target": [0.3], "motion": al.Sinusoid([0.3], 0.1, 2.0, 0.3)}),

@@ -146,6 +146,7 @@ REFUSED: dict[str, list[tuple[str, dict[str, Any], str]]] = {
             "limits of joint velocities",
         ),
         ("limits of the arm", {"tasks": tasks(), "limits": True, "v_max": 1.0}, "limits of joint velocities"),
+        ("bounds", {"tasks": tasks(al.Task("link2", "y", gain=3.0, upper=0.3))}, "bounds of tasks"),
     ],
     "PriorityAcceleration": [
         ("limits of the arm", {"tasks": tasks(), "limits": True, "v_max": 1.0}, "limits of joint"),

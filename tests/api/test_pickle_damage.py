@@ -96,6 +96,7 @@ THINGS: dict[str, Any] = {
     "PrioritySolution": al.solve_priority([np.ones((1, 2))], [np.ones(1)]),
     "PrioritySolution with bounds": al.solve_priority([np.ones((1, 2))], [np.ones(1)], v_max=0.3),
     "Within": al.Within([-1.0, -np.inf], [1.0, 0.5]),
+    "LimitHold": al.LimitHold("joint 1", "upper", 1, 0.0, 1.5),
     "Active": al.solve_priority([[[1.0]]], [[3.0]], v_max=2.0).limits[0],
     "InverseKinematics": al.inverse_kinematics(TREE, TASKS, [0.3, 0.4]),
     "BangBangReport": BOUND,

@@ -19,6 +19,10 @@ LOW, HIGH, SPEED = (SEVEN.limits[name] for name in ("q_min", "q_max", "v_max"))
 METHODS = ["exact", "clamp", "damped"]
 
 
+def simulate(*arguments: Any, **options: Any) -> Any:
+    return al.simulate(*arguments, **options)
+
+
 def start(rng: np.random.Generator, beyond: float = 0.0) -> Array:
     """Random joint positions within the limits, or up to `beyond` outside of some."""
     low, high = np.maximum(LOW, -3.0), np.minimum(HIGH, 3.0)
@@ -38,8 +42,8 @@ def random_law(rng: np.random.Generator, method: str, **limits: Any) -> Any:
 def test_an_unreachable_target_stays_within_the_limits_of_the_arm(method: str) -> None:
     tasks = [al.Task(TOOL, "xyz", [2.0, 0.5, 0.3], 5.0), al.AxisTask(TOOL, [0.0, 0.0, 1.0], [1.0, 0.0, 0.0], 5.0)]
     q0 = start(np.random.default_rng(0))
-    free = al.simulate(PLANT, al.PriorityVelocity(SEVEN, tasks, method, limits=False), q0, t_end=3.0, dt=0.01)
-    run = al.simulate(PLANT, al.PriorityVelocity(SEVEN, tasks, method, limits=True), q0, t_end=3.0, dt=0.01)
+    free = simulate(PLANT, al.PriorityVelocity(SEVEN, tasks, method, limits=False), q0, t_end=3.0, dt=0.01)
+    run = simulate(PLANT, al.PriorityVelocity(SEVEN, tasks, method, limits=True), q0, t_end=3.0, dt=0.01)
     assert (np.abs(free.tau) > 1.5 * SPEED).any() or ((free.q < LOW) | (free.q > HIGH)).any()
     assert (np.abs(run.tau) <= SPEED).all()
     assert (run.q >= LOW).all() and (run.q <= HIGH).all()
@@ -53,7 +57,7 @@ def test_random_motions_keep_all_limits(method: str, sample_time: float | None) 
         rng = np.random.default_rng(seed)
         brakes = rng.uniform(3.0, 20.0, 7)
         law = random_law(rng, method, limits=True, a_max=brakes)
-        run = al.simulate(PLANT, law, start(rng), t_end=2.0, dt=0.01, sample_time=sample_time)
+        run = simulate(PLANT, law, start(rng), t_end=2.0, dt=0.01, sample_time=sample_time)
         assert (np.abs(run.tau) <= SPEED).all()
         # Rounding of a step of up to 0.03 rad.
         assert (run.q >= LOW - 1e-12).all() and (run.q <= HIGH + 1e-12).all()
@@ -69,7 +73,7 @@ def test_random_motions_keep_all_limits(method: str, sample_time: float | None) 
 def test_a_sampled_joint_brakes_with_its_deceleration() -> None:
     arm = models.PENDULUM
     law = al.PriorityVelocity(arm, [al.PostureTask([9.0], 50.0)], "exact", q_max=1.0, v_max=2.0, a_max=4.0)
-    run = al.simulate(al.VelocityArm(arm), law, [0.0], t_end=1.5, dt=0.01, sample_time=0.01)
+    run = simulate(al.VelocityArm(arm), law, [0.0], t_end=1.5, dt=0.01, sample_time=0.01)
     decelerations = -np.diff(run.tau[:, 0]) / 0.01
     # At most the given deceleration, and near it: the joint does not brake earlier than necessary.
     assert decelerations.max() <= 4.0 * (1 + 1e-9) and decelerations.max() > 3.9
@@ -82,7 +86,7 @@ def test_a_start_outside_of_the_limits_returns(method: str, sample_time: float |
     for seed in range(3):
         rng = np.random.default_rng(seed)
         law = random_law(rng, method, limits=True)
-        run = al.simulate(PLANT, law, start(rng, 0.5), t_end=2.0, dt=0.01, sample_time=sample_time, check_limits=False)
+        run = simulate(PLANT, law, start(rng, 0.5), t_end=2.0, dt=0.01, sample_time=sample_time, check_limits=False)
         outside = np.maximum(np.maximum(LOW - run.q, run.q - HIGH), 0.0)
         assert outside[0].max() > 0.05 and (np.abs(run.tau) <= SPEED).all()
         assert (np.diff(outside, axis=0) <= 1e-12).all()
@@ -96,7 +100,7 @@ def test_a_far_bound_changes_nothing() -> None:
     tasks = [al.Task(TOOL, "xyz", SEVEN.position(start(rng), TOOL) + 0.05, 2.0)]
     for method in METHODS:
         runs = [
-            al.simulate(PLANT, al.PriorityVelocity(SEVEN, tasks, method, limits=False, **bounds), start(rng), t_end=0.5, dt=0.01)
+            simulate(PLANT, al.PriorityVelocity(SEVEN, tasks, method, limits=False, **bounds), start(rng), t_end=0.5, dt=0.01)
             for rng, bounds in ((np.random.default_rng(3), {}), (np.random.default_rng(3), {"v_max": 1e3}))
         ]
         np.testing.assert_allclose(runs[1].q, runs[0].q, rtol=0.0, atol=1e-12)
@@ -126,7 +130,7 @@ def test_rows_of_a_batch_are_the_single_runs() -> None:
     starts = np.array([start(np.random.default_rng(seed)) for seed in range(5)])
     batch = al.simulate_batch(PLANT, laws, starts, t_end=0.5, dt=0.01, sample_time=0.02)
     for i, law in enumerate(laws):
-        run = al.simulate(PLANT, law, starts[i], t_end=0.5, dt=0.01, sample_time=0.02)
+        run = simulate(PLANT, law, starts[i], t_end=0.5, dt=0.01, sample_time=0.02)
         np.testing.assert_allclose(batch.q[i], run.q, rtol=0.0, atol=1e-10)
 
 
@@ -170,6 +174,6 @@ def test_wrong_limits_are_refused(kind: Any) -> None:
 def test_a_law_with_limits_has_no_derivatives_and_no_c(tmp_path: Any) -> None:
     law = al.PriorityVelocity(SEVEN, [al.Task(TOOL, "x", [0.3])], limits=True)
     with pytest.raises(al.InputError, match="PriorityVelocity"):
-        al.simulate(PLANT, law, np.zeros(7), t_end=0.1, dt=0.01, sensitivity=["q0"], check_limits=False)
+        simulate(PLANT, law, np.zeros(7), t_end=0.1, dt=0.01, sensitivity=["q0"], check_limits=False)
     with pytest.raises(al.InputError, match="limits of joint velocities"):
         al.export_c(law, tmp_path)

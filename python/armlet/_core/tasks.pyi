@@ -1,7 +1,7 @@
 """Types of tasks of arms, of the laws for prioritised tasks, and of inverse kinematics."""
 
 from collections.abc import Iterable, Sequence
-from typing import Any, Self, final
+from typing import Any, Self, TypeAlias, final
 
 from numpy.typing import ArrayLike
 from typing_extensions import disjoint_base
@@ -12,6 +12,8 @@ from ._types import _Array
 from .arms import Arm
 from .laws import Law
 from .motions import Motion
+
+_Level: TypeAlias = Task | Sequence[Task | tuple[Task, float]]
 
 @disjoint_base
 class Task:
@@ -31,9 +33,12 @@ class Task:
         motion: another name of the argument `target` (keyword only).
         damping: gain of the error's derivative in `PriorityAcceleration`, 1/s: scalar, `(rows,)` or `(rows, rows)` (keyword only). None:
             `2 K^1/2`, critical damping.
+        lower, upper: bounds of the coordinates in place of a target, a number or `(rows,)`, m and rad (keyword only). None or infinite: no
+            bound. A coordinate `x` approaches a bound with the gain, `K (lower - x) <= x_dot <= K (upper - x)`, and moves freely between
+            the bounds. For rx, ry, rz the coordinates are those of the rotation vector of the frame. In laws only.
 
     Raises:
-        InputError: a shape is wrong, a number is not finite, or a gain is negative.
+        InputError: a shape is wrong, a number is not finite, a gain is negative, or a task with bounds has a target.
 
     Source: [SicilianoEtAl2009], section 3.7; docs/priority.md.
 
@@ -50,6 +55,8 @@ class Task:
         *,
         motion: Motion | None = None,
         damping: ArrayLike | None = None,
+        lower: ArrayLike | None = None,
+        upper: ArrayLike | None = None,
     ) -> Self: ...
     def __getnewargs_ex__(self) -> tuple[tuple[()], dict[str, Any]]: ...
 
@@ -63,6 +70,7 @@ class PostureTask(Task):
         motion: another name of the argument `target` (keyword only).
         joints: names of the joints; None: all (keyword only).
         damping: as for `Task` (keyword only).
+        lower, upper: as for `Task` (keyword only).
 
     Raises:
         InputError: a name is unknown, a shape is wrong, a number is not finite, or a gain is negative.
@@ -81,6 +89,8 @@ class PostureTask(Task):
         joints: Iterable[str] | None = None,
         motion: Motion | None = None,
         damping: ArrayLike | None = None,
+        lower: ArrayLike | None = None,
+        upper: ArrayLike | None = None,
     ) -> Self: ...
 
 @final
@@ -93,6 +103,7 @@ class CentreOfMassTask(Task):
         gain: as for `Task`.
         motion: another name of the argument `target` (keyword only).
         damping: as for `Task` (keyword only).
+        lower, upper: as for `Task` (keyword only).
 
     Raises:
         InputError: a letter is unknown, a shape is wrong, a number is not finite, or a gain is negative.
@@ -111,6 +122,8 @@ class CentreOfMassTask(Task):
         *,
         motion: Motion | None = None,
         damping: ArrayLike | None = None,
+        lower: ArrayLike | None = None,
+        upper: ArrayLike | None = None,
     ) -> Self: ...
 
 @final
@@ -128,6 +141,8 @@ class AxisTask(Task):
         gain: as for `Task`, with two rows.
         motion: another name of the argument `target` (keyword only).
         damping: as for `Task` (keyword only).
+        lower, upper: bounds of the two components of the rotation vector from `target` to the direction, rad, as for `Task` (keyword
+            only). The task then has a target and bounds.
 
     Raises:
         InputError: a shape is wrong, a number is not finite, a direction has no length, or a gain is negative.
@@ -147,6 +162,8 @@ class AxisTask(Task):
         *,
         motion: Motion | None = None,
         damping: ArrayLike | None = None,
+        lower: ArrayLike | None = None,
+        upper: ArrayLike | None = None,
     ) -> Self: ...
 
 @final
@@ -161,6 +178,7 @@ class RelativeTask(Task):
         gain: as for `Task`.
         motion: another name of the argument `target` (keyword only).
         damping: as for `Task` (keyword only).
+        lower, upper: as for `Task` (keyword only).
 
     Raises:
         InputError: a letter is unknown, a shape is wrong, a number is not finite, or a gain is negative.
@@ -181,6 +199,8 @@ class RelativeTask(Task):
         *,
         motion: Motion | None = None,
         damping: ArrayLike | None = None,
+        lower: ArrayLike | None = None,
+        upper: ArrayLike | None = None,
     ) -> Self: ...
 
 @final
@@ -226,10 +246,13 @@ class PriorityVelocity(Law):
     its directions. `terms` returns `e`, `J`, `command` and `residuals`, each a list with one entry per level, and the arrays `ranks` and
     `v`. `run.monitors` has the series `error_i` and `residual_i` of each level. With limits, `terms` also has the bounds `lower` and `upper`
     of `v`. The terms `limits` and `active` are the active rows as in `PrioritySolution`, and `why` is a list of one sentence per level.
+    `holds` are the bounds that hold a level, with side, level and share. `run.monitors` also has `violation_i`, and the certificate `kkt`.
+    `run.active` lists which bound held which level, and when. The same holds for tasks with bounds.
 
     Args:
         arm: the model; not `planar_pr`, which has no links.
-        tasks: `Task` and other tasks, each with a target and a gain in 1/s and without `damping`, the highest priority first.
+        tasks: `Task` and other tasks, each with a target or bounds, a gain in 1/s and without `damping`, the highest priority first. A list
+            of tasks in place of a task shares one level. Its entries are tasks, or pairs of a task and the weight of its squared error.
         method: "clamp" (default), "exact", "damped", "chiaverini" or "sns", as for `solve_priority`.
         eps: threshold on singular values, one number or one per level; None: 0.02 times each level's largest row norm. "exact" and "sns" do
             not accept it.
@@ -260,7 +283,7 @@ class PriorityVelocity(Law):
     def __new__(
         cls,
         arm: Arm,
-        tasks: Iterable[Task],
+        tasks: Iterable[_Level],
         method: str = "clamp",
         eps: ArrayLike | None = None,
         *,
@@ -282,7 +305,8 @@ class PriorityAcceleration(Law):
 
     Args:
         arm, eps: as for `PriorityVelocity`.
-        tasks: `Task` and other tasks, each with a target, a gain `K_i` in 1/s^2 and a damping `D_i` in 1/s, the highest priority first.
+        tasks: as for `PriorityVelocity`, each with a target or bounds, a gain `K_i` in 1/s^2 and a damping `D_i` in 1/s, the highest
+            priority first.
         method: "clamp" (default), "exact", "damped", "chiaverini" or "sns", as for `solve_priority`.
         joint_damping: `c`, 1/s, >= 0; 5 if None (keyword only).
         a_max: bound of the joint accelerations, a number or `(n,)`, rad/s^2 or m/s^2; None: without bound (keyword only).
@@ -307,7 +331,7 @@ class PriorityAcceleration(Law):
     def __new__(
         cls,
         arm: Arm,
-        tasks: Iterable[Task],
+        tasks: Iterable[_Level],
         method: str = "clamp",
         eps: ArrayLike | None = None,
         *,

@@ -52,7 +52,10 @@ def _units(run: Recorded) -> list[str]:
 
 
 def _unit(task: Any, run: Recorded) -> str:
-    """The unit of the norm of a task's error."""
+    """The unit of the norm of a task's error, or of the errors of all tasks of a level."""
+    if isinstance(task, (list, tuple)):
+        units = {_unit(entry[0] if isinstance(entry, tuple) else entry, run) for entry in task}
+        return units.pop() if len(units) == 1 else EITHER
     made = task.__getnewargs_ex__()[1] if hasattr(task, "__getnewargs_ex__") else {}
     if isinstance(task, _core.AxisTask):
         return "rad"

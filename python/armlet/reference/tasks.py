@@ -44,9 +44,15 @@ class Task:
         *,
         motion: Motion | None = None,
         damping: ArrayLike | None = None,
+        lower: ArrayLike | None = None,
+        upper: ArrayLike | None = None,
     ) -> None:
         self.frame, self.axes = frame, axes
         self._aim(target, gain, motion, damping)
+        self.bounds = (lower, upper)
+
+    #: Lower and upper bounds of the coordinates, measured from the target, or from zero without one.
+    bounds: tuple[ArrayLike | None, ArrayLike | None] = (None, None)
 
     def _aim(self, target: Target, gain: ArrayLike, motion: Motion | None, damping: ArrayLike | None) -> None:
         given = target if motion is None else motion
@@ -54,6 +60,18 @@ class Task:
         self.motion: Motion = given if callable(given) else Hold(np.zeros(0) if given is None else given)
         self.gain, self.damping = gain, damping
         self.breaks: tuple[float, ...] = getattr(self.motion, "breaks", ())
+
+    @property
+    def has_bounds(self) -> bool:
+        """Whether the task has bounds in place of a target."""
+        return any(bound is not None for bound in self.bounds)
+
+    def within(self, arm: Arm, rows: int) -> tuple[Array, Array] | None:
+        """The bounds of the coordinates, (rows,) each; None for a task that moves to a target."""
+        if not self.has_bounds:
+            return None
+        low, high = (infinite if bound is None else bound for bound, infinite in zip(self.bounds, (-np.inf, np.inf), strict=True))
+        return np.broadcast_to(np.asarray(low, dtype=np.float64), rows), np.broadcast_to(np.asarray(high, dtype=np.float64), rows)
 
     def gains(self, arm: Arm) -> tuple[Array, Array]:
         """The gain K of the error, and the gain of the error's derivative, (rows, rows) each. The default of the second is 2 K^1/2."""
@@ -92,9 +110,12 @@ class PostureTask(Task):
         joints: Sequence[str] | None = None,
         motion: Motion | None = None,
         damping: ArrayLike | None = None,
+        lower: ArrayLike | None = None,
+        upper: ArrayLike | None = None,
     ) -> None:
         self.joints = joints
         self._aim(target, gain, motion, damping)
+        self.bounds = (lower, upper)
 
     def _chosen(self, arm: Arm) -> list[int]:
         return list(range(arm.n)) if self.joints is None else [arm.joint_names.index(name) for name in self.joints]
@@ -134,10 +155,19 @@ class CentreOfMassTask(Task):
     """A task that moves selected coordinates of the centre of mass, in world axes."""
 
     def __init__(
-        self, axes: str, target: Target = None, gain: ArrayLike = 1.0, *, motion: Motion | None = None, damping: ArrayLike | None = None
+        self,
+        axes: str,
+        target: Target = None,
+        gain: ArrayLike = 1.0,
+        *,
+        motion: Motion | None = None,
+        damping: ArrayLike | None = None,
+        lower: ArrayLike | None = None,
+        upper: ArrayLike | None = None,
     ) -> None:
         self.axes = axes
         self._aim(target, gain, motion, damping)
+        self.bounds = (lower, upper)
 
     def jacobian(self, arm: Arm, q: Analytic) -> Analytic:
         moments = pseudo_inertia(arm.parameters.reshape(-1, 10))[:, :, 3]
@@ -163,10 +193,13 @@ class AxisTask(Task):
         *,
         motion: Motion | None = None,
         damping: ArrayLike | None = None,
+        lower: ArrayLike | None = None,
+        upper: ArrayLike | None = None,
     ) -> None:
         self.frame = frame
         self.axis: Array = _unit(np.asarray(axis, dtype=np.float64))
         self._aim(target, gain, motion, damping)
+        self.bounds = (lower, upper)
         # Let c be the coordinate axis that is most nearly perpendicular to the task's axis. b2 is perpendicular to both axes, and
         # b1 = b2 x axis. If the task's axis is z, b1 is x and b2 is y.
         second = _unit(np.cross(self.axis, np.eye(3)[np.argmin(np.abs(self.axis))]))
@@ -211,8 +244,10 @@ class RelativeTask(Task):
         *,
         motion: Motion | None = None,
         damping: ArrayLike | None = None,
+        lower: ArrayLike | None = None,
+        upper: ArrayLike | None = None,
     ) -> None:
-        super().__init__(frame, axes, target, gain, motion=motion, damping=damping)
+        super().__init__(frame, axes, target, gain, motion=motion, damping=damping, lower=lower, upper=upper)
         self.reference = reference
 
     def _pose(self, arm: Arm, q: Analytic) -> tuple[Analytic, Analytic]:

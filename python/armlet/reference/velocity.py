@@ -21,6 +21,7 @@ from .diagnosis import EPS
 from .inequality import solve_inequalities
 from .lagrange import Array
 from .law import Law, Terms
+from .motion import Sample
 from .priority import solve_priority
 from .saturation import joint_bounds
 from .tasks import Task
@@ -65,6 +66,11 @@ def _own(arm: Arm, hold: bool, sensible: bool) -> dict[str, Array]:
     }
 
 
+def _weighted(entry: Any) -> tuple[Task, float]:
+    """A task of a level and its weight."""
+    return entry if isinstance(entry, tuple) else (entry, 1.0)
+
+
 class PriorityVelocity(Law):
     """A velocity law for tasks, the highest priority first.
 
@@ -76,7 +82,7 @@ class PriorityVelocity(Law):
     def __init__(
         self,
         arm: Arm,
-        tasks: Sequence[Task],
+        tasks: Sequence[Any],
         method: str = "clamp",
         eps: float | Sequence[float] | None = None,
         *,
@@ -88,8 +94,11 @@ class PriorityVelocity(Law):
         horizon: float = 0.1,
         limits: bool | None = None,
     ) -> None:
-        self.arm, self.tasks, self.method, self.eps = arm, list(tasks), method, eps
-        if any(task.without_target for task in self.tasks):
+        self.arm, self.method, self.eps = arm, method, eps
+        #: The tasks of each level with their weights.
+        self.groups = [[_weighted(task) for task in level] if isinstance(level, list) else [(level, 1.0)] for level in tasks]
+        self.tasks = [task for group in self.groups for task, _ in group]
+        if any(task.without_target and not task.has_bounds for task in self.tasks):
             raise ValueError("PriorityVelocity: tasks is incomplete: expected a motion or target for each")
         self.gains = [task.gains(arm) for task in self.tasks]
         self.breaks = tuple(b for task in self.tasks for b in task.breaks)
@@ -121,10 +130,31 @@ class PriorityVelocity(Law):
         lower, upper = self.bounds(q, self.horizon, 1.0, True)
         return {"v_min": lower, "v_max": upper}
 
+    def _sample(self, task: Task, t: float, rows: int) -> Sample:
+        """The target of a task; zero for bounds without a target."""
+        if task.without_target:
+            return np.zeros(rows), np.zeros(rows), np.zeros(rows)
+        return task.motion(t)
+
+    def _rows(self, jacobians: list[Array], commands: list[Array]) -> list[tuple[Array, Array, Array]]:
+        """The rows of each level with their lower and upper bounds. A task has the same number for both."""
+        levels, first = [], 0
+        for group in self.groups:
+            rows = []
+            for k, (task, weight) in enumerate(group, first):
+                J, c, K = jacobians[k], commands[k], self.gains[k][0]
+                bounds = task.within(self.arm, c.size)
+                low, high = (c, c) if bounds is None else (c + np.diag(K) * bounds[0], c + np.diag(K) * bounds[1])
+                factor = np.sqrt(weight) if len(group) > 1 else 1.0
+                rows.append((factor * J, factor * low, factor * high))
+            first += len(group)
+            levels.append((np.vstack([J for J, _, _ in rows]), *(np.concatenate([row[side] for row in rows]) for side in (1, 2))))
+        return levels
+
     def _levels(self, t: float, q: Array, v: Array) -> tuple[list[Array], list[Array], Terms]:
         jacobians, velocities, errors = [], [], []
         for task, (K, _) in zip(self.tasks, self.gains, strict=True):
-            sample = task.motion(t)
+            sample = self._sample(task, t, len(K))
             errors.append(task.error(self.arm, q, sample[0]))
             jacobians.append(task.jacobian(self.arm, q))
             velocities.append(task.feedforward(self.arm, q, sample)[0] + K @ errors[-1])
@@ -136,11 +166,14 @@ class PriorityVelocity(Law):
         jacobians, commands, terms = self._levels(t, q, v)
         rounding = 8 * EPS * (1.0 + float(np.abs(q).sum()))
         limits = self._limited(q, v) if self.limited else {}
-        if limits and self.method == "exact":
-            rows = [(J, c, c) for J, c in zip(jacobians, commands, strict=True)]
-            u = solve_inequalities([(np.eye(self.arm.n), limits["v_min"], limits["v_max"]), *rows]).x
+        count = len(self.tasks)
+        rows = self._rows(jacobians[:count], commands[:count])
+        rows += [(J, c, c) for J, c in zip(jacobians[count:], commands[count:], strict=True)]
+        if self.method == "exact" and (limits or any(not np.array_equal(low, high) for _, low, high in rows)):
+            first = [(np.eye(self.arm.n), limits["v_min"], limits["v_max"])] if limits else []
+            u = solve_inequalities([*first, *rows]).x
         else:
-            u = solve_priority(jacobians, commands, self.method, self.eps, rounding, **limits).v
+            u = solve_priority([J for J, _, _ in rows], [low for _, low, _ in rows], self.method, self.eps, rounding, **limits).v
         return terms | {"tau": self._input(q, v, u), "state_rate": np.zeros(0), "u": u}
 
     def _input(self, q: Array, v: Array, u: Array) -> Array:
@@ -153,7 +186,7 @@ class PriorityAcceleration(PriorityVelocity):
     def __init__(self, *arguments: Any, joint_damping: float = 5.0, **keywords: Any) -> None:
         super().__init__(*arguments, **keywords)
         self.joint_damping = joint_damping
-        if self.eps is not None and np.size(self.eps) == len(self.tasks) > 1:
+        if self.eps is not None and np.size(self.eps) == len(self.groups) > 1:
             self.eps = [*np.ravel(self.eps), 0.02]  # the last eps is for the level below all tasks
 
     def _limited(self, q: Array, v: Array) -> dict[str, Array]:
@@ -165,7 +198,7 @@ class PriorityAcceleration(PriorityVelocity):
     def _levels(self, t: float, q: Array, v: Array) -> tuple[list[Array], list[Array], Terms]:
         jacobians, commands, errors, rates = [], [], [], []
         for task, (K, D) in zip(self.tasks, self.gains, strict=True):
-            sample = task.motion(t)
+            sample = self._sample(task, t, len(K))
             rate, acceleration = task.feedforward(self.arm, q, sample)
             J = task.jacobian(self.arm, q)
             errors.append(task.error(self.arm, q, sample[0]))

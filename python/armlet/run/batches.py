@@ -21,7 +21,7 @@ from .metrics import MEASURES, metrics, require_one_band
 from .options import BatchOptions, PieceOptions, Starts, Steps, starts
 from .recorded import SERIES
 from .records import BatchRun
-from .sampling import Sampling
+from .sampling import Sampling, period_of
 from .speeds import warn_of_speeds
 
 __all__ = ["batch_of", "forces_of_runs", "in_pieces", "measured_by_records", "require_measures"]
@@ -108,7 +108,7 @@ def _with_balances(plant: Any, law: Any, q0: ArrayLike, options: BatchOptions) -
         balances = Balances(found["energy_error"], **rest)
         completed = having(fields["status"], Status.SUCCESS).astype(np.float64)
         fields["stats"] |= found | {"completed": completed}
-    fields["sampled"] = options.get("sample_time") is not None
+    fields["sampled"] = period_of(options.get("sample_time"))
     batch = BatchRun(fields, law=law, plant=plant)
     return batch, balances if found or batch.monitors else None
 
@@ -250,7 +250,10 @@ def _joined(pieces: Sequence[BatchRun], law: Any, plant: Any) -> BatchRun:
 
     fields: dict[str, Any] = {name: together([getattr(p, name) for p in pieces]) for name in SERIES if getattr(first, name) is not None}
     fields |= {"t": first.t, "status": together([p.status for p in pieces])}
-    fields |= {"monitors": {name: together([p.monitors[name] for p in pieces]) for name in first.monitors}, "sampled": first._sampled}
+    fields |= {
+        "monitors": {name: together([p.monitors[name] for p in pieces]) for name in first.monitors},
+        "sampled": first._period or first._sampled,
+    }
     stats = {name: [p.stats[name] for p in pieces] for name in first.stats}
     fields["stats"] = {name: together(values) if np.ndim(values[0]) else values[0] for name, values in stats.items()}
     return BatchRun(fields, law=law, plant=plant)

@@ -72,7 +72,9 @@ class Recorded:
         self._motions = motions
         arms: list[Any] = [getattr(each, "arm", None) for each in plants]
         self._laws, self._plants, self._arms, self.arm = laws, plants, arms, arms[0]
-        self._sampled = bool(given.pop("sampled", True))
+        # The sample period, s, or whether the loop was sampled.
+        sampled = given.pop("sampled", True)
+        self._sampled, self._period = bool(sampled), None if isinstance(sampled, bool) else float(sampled)
         # The first numbers of an adaptive law's state are the parameter estimate. The states of its filters follow.
         self._estimated = len(laws[0].parameter_names) if isinstance(laws[0], _core.Adaptive) else None
         # Fields that were passed replace the cached properties below. Otherwise a property computes its field from the plant and the law

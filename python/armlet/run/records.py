@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from functools import cached_property
 from os import PathLike
 from typing import TYPE_CHECKING, Any
 
@@ -12,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..border import border, bordered
 from ..errors import InputError
 from ..status import Status
+from .active_limits import LimitHold, limit_holds
 from .events import State
 from .export import pandas_for, to_csv, to_parquet, to_xarray
 from .metrics import Metrics, metrics
@@ -67,6 +69,14 @@ class Run(_Stored):
     """
 
     status: Status
+
+    @cached_property
+    def active(self) -> list[LimitHold] | None:
+        """The bounds that hold a level of a priority law, and when: a list of `armlet.LimitHold`. None for other laws, and from a file.
+
+        The law is evaluated at the records, without the delay and the noise of a `Sampling`.
+        """
+        return limit_holds(self._laws[0], self._period, self.t, self.q, self.v)
 
     def sample(self, t: ArrayLike) -> State:
         """Evaluate the state at times between the records, from the polynomials that `simulate(dense=True)` stored.
@@ -230,7 +240,7 @@ class BatchRun(_Stored):
             return Run(items | self._stored_row(i))
         # The other fields follow from the law and the plant of the row, as for a single run.
         law, plant = (each[i if len(each) > 1 else 0] for each in (self._laws, self._plants))
-        return Run(items | {"sampled": self._sampled}, law=law, plant=plant)
+        return Run(items | {"sampled": self._period or self._sampled}, law=law, plant=plant)
 
     def _stored_row(self, i: int) -> dict[str, Any]:
         """Return the fields of row `i` of a batch without laws and plants, such as a batch from a file."""

@@ -13,7 +13,7 @@ from ..border import bordered
 from ..errors import InputError
 from ..pickling import sealed
 
-__all__ = ["Sampling", "TorqueSensor"]
+__all__ = ["Sampling", "TorqueSensor", "period_of"]
 
 CHANNELS = ("q", "v", "theta", "theta_dot")
 
@@ -121,3 +121,10 @@ class Sampling(_Effects):
                 names = ", ".join(CHANNELS)
                 raise InputError(f"Sampling: {name} has an unknown quantity: expected some of {names}, got {shown(unknown[0])}")
             object.__setattr__(self, name, {key: number("Sampling", f"{name}[{key!r}]", x) for key, x in given.items()})
+
+
+def period_of(sample_time: float | Sampling | None) -> float | bool:
+    """The sample period of a loop, s; False for a continuous loop."""
+    if sample_time is None:
+        return False
+    return float(sample_time.period if isinstance(sample_time, Sampling) else sample_time)

@@ -20,7 +20,7 @@ from .batches import batch_of, forces_of_runs, in_pieces, measured_by_records, r
 from .events import Event, Events, watched
 from .options import BatchOptions, Force, RunOptions
 from .records import BatchRun, Run
-from .sampling import Sampling
+from .sampling import Sampling, period_of
 from .sensitivity import of_rows, of_run, require_names, vary, vary_rows
 from .speeds import warn_of_speeds
 from .turns import warn_of_turns
@@ -146,7 +146,7 @@ def simulate(
     # `vary` raises the errors of invalid names before the run.
     loops = None if names is None else vary("simulate", plant, law, q0, options, names)
     fields = _core.simulate(plant, law, q0, options)
-    fields["sampled"] = sample_time is not None
+    fields["sampled"] = period_of(sample_time)
     ended, unresolved, balances = fields.pop("ended"), fields.pop("unresolved"), Balances(**fields.pop("balances"))
     if searched:
         fields["events"] = Events(names=tuple(event.name for event in searched), **fields["events"])

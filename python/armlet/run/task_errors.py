@@ -101,7 +101,7 @@ def _aims(law: Any, turns: bool) -> list[_Aim]:
     """Return the position rows of each task of a law that has a target, or the orientation rows if `turns` is true."""
     law = law.law if isinstance(law, _core.Guarded) else law
     made = law.__getnewargs_ex__()[1] if hasattr(law, "__getnewargs_ex__") else {}
-    given = [each.__getnewargs_ex__()[1] for each in made["tasks"] if type(each).__name__ == "Task"] if "tasks" in made else [made]
+    given = [each.__getnewargs_ex__()[1] for each in _tasks(made["tasks"]) if type(each).__name__ == "Task"] if "tasks" in made else [made]
     aims = []
     for one in given:
         columns = columns_of(one.get("axes") or "xyz") if "frame" in one else []
@@ -110,6 +110,12 @@ def _aims(law: Any, turns: bool) -> list[_Aim]:
             places, axes = zip(*found, strict=True)
             aims.append(_Aim(one["frame"], axes, places, one["target"], turns))
     return aims
+
+
+def _tasks(levels: Sequence[Any]) -> list[Any]:
+    """The tasks of all levels of a priority law. An entry may be a list of tasks, or of pairs of a task and its weight."""
+    groups = [level if isinstance(level, (list, tuple)) else [level] for level in levels]
+    return [entry[0] if isinstance(entry, tuple) else entry for group in groups for entry in group]
 
 
 def _errors(aims: Sequence[_Aim], arm: Any, t: Array, q: Array) -> Array:

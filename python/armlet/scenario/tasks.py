@@ -17,7 +17,7 @@ TEXT = Text()
 
 
 def tasks_of(motions: OneOf) -> OneOf:
-    """The kinds of tasks. A task has a fixed `target` or a `motion`; a `JointLimitTask` has neither."""
+    """The kinds of tasks. A task has a fixed `target`, a `motion`, or `lower` and `upper`; a `JointLimitTask` has none."""
     matrix = Numbers(depth=2, low=0.0)
     fields: dict[str, Field] = {
         **dict.fromkeys(("frame", "reference", "axes"), TEXT),
@@ -28,6 +28,7 @@ def tasks_of(motions: OneOf) -> OneOf:
         "motion": motions,
         "gain": matrix,
         "damping": matrix,
+        **dict.fromkeys(("lower", "upper"), Numbers(depth=1, finite=False)),
     }
     classes = [_core.Task, _core.PostureTask, *classes_of(_core.Task, ("PostureTask",))]
     return OneOf({each.__name__: derived(each, fields, required=("gain",), make=_with_motion(each, motions)) for each in classes})

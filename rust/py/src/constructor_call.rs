@@ -52,6 +52,14 @@ pub fn constructor_repr(
 /// The largest number of characters of an argument in a `repr`.
 const LONGEST: usize = 240;
 
+/// Copy an argument for `repr` and pickling. An array becomes a list, and an object without a copy is returned unchanged.
+pub fn stored_form(value: &Bound<'_, PyAny>) -> PyResult<Py<PyAny>> {
+    match value.call_method0("tolist") {
+        Ok(list) => Ok(list.unbind()),
+        Err(_) => Ok(value.call_method0("copy").unwrap_or_else(|_| value.clone()).unbind()),
+    }
+}
+
 /// The `repr` of a value. A long one is cut off, and a large array is only named with its shape.
 pub fn short_repr(value: &Bound<'_, PyAny>) -> PyResult<String> {
     let many = value.getattr("size").and_then(|size| size.extract::<usize>()).is_ok_and(|size| size > LONGEST / 6);

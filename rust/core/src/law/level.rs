@@ -6,7 +6,7 @@ use crate::kinematics::TaskFunction;
 use crate::linalg::Gain;
 use crate::motion::Motion;
 
-/// One level of priority. It commands the task velocity `x_d_dot + K e`, with the error `e`. In a law of accelerations, it commands the
+/// A task with its priority. It commands the task velocity `x_d_dot + K e`, with the error `e`. In a law of accelerations, it commands the
 /// task acceleration `x_d_ddot + D e_dot + K e`.
 ///
 /// ```
@@ -48,6 +48,12 @@ pub struct Level {
     pub gain: Gain,
     /// Gain `D` of the error's rate, `(rows, rows)`, 1/s, in a law of accelerations. `None` means critical damping, `2 K^(1/2)`.
     pub damping: Option<Gain>,
+    /// Lower and upper bounds of the coordinates, measured from the target, `(rows,)` each. `None` for a task that moves to its target.
+    pub bounds: Option<[Vec<f64>; 2]>,
+    /// Whether the task shares the level of the previous task.
+    pub joins: bool,
+    /// The weight of the task's squared errors within its level.
+    pub weight: f64,
 }
 
 impl Level {
@@ -64,11 +70,57 @@ impl Level {
         }
         require_size("gain", &gain, function.rows())?;
         damping.iter().try_for_each(|damping| require_size("damping", damping, function.rows()))?;
-        Ok(Level { function, target, gain, damping })
+        Ok(Level { function, target, gain, damping, bounds: None, joins: false, weight: 1.0 })
+    }
+
+    /// Replace the motion to the target by bounds of the coordinates `x`, measured from the target. The velocity of a row is then at least
+    /// `x_d_dot + K (lower - x)` and at most `x_d_dot + K (upper - x)`.
+    ///
+    /// Errors: `WrongShape` for a wrong length. `Input` for bounds out of order, and for a gain that is not diagonal and positive.
+    pub fn within(mut self, lower: Vec<f64>, upper: Vec<f64>) -> Result<Self> {
+        let rows = self.function.rows();
+        for (name, bound) in [("lower", &lower), ("upper", &upper)] {
+            if bound.len() != rows {
+                return Err(Error::wrong_shape(name, &[rows], &[bound.len()]));
+            }
+        }
+        let ordered = |i: &usize| lower[*i] <= upper[*i] && lower[*i] < f64::INFINITY && upper[*i] > f64::NEG_INFINITY;
+        if let Some(i) = (0..rows).find(|i| !ordered(i)) {
+            let problem = format!("is out of order: expected lower <= upper, got {} and {}", lower[i], upper[i]);
+            return Err(Error::input("lower", problem).at([i]));
+        }
+        for (name, gain) in [("gain", Some(&self.gain)), ("damping", self.damping.as_ref())] {
+            if let Some(gain) = gain
+                && (!gain.is_diagonal() || (name == "gain" && (0..rows).any(|i| !(gain.at(i, i) > 0.0))))
+            {
+                let problem = "is not positive for each row: expected a number or one per row, > 0, for a task with bounds";
+                return Err(Error::input(name, problem));
+            }
+        }
+        self.bounds = Some([lower, upper]);
+        Ok(self)
+    }
+
+    /// Whether the task has the same rows as `other`, which differ only in numbers.
+    pub(super) fn same_rows(&self, other: &Self) -> bool {
+        let rows = |level: &Self| (level.bounds.is_some(), level.joins, level.weight);
+        self.function == other.function && rows(self) == rows(other)
     }
 
     /// The gain `D` of the error's rate, `(rows, rows)`, 1/s.
     pub fn rate_gain(&self) -> Gain {
         self.damping.clone().unwrap_or_else(|| self.gain.square_root().scaled(2.0))
     }
+}
+
+/// The number of rows of each level of priority.
+pub(crate) fn level_rows(tasks: &[Level]) -> Vec<usize> {
+    let mut rows: Vec<usize> = Vec::with_capacity(tasks.len());
+    for task in tasks {
+        match rows.last_mut() {
+            Some(last) if task.joins => *last += task.function.rows(),
+            _ => rows.push(task.function.rows()),
+        }
+    }
+    rows
 }

@@ -254,6 +254,6 @@ impl LawSpec {
 
     /// The number of rows of each priority level; empty for a law without levels.
     pub fn level_rows(&self) -> Vec<usize> {
-        self.levels().iter().map(|level| level.function.rows()).collect()
+        level::level_rows(self.levels())
     }
 }

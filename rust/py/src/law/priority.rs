@@ -4,7 +4,7 @@ use super::{Arguments, Law};
 use crate::arrays::{flag, optional_number};
 use crate::errors::Failure;
 use crate::priority::{Keywords, method_name, per_joint};
-use crate::task::each;
+use crate::task::levels::Levels;
 use crate::warnings::warn;
 use armlet_core::law::{Level, LimitOverrides, PriorityAccelerationSpec, PriorityVelocitySpec};
 use armlet_core::priority::PriorityOptions;
@@ -27,11 +27,11 @@ impl<'py> Arguments<'py> {
         let method = method_name(function, method)?;
         let model = self.model();
         let arm = model.tree("arm")?;
-        let (stored, levels) = each(function, tasks, |task| task.level(arm))?;
-        self.store("tasks", &stored.into_bound(tasks.py()).into_any());
+        let levels = Levels::read(function, tasks, arm)?;
+        self.store("tasks", levels.stored.bind(tasks.py()).as_any());
         self.store("method", &pyo3::types::PyString::new(tasks.py(), method).into_any());
         let keywords = Keywords { method, eps, rounding: None, weight: None, v_min: None, v_max: None, scale: None };
-        let options = keywords.options(function, model.n(), levels.len())?;
+        let options = keywords.options(function, model.n(), levels.count())?;
         if let Some(eps) = eps {
             self.store_copy("eps", eps)?;
         }
@@ -57,7 +57,7 @@ impl<'py> Arguments<'py> {
             *limit = Some(per_joint(function, name, value, model.n())?);
             self.store_copy(name, value)?;
         }
-        Ok((levels, options, given))
+        Ok((levels.tasks, options, given))
     }
 
     /// Warn of limits of the arm that the law ignores.
@@ -77,10 +77,13 @@ impl<'py> Arguments<'py> {
 /// its directions. `terms` returns `e`, `J`, `command` and `residuals`, each a list with one entry per level, and the arrays `ranks` and
 /// `v`. `run.monitors` has the series `error_i` and `residual_i` of each level. With limits, `terms` also has the bounds `lower` and `upper`
 /// of `v`. The terms `limits` and `active` are the active rows as in `PrioritySolution`, and `why` is a list of one sentence per level.
+/// `holds` are the bounds that hold a level, with side, level and share. `run.monitors` also has `violation_i`, and the certificate `kkt`.
+/// `run.active` lists which bound held which level, and when. The same holds for tasks with bounds.
 ///
 /// Args:
 ///     arm: the model; not `planar_pr`, which has no links.
-///     tasks: `Task` and other tasks, each with a target and a gain in 1/s and without `damping`, the highest priority first.
+///     tasks: `Task` and other tasks, each with a target or bounds, a gain in 1/s and without `damping`, the highest priority first. A list
+///         of tasks in place of a task shares one level. Its entries are tasks, or pairs of a task and the weight of its squared error.
 ///     method: "clamp" (default), "exact", "damped", "chiaverini" or "sns", as for `solve_priority`.
 ///     eps: threshold on singular values, one number or one per level; None: 0.02 times each level's largest row norm. "exact" and "sns" do
 ///         not accept it.
@@ -142,7 +145,8 @@ impl PriorityVelocity {
 ///
 /// Args:
 ///     arm, eps: as for `PriorityVelocity`.
-///     tasks: `Task` and other tasks, each with a target, a gain `K_i` in 1/s^2 and a damping `D_i` in 1/s, the highest priority first.
+///     tasks: as for `PriorityVelocity`, each with a target or bounds, a gain `K_i` in 1/s^2 and a damping `D_i` in 1/s, the highest
+///         priority first.
 ///     method: "clamp" (default), "exact", "damped", "chiaverini" or "sns", as for `solve_priority`.
 ///     joint_damping: `c`, 1/s, >= 0; 5 if None (keyword only).
 ///     a_max: bound of the joint accelerations, a number or `(n,)`, rad/s^2 or m/s^2; None: without bound (keyword only).

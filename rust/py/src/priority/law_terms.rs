@@ -3,14 +3,18 @@
 use super::single::Memory;
 use super::solution::PrioritySolution;
 use crate::errors::Failure;
+use armlet_core::error::Error;
 use armlet_core::law::{LawSpec, Term};
-use armlet_core::priority::{PriorityOptions, PrioritySolver};
+use armlet_core::priority::{BoundedRows, PriorityOptions, PrioritySolver, reasons};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::sync::Arc;
 
+/// The smallest share of a bound in what stops a level that is reported.
+const LEAST_SHARE: f64 = 0.005;
+
 /// Replace the terms `stack` and `rounding` of a law with bounds by its active rows and the reasons why levels are not reached. The stack has
-/// the Jacobian of all levels, and in its last column their commands.
+/// the Jacobian of all levels, and in its last columns the commands or lower bounds, and the upper bounds.
 pub fn put_active_rows(parts: &Bound<'_, PyDict>, spec: &LawSpec, terms: &mut Vec<Term>) -> Result<(), Failure> {
     let options = match spec {
         LawSpec::PriorityVelocity(law) => &law.options,
@@ -20,17 +24,22 @@ pub fn put_active_rows(parts: &Bound<'_, PyDict>, spec: &LawSpec, terms: &mut Ve
     let mut take = |name: &str| terms.iter().position(|term| term.0 == name).map(|at| terms.remove(at));
     let (Some((_, shape, stack)), Some((_, _, rounding))) = (take("stack"), take("rounding")) else { return Ok(()) };
     let value = |name: &str| terms.iter().find(|term| term.0 == name).map(|term| term.2.clone());
-    let (tasks, width) = (spec.level_rows(), shape[1]);
+    let (tasks, n) = (spec.level_rows(), shape[1] - 2);
     let others = shape[0] - tasks.iter().sum::<usize>();
     let rows: Vec<usize> = tasks.iter().copied().chain((others > 0).then_some(others)).collect();
     let options = PriorityOptions { rounding: Some(rounding[0]), v_min: value("lower"), v_max: value("upper"), ..options.clone() };
-    let mut solver = PrioritySolver::new(width - 1, &rows, &options)?;
-    let (jacobian, command) = solver.inputs();
-    for (i, row) in stack.chunks_exact(width).enumerate() {
-        jacobian[i * (width - 1)..(i + 1) * (width - 1)].copy_from_slice(&row[..width - 1]);
-        command[i] = row[width - 1];
+    let mut solver = PrioritySolver::new(n, &rows, &options)?;
+    let is_interval = !solver.upper().is_empty();
+    for (i, row) in stack.chunks_exact(n + 2).enumerate() {
+        let (jacobian, command) = solver.inputs();
+        jacobian[i * n..(i + 1) * n].copy_from_slice(&row[..n]);
+        command[i] = row[n];
+        if is_interval {
+            solver.upper()[i] = row[n + 1];
+        }
     }
     solver.run()?;
+    parts.set_item("holds", holds(&solver, &options, tasks.len())?)?;
     let py = parts.py();
     let solution = Bound::new(py, PrioritySolution::of(&solver, rows.into(), Arc::new(options), &mut Memory::default()))?;
     let why = (1..=tasks.len()).map(|k| solution.call_method1("why", (k,))).collect::<PyResult<Vec<_>>>()?;
@@ -39,4 +48,30 @@ pub fn put_active_rows(parts: &Bound<'_, PyDict>, spec: &LawSpec, terms: &mut Ve
         parts.set_item(name, item)?;
     }
     Ok(())
+}
+
+/// The bounds that hold the first `count` levels: the name of the row, its side, the level that it holds, and its share.
+fn holds(solver: &PrioritySolver, options: &PriorityOptions, count: usize) -> Result<Vec<(String, &'static str, usize, f64)>, Error> {
+    let (n, [jacobian, command, upper]) = (solver.n(), solver.stack());
+    let upper = if upper.is_empty() { command } else { upper };
+    let identity: Vec<f64> = (0..n * n).map(|k| if k % (n + 1) == 0 { 1.0 } else { 0.0 }).collect();
+    let limits = options.velocity_bounds();
+    let mut levels: Vec<BoundedRows> = vec![limits.as_ref().map_or((&[], &[], &[]), |(low, high)| (&identity, low, high))];
+    let mut first = 0;
+    for m in solver.rows() {
+        let rows = first..first + m;
+        levels.push((&jacobian[rows.start * n..rows.end * n], &command[rows.clone()], &upper[rows]));
+        first += m;
+    }
+    let mut all = Vec::new();
+    for k in 1..=count {
+        for reason in reasons(n, &levels, &solver.solution().v, k)?.reasons {
+            if reason.side != 0 && reason.share.abs() >= LEAST_SHARE {
+                let row = reason.row + 1;
+                let name = if reason.level == 0 { format!("joint {row}") } else { format!("row {row} of level {}", reason.level) };
+                all.push((name, if reason.side > 0 { "upper" } else { "lower" }, k, reason.share));
+            }
+        }
+    }
+    Ok(all)
 }

@@ -18,6 +18,7 @@ use pyo3::prelude::*;
 ///     motion: another name of the argument `target` (keyword only).
 ///     joints: names of the joints; None: all (keyword only).
 ///     damping: as for `Task` (keyword only).
+///     lower, upper: as for `Task` (keyword only).
 ///
 /// Raises:
 ///     InputError: a name is unknown, a shape is wrong, a number is not finite, or a gain is negative.
@@ -34,7 +35,7 @@ pub struct PostureTask;
 #[pymethods]
 impl PostureTask {
     #[new]
-    #[arguments(target=None, gain=None, *, joints=None, motion=None, damping=None)]
+    #[arguments(target=None, gain=None, *, joints=None, motion=None, damping=None, lower=None, upper=None)]
     fn new() -> Result<PyClassInitializer<Self>, Failure> {
         let joints = names(NAME, joints)?;
         let own = match &joints {
@@ -43,7 +44,7 @@ impl PostureTask {
         };
         let size = joints.as_ref().map(Vec::len);
         let blueprint = Blueprint::new(size, move |arm| TaskFunction::posture(arm, joints.as_deref()));
-        let task = Common { name: NAME, target, motion, gain, damping }.task(blueprint, own)?;
+        let task = Common { name: NAME, target, motion, gain, damping, lower, upper }.task(blueprint, own)?;
         Ok(PyClassInitializer::from(task).add_subclass(PostureTask))
     }
 }
@@ -56,6 +57,7 @@ impl PostureTask {
 ///     gain: as for `Task`.
 ///     motion: another name of the argument `target` (keyword only).
 ///     damping: as for `Task` (keyword only).
+///     lower, upper: as for `Task` (keyword only).
 ///
 /// Raises:
 ///     InputError: a letter is unknown, a shape is wrong, a number is not finite, or a gain is negative.
@@ -72,12 +74,12 @@ pub struct CentreOfMassTask;
 #[pymethods]
 impl CentreOfMassTask {
     #[new]
-    #[arguments(axes, target=None, gain=None, *, motion=None, damping=None)]
+    #[arguments(axes, target=None, gain=None, *, motion=None, damping=None, lower=None, upper=None)]
     fn new() -> Result<PyClassInitializer<Self>, Failure> {
         let (letters, rows) = axes_of(NAME, axes)?;
         let blueprint = Blueprint::new(Some(rows), move |arm| TaskFunction::centre_of_mass(arm, &letters));
         let own = vec![("axes", axes.clone().unbind())];
-        let task = Common { name: NAME, target, motion, gain, damping }.task(blueprint, own)?;
+        let task = Common { name: NAME, target, motion, gain, damping, lower, upper }.task(blueprint, own)?;
         Ok(PyClassInitializer::from(task).add_subclass(CentreOfMassTask))
     }
 }
@@ -95,6 +97,8 @@ impl CentreOfMassTask {
 ///     gain: as for `Task`, with two rows.
 ///     motion: another name of the argument `target` (keyword only).
 ///     damping: as for `Task` (keyword only).
+///     lower, upper: bounds of the two components of the rotation vector from `target` to the direction, rad, as for `Task` (keyword
+///         only). The task then has a target and bounds.
 ///
 /// Raises:
 ///     InputError: a shape is wrong, a number is not finite, a direction has no length, or a gain is negative.
@@ -111,16 +115,17 @@ pub struct AxisTask;
 #[pymethods]
 impl AxisTask {
     #[new]
-    #[arguments(frame, axis, target=None, gain=None, *, motion=None, damping=None)]
+    #[arguments(frame, axis, target=None, gain=None, *, motion=None, damping=None, lower=None, upper=None)]
     fn new() -> Result<PyClassInitializer<Self>, Failure> {
         let v = vector(NAME, "axis", axis, 3)?;
         if v.iter().all(|x| *x == 0.0) {
             return Err(Error::input("axis", "has no direction: expected a vector of length > 0, got zeros").into());
         }
         let (name, along) = (text(NAME, "frame", frame)?, [v[0], v[1], v[2]]);
-        let blueprint = Blueprint::new(Some(3), move |arm| TaskFunction::axis(arm, &name, along));
+        let mut blueprint = Blueprint::new(Some(3), move |arm| TaskFunction::axis(arm, &name, along));
+        blueprint.turns_to_target = true;
         let own = vec![("frame", frame.clone().unbind()), ("axis", v.into_py_any(axis.py())?)];
-        let task = Common { name: NAME, target, motion, gain, damping }.task(blueprint, own)?;
+        let task = Common { name: NAME, target, motion, gain, damping, lower, upper }.task(blueprint, own)?;
         Ok(PyClassInitializer::from(task).add_subclass(AxisTask))
     }
 }
@@ -135,6 +140,7 @@ impl AxisTask {
 ///     gain: as for `Task`.
 ///     motion: another name of the argument `target` (keyword only).
 ///     damping: as for `Task` (keyword only).
+///     lower, upper: as for `Task` (keyword only).
 ///
 /// Raises:
 ///     InputError: a letter is unknown, a shape is wrong, a number is not finite, or a gain is negative.
@@ -151,7 +157,7 @@ pub struct RelativeTask;
 #[pymethods]
 impl RelativeTask {
     #[new]
-    #[arguments(frame, reference, axes, target=None, gain=None, *, motion=None, damping=None)]
+    #[arguments(frame, reference, axes, target=None, gain=None, *, motion=None, damping=None, lower=None, upper=None)]
     fn new() -> Result<PyClassInitializer<Self>, Failure> {
         let (name, other) = (text(NAME, "frame", frame)?, text(NAME, "reference", reference)?);
         let (letters, rows) = axes_of(NAME, axes)?;
@@ -159,7 +165,7 @@ impl RelativeTask {
         let blueprint = Blueprint::new(Some(rows), move |arm| TaskFunction::relative(arm, &name, &other, &letters)).with_poses(&poses)?;
         let own = [("frame", frame), ("reference", reference), ("axes", axes)];
         let own = own.into_iter().map(|(name, value)| (name, value.clone().unbind())).collect();
-        let task = Common { name: NAME, target, motion, gain, damping }.task(blueprint, own)?;
+        let task = Common { name: NAME, target, motion, gain, damping, lower, upper }.task(blueprint, own)?;
         Ok(PyClassInitializer::from(task).add_subclass(RelativeTask))
     }
 }
@@ -206,7 +212,7 @@ impl JointLimitTask {
             own.push(("joints", joints.clone().into_py_any(py)?));
         }
         let blueprint = Blueprint::new(None, move |arm| TaskFunction::joint_limits(arm, joints.as_deref(), margin));
-        let task = Common { name: NAME, target: None, motion: None, gain, damping }.task(blueprint, own)?;
+        let task = Common { name: NAME, target: None, motion: None, gain, damping, lower: None, upper: None }.task(blueprint, own)?;
         Ok(PyClassInitializer::from(task).add_subclass(JointLimitTask))
     }
 }

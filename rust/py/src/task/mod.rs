@@ -1,10 +1,12 @@
 //! `armlet.Task`, the base class of all tasks. A task describes a controlled quantity by names, before its arm is known.
 
+mod bounds;
 pub mod kinds;
+pub mod levels;
 
 use crate::arguments::axes_of;
 use crate::arrays::{ArrayArgument, Axis, Form, SCALAR, copied, items, owned, require_finite, shown, text};
-use crate::constructor_call::{NamedValues, defined_by_arguments, short_repr};
+use crate::constructor_call::{NamedValues, defined_by_arguments, short_repr, stored_form};
 use crate::errors::{Failure, input_error};
 use crate::motion::Motion;
 use armlet_core::arm::Arm;
@@ -15,6 +17,7 @@ use armlet_core::law::{Gain, Level};
 use armlet_core::memory;
 use armlet_core::motion::Motion as CoreMotion;
 use armlet_macros::entered;
+use bounds::Bounds;
 use pyo3::prelude::*;
 use pyo3::types::{PyString, PyTuple};
 
@@ -32,6 +35,8 @@ struct Blueprint {
     target_size: Option<usize>,
     /// The coordinates of a pose that are a target, if the task accepts a pose as its target.
     of_pose: Option<Vec<usize>>,
+    /// Whether bounds are angles from the target, so that a task with bounds has a target.
+    turns_to_target: bool,
 }
 
 /// The target of a task.
@@ -50,7 +55,7 @@ pub struct Goals {
 
 impl Blueprint {
     fn new(target_size: Option<usize>, on: impl Fn(&Arm) -> Result<TaskFunction, Error> + Send + Sync + 'static) -> Self {
-        Blueprint { on: Box::new(on), target_size, of_pose: None }
+        Blueprint { on: Box::new(on), target_size, of_pose: None, turns_to_target: false }
     }
 
     /// Accept poses `(..., 4, 4)` as targets. `letters` are the axes of the task.
@@ -109,9 +114,12 @@ struct Raw {
 ///     motion: another name of the argument `target` (keyword only).
 ///     damping: gain of the error's derivative in `PriorityAcceleration`, 1/s: scalar, `(rows,)` or `(rows, rows)` (keyword only). None:
 ///         `2 K^1/2`, critical damping.
+///     lower, upper: bounds of the coordinates in place of a target, a number or `(rows,)`, m and rad (keyword only). None or infinite: no
+///         bound. A coordinate `x` approaches a bound with the gain, `K (lower - x) <= x_dot <= K (upper - x)`, and moves freely between
+///         the bounds. For rx, ry, rz the coordinates are those of the rotation vector of the frame. In laws only.
 ///
 /// Raises:
-///     InputError: a shape is wrong, a number is not finite, or a gain is negative.
+///     InputError: a shape is wrong, a number is not finite, a gain is negative, or a task with bounds has a target.
 ///
 /// Source: [SicilianoEtAl2009], section 3.7; docs/priority.md.
 ///
@@ -124,6 +132,7 @@ pub struct Task {
     target: Option<Aim>,
     gain: Raw,
     damping: Option<Raw>,
+    bounds: Option<Bounds>,
     /// The arguments, for `repr` and pickling.
     arguments: NamedValues,
 }
@@ -137,6 +146,8 @@ struct Common<'a, 'py> {
     motion: Option<&'a Bound<'py, PyAny>>,
     gain: Option<&'a Bound<'py, PyAny>>,
     damping: Option<&'a Bound<'py, PyAny>>,
+    lower: Option<&'a Bound<'py, PyAny>>,
+    upper: Option<&'a Bound<'py, PyAny>>,
 }
 
 fn raw(function: &str, name: &str, value: &Bound<'_, PyAny>) -> Result<Raw, Failure> {
@@ -164,14 +175,6 @@ impl Raw {
                 format!("has the wrong shape: expected a scalar, ({rows},) or ({rows}, {rows}), got {}", shown(&self.shape)),
             )),
         }
-    }
-}
-
-/// Copy an argument for `repr` and pickling. An array becomes a list, and an object without a copy is returned unchanged.
-fn stored_form(value: &Bound<'_, PyAny>) -> PyResult<Py<PyAny>> {
-    match value.call_method0("tolist") {
-        Ok(list) => Ok(list.unbind()),
-        Err(_) => Ok(value.call_method0("copy").unwrap_or_else(|_| value.clone()).unbind()),
     }
 }
 
@@ -237,7 +240,12 @@ impl Common<'_, '_> {
             }
             None => None,
         };
-        Ok(Task { blueprint, target, gain, damping, arguments })
+        let bounds = Bounds::read(self.name, &mut arguments, [("lower", self.lower), ("upper", self.upper)])?;
+        if let (Some(given), Some(_), false) = (given, &bounds, blueprint.turns_to_target) {
+            let problem = "is given with bounds: expected either a target, or lower and upper";
+            return Err(input_error(given.py(), self.name, "target", problem).into());
+        }
+        Ok(Task { blueprint, target, gain, damping, bounds, arguments })
     }
 }
 
@@ -249,6 +257,9 @@ impl Task {
 
     /// Make the task function for an arm, with the constant targets. A missing or moving target is an error.
     pub fn goals(&self, arm: &Arm) -> Result<Goals, Error> {
+        if self.bounds.is_some() {
+            return Err(Error::input("lower", "has no use here: expected a task with a target, got bounds"));
+        }
         if let Some(Aim::Rows(lead, values)) = &self.target {
             let (function, rows) = (self.function(arm)?, lead.iter().product::<usize>());
             let size = function.target_size();
@@ -277,10 +288,14 @@ impl Task {
                 return Err(Error::input("target", problem));
             }
             None if function.target_size() == 0 => CoreMotion::Hold(Vec::new()),
+            None if self.bounds.is_some() && !self.blueprint.turns_to_target => CoreMotion::Hold(vec![0.0; function.target_size()]),
             None => return Err(Error::input("target", "is missing: expected a Motion or a constant, got None")),
         };
         let damping = self.damping.as_ref().map(|damping| damping.gain("damping", rows)).transpose()?;
-        Level::new(function, target, self.gain.gain("gain", rows)?, damping)
+        let level = Level::new(function, target, self.gain.gain("gain", rows)?, damping)?;
+        let Some(bounds) = &self.bounds else { return Ok(level) };
+        let [lower, upper] = bounds.of_rows(rows)?;
+        level.within(lower, upper)
     }
 }
 
@@ -326,13 +341,13 @@ fn names(function: &str, value: Option<&Bound<'_, PyAny>>) -> Result<Option<Vec<
 #[pymethods]
 impl Task {
     #[new]
-    #[arguments(frame, axes, target=None, gain=None, *, motion=None, damping=None)]
+    #[arguments(frame, axes, target=None, gain=None, *, motion=None, damping=None, lower=None, upper=None)]
     fn new() -> Result<Self, Failure> {
         let (name, (letters, rows)) = (text(NAME, "frame", frame)?, axes_of(NAME, axes)?);
         let poses = letters.clone();
         let blueprint = Blueprint::new(Some(rows), move |arm| TaskFunction::frame(arm, &name, &letters)).with_poses(&poses)?;
         let own = vec![("frame", frame.clone().unbind()), ("axes", axes.clone().unbind())];
-        Common { name: NAME, target, motion, gain, damping }.task(blueprint, own)
+        Common { name: NAME, target, motion, gain, damping, lower, upper }.task(blueprint, own)
     }
 
     fn __repr__(slf: &Bound<'_, Self>) -> PyResult<String> {

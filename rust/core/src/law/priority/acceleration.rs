@@ -6,19 +6,19 @@
 //! limits at every evaluation.
 
 use super::joint_limits::{LimitOverrides, MotionLimits};
-use super::tasks::{Tasks, gained, prioritised, require_levels, same_tasks, solution, stack};
+use super::tasks::*;
 use crate::dynamics::Model;
 use crate::error::{Error, Result};
 use crate::law::definition::{Definition, Route, Shape};
 use crate::law::equations::{Answer, Equations, Loop};
-use crate::law::level::Level;
+use crate::law::level::{Level, level_rows};
 use crate::linalg::Gain;
 use crate::motion::Motion;
 use crate::plant::{Parameters, PlantKind};
 use crate::priority::{PriorityOptions, PrioritySolver, StackFormula};
 use crate::scalar::Real;
 use crate::trace::E;
-use crate::trace::expression::{constant, stacked, vector};
+use crate::trace::expression::{constant, stacked, vector, zeros};
 
 /// Joint accelerations for tasks in order of priority, with validated parameters.
 ///
@@ -69,8 +69,12 @@ impl PriorityAccelerationSpec {
         let mut options = limits.as_ref().map_or_else(|| options.clone(), |limits| limits.open(options.clone()));
         // The joint damping is one more level below all tasks. Its Jacobian is the identity. If `eps` has one threshold for each
         // of several tasks, the default threshold is appended for this level. A single threshold applies to all levels.
-        if let Some(eps) = options.eps.as_mut().filter(|eps| eps.len() == levels.len() && eps.len() > 1) {
+        if let Some(eps) = options.eps.as_mut().filter(|eps| eps.len() == level_rows(&levels).len() && eps.len() > 1) {
             eps.push(crate::priority::DEFAULT_EPS);
+        }
+        options.intervals = intervals(&levels);
+        if !options.intervals.is_empty() {
+            options.intervals.push(false);
         }
         let spec = PriorityAccelerationSpec { model, levels, options, joint_damping, limits };
         spec.solver()?;
@@ -79,7 +83,7 @@ impl PriorityAccelerationSpec {
 
     /// Number of rows of each task.
     pub fn rows(&self) -> Vec<usize> {
-        self.levels.iter().map(|level| level.function.rows()).collect()
+        level_rows(&self.levels)
     }
 
     fn solver(&self) -> Result<PrioritySolver> {
@@ -110,30 +114,35 @@ impl Equations for PriorityAccelerationSpec {
             .gains("gain", self.levels.iter().map(|level| &level.gain))
             .gains("rate_gain", &dampings)
             .number("joint_damping", self.joint_damping)
+            .option(bound_numbers(&self.levels), with_bounds)
             .option(self.limits.as_ref(), |numbers, limits| numbers.made("limits", limits.lift::<E>(period)))
     }
 
     fn equations(&self, at: &Loop) -> Answer {
-        let (n, rows, numbers) = (at.q.len(), self.rows(), at.numbers());
+        let (n, rows, tasks_rows, numbers) = (at.q.len(), self.rows(), rows_of_tasks(&self.levels), at.numbers());
         let tasks = Tasks::of(numbers.get_made("tasks"), at, true);
         let e_dot = &tasks.e_dot - &tasks.j * &at.v;
         let a_d = &tasks.acceleration - &tasks.j_dot * &at.v;
-        let command = a_d + gained(numbers.get_gains("rate_gain"), &rows, &e_dot) + gained(numbers.get_gains("gain"), &rows, &tasks.e);
+        let command =
+            a_d + gained(numbers.get_gains("rate_gain"), &tasks_rows, &e_dot) + gained(numbers.get_gains("gain"), &tasks_rows, &tasks.e);
+        let (e, distances) = bounded_errors(&self.levels, numbers, &tasks_rows, &tasks.e);
 
         // The last level stops motions that change no task.
         let (total, slow) = (command.len(), &at.v * -at.number("joint_damping"));
         let mut j = tasks.j.clone().insert_rows(total, n, E::zero());
         j.rows_mut(total, n).fill_with_identity();
         let bounds = self.limits.is_some().then(|| numbers.get_made::<MotionLimits<E>>("limits").accelerations(&at.q, &at.v));
-        let solution = solution(at, numbers.get_made("solution"), tasks.rounding, (&j, &stacked([&command, &slow])), bounds);
+        let distances = distances.map(|distance| if distance.is_empty() { distance } else { stacked([&distance, &zeros(n)]) });
+        let stack = Rows { j: &j, command: &stacked([&command, &slow]), distances };
+        let (solution, residuals) = solution(at, numbers.get_made("solution"), (&self.levels, tasks.rounding), stack, bounds);
 
         E::term("rows", &[rows.len()], || rows.iter().map(|&rows| constant(rows as f64)).collect());
-        at.term("e", tasks.e);
+        at.term("e", e);
         at.term("e_dot", e_dot);
         at.matrix_term("J", tasks.j);
         at.matrix_term("J_dot", tasks.j_dot);
         at.term("command", command);
-        at.term("residuals", vector(&solution.residuals()[..total]));
+        at.term("residuals", residuals.rows(0, total).into_owned());
         at.term("ranks", vector(&solution.ranks()[..rows.len()]));
         let a = at.term("a", vector(solution.v()));
         Answer::new(at.arm().inverse_dynamics(&at.v, &a))

@@ -10,12 +10,12 @@
 //! replaces its result (`priority::StackFormula`).
 
 use super::joint_limits::{LimitOverrides, MotionLimits};
-use super::tasks::{Tasks, gained, prioritised, require_levels, same_tasks, solution, stack};
+use super::tasks::*;
 use crate::dynamics::Model;
 use crate::error::{Error, Result};
 use crate::law::definition::{Definition, Route, Shape};
 use crate::law::equations::{Answer, Equations, Loop};
-use crate::law::level::Level;
+use crate::law::level::{Level, level_rows};
 use crate::motion::Motion;
 use crate::plant::{Parameters, PlantKind};
 use crate::priority::{PriorityMethod, PriorityOptions, PrioritySolver, StackFormula};
@@ -73,7 +73,8 @@ impl PriorityVelocitySpec {
                 }
             }
         }
-        let options = limits.as_ref().map_or_else(|| options.clone(), |limits| limits.open(options.clone()));
+        let mut options = limits.as_ref().map_or_else(|| options.clone(), |limits| limits.open(options.clone()));
+        options.intervals = intervals(&levels);
         let spec = PriorityVelocitySpec { model, levels, options, limits };
         spec.solver()?;
         Ok(spec)
@@ -81,7 +82,7 @@ impl PriorityVelocitySpec {
 
     /// Number of rows of each level.
     pub fn rows(&self) -> Vec<usize> {
-        self.levels.iter().map(|level| level.function.rows()).collect()
+        level_rows(&self.levels)
     }
 
     fn solver(&self) -> Result<PrioritySolver> {
@@ -119,21 +120,24 @@ impl Equations for PriorityVelocitySpec {
             .made("tasks", stack::<E>(arm, &self.levels))
             .made("solution", StackFormula::of(&solver))
             .gains("gain", self.levels.iter().map(|level| &level.gain))
+            .option(bound_numbers(&self.levels), with_bounds)
             .option(self.limits.as_ref(), |numbers, limits| numbers.made("limits", limits.lift::<E>(period)))
     }
 
     fn equations(&self, at: &Loop) -> Answer {
-        let (rows, numbers) = (self.rows(), at.numbers());
+        let (rows, tasks_rows, numbers) = (self.rows(), rows_of_tasks(&self.levels), at.numbers());
         let tasks = Tasks::of(numbers.get_made("tasks"), at, false);
-        let command = &tasks.e_dot + gained(numbers.get_gains("gain"), &rows, &tasks.e);
+        let command = &tasks.e_dot + gained(numbers.get_gains("gain"), &tasks_rows, &tasks.e);
+        let (e, distances) = bounded_errors(&self.levels, numbers, &tasks_rows, &tasks.e);
         let bounds = self.limits.is_some().then(|| numbers.get_made::<MotionLimits<E>>("limits").velocities(&at.q));
-        let solution = solution(at, numbers.get_made("solution"), tasks.rounding, (&tasks.j, &command), bounds);
+        let stack = Rows { j: &tasks.j, command: &command, distances };
+        let (solution, residuals) = solution(at, numbers.get_made("solution"), (&self.levels, tasks.rounding), stack, bounds);
 
         E::term("rows", &[rows.len()], || rows.iter().map(|&rows| constant(rows as f64)).collect());
-        at.term("e", tasks.e);
+        at.term("e", e);
         at.matrix_term("J", tasks.j);
         at.term("command", command);
-        at.term("residuals", vector(solution.residuals()));
+        at.term("residuals", residuals);
         at.term("ranks", vector(solution.ranks()));
         Answer::new(at.term("v", vector(solution.v())))
     }

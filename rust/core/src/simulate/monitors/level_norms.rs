@@ -1,6 +1,8 @@
-//! Norms of error and residual for each level of a law with task priorities, from the terms of the law.
+//! Norms of error and residual for each level of a law with task priorities, from the terms of the law. With bounds, there are also the norms
+//! of the violations, and the residual of the optimality conditions (Karush, Kuhn and Tucker).
 
-use crate::law::{self, LawSpec, Terms};
+use crate::law::{self, LawSpec, Route, Terms};
+use crate::priority::PriorityMethod;
 use crate::trace::E;
 
 /// The names of the norms. Levels after the eighth have no norms.
@@ -23,15 +25,43 @@ const NAMES: [&str; 16] = [
     "residual_8",
 ];
 
-/// Return the names of the norms of a law's levels. A guarded law has no norms, because its levels change at contact.
-pub fn names(law: &LawSpec) -> &'static [&'static str] {
-    match law {
-        LawSpec::PriorityVelocity(_) | LawSpec::PriorityAcceleration(_) => &NAMES[..NAMES.len().min(2 * law.levels().len())],
-        _ => &[],
-    }
+/// The names of the norms of violations.
+const VIOLATIONS: [&str; 8] =
+    ["violation_1", "violation_2", "violation_3", "violation_4", "violation_5", "violation_6", "violation_7", "violation_8"];
+
+/// Whether a law has a certificate: its stack has bounds, and its method minimises violations.
+fn is_certified(law: &LawSpec) -> bool {
+    let method = match law {
+        LawSpec::PriorityVelocity(law) => law.options.method,
+        LawSpec::PriorityAcceleration(law) => law.options.method,
+        _ => return false,
+    };
+    law.route() == Route::Deciding && method != PriorityMethod::Sns
 }
 
-/// The norms of error and residual of each level of `law`, from its terms.
+/// Return the names of the norms of a law's levels. A guarded law has no norms, because its levels change at contact.
+pub fn names(law: &LawSpec) -> Vec<&'static str> {
+    let levels = match law {
+        LawSpec::PriorityVelocity(_) | LawSpec::PriorityAcceleration(_) => law.level_rows().len().min(VIOLATIONS.len()),
+        _ => return Vec::new(),
+    };
+    let mut all = NAMES[..2 * levels].to_vec();
+    if is_certified(law) {
+        all.extend(&VIOLATIONS[..levels]);
+        all.push("kkt");
+    }
+    all
+}
+
+/// The norms of [`names`] for `law`, from its terms.
 pub fn norms(law: &LawSpec, terms: &Terms) -> Vec<E> {
-    law::norms(&law.level_rows(), terms.get("e").as_slice(), terms.get("residuals").as_slice())
+    let mut all = law::norms(&law.level_rows(), terms.get("e").as_slice(), terms.get("residuals").as_slice());
+    all.truncate(NAMES.len());
+    if is_certified(law) {
+        // A residual is a violation with the opposite sign.
+        let violations: Vec<E> = all.iter().skip(1).step_by(2).copied().collect();
+        all.extend(violations);
+        all.extend(terms.get("certificate").as_slice());
+    }
+    all
 }
