@@ -122,7 +122,6 @@ REFUSED: list[tuple[Any, str]] = [
     (lambda: al.PriorityVelocity(ARM, [al.Task("link3", "y", lower=np.inf)]), r"tasks\[0\].lower is out of order"),
     (lambda: al.PriorityVelocity(ARM, [al.Task("link3", "y", gain=0.0, upper=0.9)]), r"tasks\[0\].gain is not positive"),
     (lambda: al.PriorityVelocity(ARM, [al.Task("link3", "xy", gain=[[2.0, 1.0], [1.0, 2.0]], upper=0.9)]), "gain is not positive for each"),
-    (lambda: al.PriorityVelocity(ARM, [al.Task("link3", "y", upper=0.9)], "sns", v_max=1.0), "method is wrong: expected clamp"),
     (lambda: al.PriorityVelocity(ARM, [al.Task("link3", "y", upper=0.9)], "chiaverini"), "method is wrong: expected clamp"),
     (lambda: al.PriorityVelocity(ARM, [[]]), r"tasks\[0\] is empty"),
     (lambda: al.PriorityVelocity(ARM, [NAMES]), r"tasks\[0\]\[0\] is of the wrong type"),

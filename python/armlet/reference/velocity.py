@@ -148,7 +148,8 @@ class PriorityVelocity(Law):
                 factor = np.sqrt(weight) if len(group) > 1 else 1.0
                 rows.append((factor * J, factor * low, factor * high))
             first += len(group)
-            levels.append((np.vstack([J for J, _, _ in rows]), *(np.concatenate([row[side] for row in rows]) for side in (1, 2))))
+            matrices, lower, upper = zip(*rows, strict=True)
+            levels.append((np.vstack(matrices), np.concatenate(lower), np.concatenate(upper)))
         return levels
 
     def _levels(self, t: float, q: Array, v: Array) -> tuple[list[Array], list[Array], Terms]:
