@@ -1,4 +1,4 @@
-"""The command line: `armlet demo`, `armlet info`, and the commands for scenario files (`scenarios.py`).
+"""The command line: `armlet demo`, `armlet info`, and the commands for scenario files (`scenarios.py`) and logs (`logs.py`).
 
 Each command is a function that takes the parsed arguments and returns the exit code. 0: success. 1: a check failed, or the program that
 reads the output has ended. 2: the command could not run; standard error states the reason. 130: interrupted by the user.
@@ -19,7 +19,7 @@ from ..errors import ArmletError
 from ..extras import missing
 from ..figures.style import available
 from ..reports.page import versions
-from .scenarios import register
+from . import logs, scenarios
 
 __all__ = ["main"]
 
@@ -59,7 +59,8 @@ def _parser() -> argparse.ArgumentParser:
     info = commands.add_parser("info", help="print the version, the instruction set and the number of threads")
     info.set_defaults(run=_info)
 
-    register(commands)
+    scenarios.register(commands)
+    logs.register(commands)
     return parser
 
 

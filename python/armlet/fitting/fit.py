@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from os import PathLike
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -132,6 +133,23 @@ class LogFit:
         from ..figures.log import plot_fit
 
         return plot_fit(self, fig)
+
+    def report(self, path: str | PathLike[str], *, title: str | None = None) -> None:
+        """Write a report as one HTML file without network: refuted assumptions, a figure of each joint, parameters, versions.
+
+        Without matplotlib (extra `plot`) the report has a sentence in place of the figure.
+
+        Args:
+            path: path of the file. The file is complete or absent.
+            title: heading of the report; the number of joints if None (keyword only).
+
+        Raises:
+            InputError: an argument is not valid; the message names it.
+            OSError: the file cannot be written.
+        """
+        from ..reports.fits import write_fit
+
+        write_fit(self, path, title)
 
     def __str__(self) -> str:
         head = f"rank {self.rank} of {len(self.names)}, condition {self.condition:.3g}, residuals "
