@@ -93,7 +93,8 @@ INTEGRATE |= {"jac": [[0.0, 1.0], [-1.3, 0.0]], "jac_sparsity": [[0, 1], [1, 0]]
 
 #: `rounding` describes the Jacobians, for every method.
 INEXACT = {"rounding": "describes the Jacobians; clamp and damped do not use it", "v_m*+*": "the tighter bound is active"}
-INEXACT |= {"rounding+eps": "the ranks are equal", "*+v_m*": "the bounds decide"}
+INEXACT |= {"rounding+eps": "the ranks are equal", "weight+rounding": "the ranks are equal", "*+v_m*": "the bounds decide"}
+INEXACT |= {"scale": "no bound is met; sns always scales", "*+scale": "no bound is met; sns always scales"}
 #: The arm has no limits, and a path of one coordinate has no corners.
 STRAIGHT = {"limits": "the arm has no limits", "*+axes": "a path of one coordinate has no corner", "blend+arcs": "the arc has no corner"}
 #: Options that describe `f`, which a caller may integrate by several methods.
@@ -145,19 +146,23 @@ CASES: dict[str, Case] = {
     "Arm.symbolic": Case(lambda **o: str(ARM.symbolic(**o).M), {"lengths": True}),
     **{
         f"PrioritySolver {m}": Case(
-            partial(solver, m), {"eps": 0.9, "rounding": 0.3, "weight": WEIGHT, "v_min": [-0.2] * 3, "v_max": [0.2] * 3}, INEXACT
+            partial(solver, m),
+            {"eps": 0.9, "rounding": 0.3, "weight": WEIGHT, "v_min": [-0.2] * 3, "v_max": [0.2] * 3, "scale": "direction"},
+            INEXACT,
         )
         for m in ("clamp", "exact", "damped", "chiaverini", "sns")
     },
     **{
         f"solve_priority {m}": Case(
-            partial(solve_priority, m), {"eps": 0.9, "rounding": 0.3, "weight": WEIGHT, "v_min": [-0.2] * 3, "v_max": [0.2] * 3}, INEXACT
+            partial(solve_priority, m),
+            {"eps": 0.9, "rounding": 0.3, "weight": WEIGHT, "v_min": [-0.2] * 3, "v_max": [0.2] * 3, "scale": "direction"},
+            INEXACT,
         )
         for m in ("clamp", "exact", "damped", "chiaverini", "sns")
     },
     **{
         f"PrioritySolver.for_arm {m}": Case(
-            partial(arm_solver, m), {"eps": 0.9, "weight": WEIGHT, "v_min": [-0.2] * 3, "v_max": [0.2] * 3}, INEXACT
+            partial(arm_solver, m), {"eps": 0.9, "weight": WEIGHT, "v_min": [-0.2] * 3, "v_max": [0.2] * 3, "scale": "direction"}, INEXACT
         )
         for m in ("clamp", "exact", "damped", "chiaverini", "sns")
     },

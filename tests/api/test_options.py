@@ -52,6 +52,7 @@ ELSEWHERE = {
     "worst_case": "the tests of worst cases",
     "verify": "the tests of comparisons",
     "Arm.show": "a figure",
+    "Identification.with_prior": "the tests of priors",
     "Run.animate": "a figure",
     "Run.plot": "a figure",
     "Run.report": "a page",
