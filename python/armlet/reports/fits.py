@@ -6,36 +6,26 @@ from html import escape
 from os import PathLike
 from typing import Any
 
-from ..arguments import file_path, instance, one_line
-from ..extras import missing
 from ..figures.log import plot_fit
-from ..figures.style import available
-from ..files import write_whole
-from .page import document, drawn, section, table, versions
+from .page import figure_section, section, table, write_report
 
 __all__ = ["write_fit"]
 
 
 def write_fit(fit: Any, path: str | PathLike[str], title: str | None) -> None:
     """Write the report of a fit. `title` is the heading, None for a heading with the joints."""
-    function = "LogFit.report"
     heading = title if title is not None else f"Fit of a log, {len(fit.joints)} joint{'s' * (len(fit.joints) > 1)}"
-    heading = one_line(instance(function, "title", heading, str, "a text"))
-    name = file_path(function, path)
     count = len(fit.refuted)
     verdict = "no assumption is refuted" if not count else f"{count} refuted assumption{'s' * (count > 1)}"
     body = [
-        f"<h1>{escape(heading)}</h1>",
         f'<p class="{"FAILED" if count else "ok"}">{escape(verdict)}</p>',
         _refuted(fit),
-        _figures(fit),
+        figure_section(lambda figure: plot_fit(fit, figure), "Measured torque, torque of the model and residual of each joint"),
         _parameters(fit),
         _limits(fit),
         section("Log", f"<pre>{escape(str(fit.log.report))}</pre>"),
-        section("Versions", table("Versions and build", ["part", "version"], [[what, value] for what, value in versions().items()])),
     ]
-    page = document(heading, body)
-    write_whole(name, lambda file: file.write(page.encode("utf-8", "replace")))
+    write_report("LogFit.report", path, heading, body)
 
 
 def _refuted(fit: Any) -> str:
@@ -44,12 +34,6 @@ def _refuted(fit: Any) -> str:
     rows = [[each.name, each.sentence, f"{each.p_value:.1g}", f"{100.0 * each.share:.0f} %", each.advice] for each in fit.refuted]
     caption = "Family level 5 %; the first entry explains most of the residual, and each later one what remains"
     return section("Refuted assumptions", table(caption, ["assumption", "finding", "p", "explained", "advice"], rows))
-
-
-def _figures(fit: Any) -> str:
-    if not available():
-        return section("Figure", f"<p>{escape(str(missing('no figure', 'matplotlib', 'plot')))}</p>")
-    return section("Figure", drawn(lambda figure: plot_fit(fit, figure), "Measured torque, torque of the model and residual of each joint"))
 
 
 def _parameters(fit: Any) -> str:

@@ -11,16 +11,21 @@ from base64 import b64encode
 from collections.abc import Callable, Iterable, Sequence
 from html import escape
 from io import BytesIO
+from os import PathLike
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from .. import _core
+from ..arguments import file_path, instance, one_line
+from ..extras import missing
+from ..figures.style import available
+from ..files import write_whole
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["document", "drawn", "image", "section", "table", "versions"]
+__all__ = ["document", "drawn", "figure_section", "image", "section", "table", "versions", "write_report"]
 
 STYLE = """
 :root { color-scheme: light dark; --line: #8884; --bad: #b3261e; --good: #00734f; }
@@ -108,3 +113,19 @@ def versions() -> dict[str, str]:
     rows = {"armlet": _core.__version__, "python": platform.python_version(), "numpy": np.__version__}
     rows |= {"platform": f"{platform.system()} {platform.machine()}"}
     return rows | {name.replace("_", " "): str(value) for name, value in _core.build_info().items() if name != "version"}
+
+
+def figure_section(draw: Callable[[Figure], Any], what: str) -> str:
+    """Return the section with the figure that `draw` makes, as `drawn`. Without matplotlib it is a sentence."""
+    if not available():
+        return section("Figure", f"<p>{escape(str(missing('no figure', 'matplotlib', 'plot')))}</p>")
+    return section("Figure", drawn(draw, what))
+
+
+def write_report(function: str, path: str | PathLike[str], title: str, body: Iterable[str]) -> None:
+    """Write a page with a heading, the sections `body` that are not empty, and the versions. The file is complete or absent."""
+    title = one_line(instance(function, "title", title, str, "a text"))
+    name = file_path(function, path)
+    end = section("Versions", table("Versions and build", ["part", "version"], [[what, value] for what, value in versions().items()]))
+    page = document(title, [f"<h1>{escape(title)}</h1>", *(piece for piece in body if piece), end])
+    write_whole(name, lambda file: file.write(page.encode("utf-8", "replace")))

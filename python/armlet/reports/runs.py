@@ -10,19 +10,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arguments import file_path, instance, one_line, require_shallow
-from ..extras import missing
+from ..arguments import instance, require_shallow
 from ..figures.batch import plot as plot_batch
 from ..figures.panels import joint_names
 from ..figures.run import plot as plot_run
-from ..figures.style import available
-from ..files import write_whole
 from ..run.metrics import PER_JOINT, PER_RUN, PER_TASK, TOLERANCE, Metrics, metrics, violations
 from ..run.named_numbers import named_numbers
 from ..run.recorded import Recorded
 from ..scenario.toml import toml_text
 from ..status import Status
-from .page import document, drawn, section, table, versions
+from .page import figure_section, section, table, write_report
 
 __all__ = ["write_batch", "write_run"]
 
@@ -69,17 +66,12 @@ def write_batch(batch: Recorded, path: str | PathLike[str], title: str | None, i
 
 
 def _write(function: str, path: str | PathLike[str], title: str, inputs: Mapping[str, Any] | None, body: list[str]) -> None:
-    title = one_line(instance(function, "title", title, str, "a text"))
-    name = file_path(function, path)
     if inputs is not None:
         instance(function, "inputs", inputs, Mapping, "tables by name, such as scenario.data")
         require_shallow(function, "inputs", inputs)
         text = escape(toml_text(inputs))
         body.append(section("Inputs", f"<details open><summary>Tables, with methods and seeds</summary><pre>{text}</pre></details>"))
-    rows = [[what, value] for what, value in versions().items()]
-    body.append(section("Versions", table("Versions and build", ["part", "version"], rows)))
-    page = document(title, [f"<h1>{escape(title)}</h1>", *(piece for piece in body if piece)])
-    write_whole(name, lambda file: file.write(page.encode("utf-8", "replace")))
+    write_report(function, path, title, body)
 
 
 def _who(run: Recorded) -> str:
@@ -91,9 +83,7 @@ def _who(run: Recorded) -> str:
 def _figures(run: Recorded, draw: Any, what: str, recorded: bool) -> str:
     if not recorded:
         return section("Figure", "<p>No figure: the runs have no common series over time.</p>")
-    if not available():
-        return section("Figure", f"<p>{escape(str(missing('no figure', 'matplotlib', 'plot')))}</p>")
-    return section("Figure", drawn(lambda figure: draw(run, figure), what))
+    return figure_section(lambda figure: draw(run, figure), what)
 
 
 def _measured(run: Recorded) -> Metrics | None:
