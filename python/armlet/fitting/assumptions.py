@@ -66,10 +66,11 @@ def assumptions(model: _core.Arm, samples: Samples, kinds: Sequence[str], speed:
                 yield Assumption(name, j, [_of_joint(values, j)])
     yield from _saturation(samples)
     yield from _changes(model, samples)
-    link, first = _link_torque(model, samples)
-    deflections = _deflections(model, samples)
+    bare = model.with_drives(armature=np.zeros(model.n))
+    link, first = _link_torque(bare, samples)
+    deflections = _deflections(bare, samples)
     for j in range(n):
-        yield Assumption("elasticity", j, [_elasticity(model, samples, j, link, deflections)])
+        yield Assumption("elasticity", j, [_elasticity(bare, samples, j, link, deflections)])
     rate = _rate(model, samples, kinds, explained, first)
     yield Assumption("delay", None, [rate[:, :, None]])
     yield Assumption("clock_drift", None, [((samples.t - samples.t[0])[:, None] * rate)[:, :, None]])
@@ -114,25 +115,22 @@ def _bodies(model: _core.Arm, q: Array, v: Array, a: Array) -> Array:
     return np.asarray(model.inverse_dynamics(q, v, a))
 
 
-def _link_torque(model: _core.Arm, samples: Samples) -> tuple[Array, Array]:
+def _link_torque(bare: _core.Arm, samples: Samples) -> tuple[Array, Array]:
     """The torque of the bodies without rotors, and its derivative in time, (K, n) each."""
-    bare = model.with_drives(armature=np.zeros(model.n))
     before, now, after = (_bodies(bare, *samples.motion_after(step)) for step in (-1, 0, 1))
     return now, (after - before) / (2.0 * samples.period)
 
 
-def _deflections(model: _core.Arm, samples: Samples) -> tuple[Array, Array, Array]:
+def _deflections(bare: _core.Arm, samples: Samples) -> tuple[Array, Array, Array]:
     """The torque of the bodies with its first and second derivatives in time, (K, n) each.
 
     The noise of the positions is in the second derivative and in the residual. A second filter removes most of this common noise.
     """
-    bare = model.with_drives(armature=np.zeros(model.n))
     values = low_pass_rates(_bodies(bare, *samples.motion), samples.period, SMOOTH * samples.cutoff, ORDER)
     return values[0][samples.rows], values[1][samples.rows], values[2][samples.rows]
 
 
-def _elasticity(model: _core.Arm, samples: Samples, j: int, link: Array, deflections: tuple[Array, Array, Array]) -> Array:
-    bare = model.with_drives(armature=np.zeros(model.n))
+def _elasticity(bare: _core.Arm, samples: Samples, j: int, link: Array, deflections: tuple[Array, Array, Array]) -> Array:
     step = STEP / max(np.abs(deflections[0][:, j]).max(), 1e-300)
     moved = [values.copy() for values in (samples.q, samples.v, samples.a)]
     for values, torque in zip(moved, deflections, strict=True):
