@@ -107,13 +107,13 @@ def environments(name: str, plant: al.Plant, tau_max: Any) -> Pair:
     native.step(actions * envs._rows.tau_max)
     require_equal("ArmVectorEnv", states.q, native.q)
 
-    def again(step: Callable[[], Any], of: Stepper) -> None:
+    def twenty_steps(step: Callable[[], Any], of: Stepper) -> None:
         of.reset(np.arange(ENVIRONMENTS), *start)
         for _ in range(20):
             step()
 
     tau = actions * envs._rows.tau_max
-    ours, theirs = partial(again, partial(envs.step, actions), states), partial(again, partial(native.step, tau), native)
+    ours, theirs = partial(twenty_steps, partial(envs.step, actions), states), partial(twenty_steps, partial(native.step, tau), native)
     return f"ArmVectorEnv.step, {name}", 20 * ENVIRONMENTS, "environment", ours, theirs
 
 
