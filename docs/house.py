@@ -95,7 +95,8 @@ def code_in_docstrings(app: object, what: str, name: str, thing: object, options
     # Text in backticks may continue in the next line. It ends at the end of a paragraph or at an example.
     paragraphs = re.split(r"(\n\s*\n|^\s*(?:>>>|\.\.\.).*$)", text, flags=re.MULTILINE)
     for i, paragraph in enumerate(paragraphs[::2]):
-        pieces = re.split(r"(:[\w ]*:`[^`]+`|``[^`]+``|`[^`]+`)", paragraph)
+        # The last pattern is the name of an argument in a list of napoleon, which is markup.
+        pieces = re.split(r"(:[\w ]*:`[^`]+`|``[^`]+``|`[^`]+`|\* \*\*[\w, \\*]+\*\* -- )", paragraph)
         pieces[::2] = [re.sub(r"(?<!\\)([*|])", r"\\\1", piece) for piece in pieces[::2]]
         pieces[::2] = [CITATION.sub(cited(":cite:"), piece) for piece in pieces[::2]]
         pieces[1::2] = [f"`{piece}`" if re.match("`[^`]", piece) else piece for piece in pieces[1::2]]
