@@ -97,6 +97,17 @@ def test_the_active_set_is_quiet_at_rest() -> None:
         assert len(late) <= 2 * 3
 
 
+@pytest.mark.parametrize("sample_time", [None, 0.01])
+def test_a_speed_limit_alone_holds_a_level(sample_time: float | None) -> None:
+    """A joint needs 3 s at its speed limit of 0.5 rad/s, and its target has the gain 2/s: the limit holds until the error is 0.25 rad."""
+    arm = models.PENDULUM
+    law = al.PriorityVelocity(arm, [al.PostureTask([1.75], 2.0)], v_max=0.5, limits=False)
+    run = simulate(al.VelocityArm(arm), law, [0.0], t_end=4.0, dt=0.01, sample_time=sample_time)
+    assert [(hold.name, hold.side, hold.level, hold.start) for hold in run.active] == [("joint 1", "upper", 1, 0.0)]
+    # The error is 0.25 rad at 3 s. A record before or after it has the change.
+    assert run.active[0].end == pytest.approx(3.0, abs=0.0101)
+
+
 def test_batches_pickles_and_replacements() -> None:
     wall = al.Task("link3", "y", gain=5.0, upper=0.9)
     law = al.PriorityVelocity(ARM, [[wall, (al.PostureTask([0.0, 1.0, 0.5], 1.0), 0.3)], al.Task("link3", "x", [0.4], 2.0)], limits=False)

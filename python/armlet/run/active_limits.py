@@ -7,18 +7,17 @@ the bounds of the sample before them.
 from __future__ import annotations
 
 import warnings
+from contextlib import suppress
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .. import _core
+from ..errors import InputError
 from ..pickling import sealed
 
 __all__ = ["LimitHold", "limit_holds"]
-
-#: The arguments of a priority law that are limits.
-LIMITS = ("limits", "v_min", "v_max", "q_min", "q_max", "a_max")
 
 
 @sealed
@@ -59,8 +58,9 @@ def limit_holds(law: Any, period: float | None, t: NDArray[np.float64], q: Any, 
     if not isinstance(law, (_core.PriorityVelocity, _core.PriorityAcceleration)):
         return None
     given = law.__getnewargs_ex__()[1]
-    if period is not None and given.get("method") != "sns" and "horizon" not in given and any(name in given for name in LIMITS):
-        with warnings.catch_warnings():
+    if period is not None and given.get("method") != "sns" and "horizon" not in given:
+        # A law without position limits refuses a horizon.
+        with warnings.catch_warnings(), suppress(InputError):
             warnings.simplefilter("ignore")  # the warning on limits that are ignored was issued when the law was made
             law = law.replace(horizon=period)
     holds, begun = [], dict[tuple[str, str, int], float]()
