@@ -31,6 +31,13 @@ def priority() -> al.Run:
     return run(al.PriorityVelocity(SEVEN, tasks), Q, al.VelocityArm(SEVEN))
 
 
+def limited() -> al.Run:
+    """A target out of reach, with the limits of the file: many bounds hold both levels."""
+    tasks = [al.Task("tcp", "xyz", [2.0, 0.5, 0.3], 5.0), al.PostureTask([0.0] * 7, 1.0)]
+    law = al.PriorityVelocity(SEVEN, tasks, limits=True)
+    return run(law, Q, al.VelocityArm(SEVEN), t_end=1.0, dt=0.01, sample_time=0.01)
+
+
 def impedance(axes: str, **keywords: Any) -> al.Run:
     rows = SEVEN.pose_vector(Q, "tcp")[: 3 if axes == "xyz" else 6]
     return run(al.CartesianImpedance(SEVEN, rows, 400.0, 40.0, frame="tcp", axes=axes, integral_gain=100.0), Q + 0.02, **keywords)
@@ -95,6 +102,7 @@ def log() -> al.Log:
 FIGURES: dict[str, Callable[[Figure], object]] = {
     **{name: draw for name, (_, draw) in DRAWN.items()},
     "levels of priority": lambda fig: priority().plot(fig),
+    "levels with active bounds": lambda fig: limited().plot(fig),
     "a Cartesian law with forces": lambda fig: impedance("xyz").plot(fig),
     "a Cartesian law with forces and torques": lambda fig: impedance("xyz rx ry rz").plot(fig),
     "an adaptive law of a small arm": lambda fig: adaptive(PR).plot(fig),

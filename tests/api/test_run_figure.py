@@ -5,11 +5,13 @@ from __future__ import annotations
 import models
 import pytest
 from matplotlib.axes import Axes
+from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 from test_figures import DRAWN
 
 import armlet as al
 from armlet.cli import main
+from armlet.figures.style import COLOURS
 from armlet.figures.time_path import PathTiming
 
 PR = models.PR
@@ -163,6 +165,55 @@ def test_levels_of_priority_have_one_unit_per_axis() -> None:
         *("residual (m/s)", "residual (rad/s)", "residual (m/s or rad/s)"),
     ]
     assert len({ax.get_lines()[0].get_color() for ax in shown[:3]}) == 3
+
+
+def held(limits: dict[str, object], t_end: float) -> al.Run:
+    """A run of the seven axes to a target that is too far for the limits, with a posture on level 2."""
+    arm, q = models.SEVEN_AXES, [0.3, -0.5, 0.2, -1.5, 0.1, 1.2, 0.4]
+    tasks = [al.Task("tcp", "xyz", [2.0, 0.5, 0.3], 5.0), al.PostureTask([0.0] * 7, 1.0)]
+    law = al.PriorityVelocity(arm, tasks, **limits)  # type: ignore[arg-type]
+    return al.simulate(al.VelocityArm(arm), law, q, t_end=t_end, dt=0.01, sample_time=0.01)
+
+
+def bands(run: al.Run) -> tuple[str, dict[tuple[str, str], list[tuple[float, float]]]] | None:
+    """The title of the panel of active bounds, and its bands: start and end by the name of the bound and by colour."""
+    found = [ax for ax in run.plot(Figure()).flat if ax.get_title(loc="left").startswith("Bounds")]
+    if not found:
+        return None
+    (ax,) = found
+    names = [label.get_text() for label in ax.get_yticklabels()]
+    drawn: dict[tuple[str, str], list[tuple[float, float]]] = {}
+    for collection in ax.collections:
+        for path in collection.get_paths():
+            (start, low), (end, high) = path.vertices.min(axis=0), path.vertices.max(axis=0)
+            colour = to_hex(collection.get_facecolor()[0]).upper()
+            drawn.setdefault((names[round(0.5 * (low + high))], colour), []).append((start, end))
+    return ax.get_title(loc="left"), drawn
+
+
+def test_a_bound_that_holds_a_level_has_a_band() -> None:
+    run = held({"v_max": [2.0, 0.5, 2.0, 2.0, 2.0, 2.0, 2.0]}, 0.4)
+    assert run.active and {hold.level for hold in run.active} == {1, 2}
+    expected: dict[tuple[str, str], list[tuple[float, float]]] = {}
+    for hold in run.active:
+        expected.setdefault((f"{hold.name}, {hold.side}", COLOURS[hold.level - 1]), []).append((hold.start, hold.end))
+    assert bands(run) == ("Bounds that hold a level", expected)
+
+
+def test_bounds_without_a_band(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A run whose limits hold no level has no such panel. If there are many bounds, those that hold for the longest time have bands."""
+    monkeypatch.setattr("armlet.figures.levels.BANDS", 4)
+    assert bands(held({"v_max": 1e3, "limits": False}, 0.1)) is None
+    run = held({"limits": True}, 1.0)
+    assert run.active
+    times: dict[str, float] = {}
+    for hold in run.active:
+        name = f"{hold.name}, {hold.side}"
+        times[name] = times.get(name, 0.0) + hold.end - hold.start
+    assert len(times) > 4
+    made = bands(run)
+    assert made is not None and made[0] == f"Bounds that hold a level, the longest 4 of {len(times)}"
+    assert sorted(times[name] for name in {name for name, _ in made[1]}) == sorted(times.values())[-4:]
 
 
 def test_an_integral_wrench_has_one_unit_per_axis() -> None:

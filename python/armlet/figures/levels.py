@@ -1,4 +1,4 @@
-"""Panels of the levels of priority: errors and residuals of tasks, one panel per unit."""
+"""Panels of the levels of priority: errors and residuals of tasks, one panel per unit, and bounds that hold levels."""
 
 from __future__ import annotations
 
@@ -15,24 +15,29 @@ from .style import COLOURS
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+    from ..run.active_limits import LimitHold
     from ..run.recorded import Recorded
 
 __all__ = ["levels", "rows_by_unit"]
 
 #: The unit of a norm of rows whose units are not known or differ.
 EITHER = "m or rad"
+#: The largest number of bounds in a panel.
+BANDS = 10
 
 
 def levels(run: Recorded) -> list[Panel]:
-    """The panels of errors and of residuals. A panel has the levels of one unit."""
+    """The panels of errors and of residuals, and that of active bounds. A panel of errors has the levels of one unit."""
     units = _units(run)
+    held = [_bands] if _holds(run) else []
     groups = {unit: [i for i, each in enumerate(units) if each == unit] for unit in dict.fromkeys(units)}
     quantities = (("error", "", r"Errors $|e_i|$ of the levels"), ("residual", "/s", r"Residuals $|v_i - J_i u|$ of the levels"))
-    return [
+    panels: list[Panel] = [
         partial(_levels, name=name, chosen=chosen, unit=" or ".join(part + per for part in unit.split(" or ")), title=title)
         for name, per, title in quantities
         for unit, chosen in groups.items()
     ]
+    return [*panels, *held]
 
 
 def rows_by_unit(axes: str, units: tuple[str, str]) -> dict[str, list[int]]:
@@ -75,3 +80,32 @@ def _levels(ax: Axes, run: Recorded, name: str, chosen: list[int], unit: str, ti
     ax.set_ylabel(f"{name} ({unit})")
     ax.set_title(title)
     legend_beside(ax)
+
+
+def _bands(ax: Axes, run: Recorded) -> None:
+    """Draw one row per bound, with a band while the bound holds a level. The rows are the bounds that hold levels for the longest time."""
+    holds = _holds(run)
+    times: dict[tuple[str, str], float] = {}
+    for name, side, _, start, end in holds:
+        times[name, side] = times.get((name, side), 0.0) + end - start
+    longest = sorted(times, key=lambda bound: -times[bound])[:BANDS]
+    rows = [bound for bound in times if bound in longest]
+    numbers = sorted({hold.level for hold in holds if (hold.name, hold.side) in rows})
+    height = 0.8 / len(numbers)
+    for k, level in enumerate(numbers):
+        for row, bound in enumerate(rows):
+            spans = [(hold.start, hold.end - hold.start) for hold in holds if (hold.name, hold.side, hold.level) == (*bound, level)]
+            place = row - 0.4 + k * height, height
+            ax.broken_barh(spans, place, color=COLOURS[(level - 1) % len(COLOURS)], label=f"level {level}" if row == 0 else None)
+    ax.set_yticks(range(len(rows)), [f"{name}, {side}" for name, side in rows])
+    # A band is at most a quarter of the panel high.
+    ax.set_ylim(max(len(rows), 4) - 0.5, -0.5)
+    ax.grid(visible=False, axis="y")
+    held = f"level {numbers[0]}" if len(numbers) == 1 else "a level"
+    ax.set_title(f"Bounds that hold {held}" + (f", the longest {BANDS} of {len(times)}" if len(times) > BANDS else ""))
+    legend_beside(ax)
+
+
+def _holds(run: Recorded) -> list[LimitHold]:
+    """The bounds that hold a level. None are known in a run from a file."""
+    return getattr(run, "active", None) or []
