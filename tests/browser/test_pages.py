@@ -23,7 +23,7 @@ import armlet as al
 from armlet.live.lab import LabPage
 from armlet.live.model import Lab
 from armlet.live.server import open_server
-from armlet.live.systems import AdaptivePR, Elastic, MinimumTime, Observer, Priority, Redundant, Robot, Stiction
+from armlet.live.systems import AdaptivePR, Elastic, Limits, MinimumTime, Observer, Priority, Redundant, Robot, Stiction
 from armlet.live.view import ViewPage
 
 Go = Callable[[str], Visit]
@@ -33,7 +33,7 @@ Draw = Callable[[Any, Callable[[float], None]], str]
 @pytest.fixture
 def lab() -> LabPage:
     robot = Robot(al.example_urdf("seven_axis"), "Robot of seven axes")
-    systems = [AdaptivePR(), Priority(), Elastic(), MinimumTime(), Redundant(), Observer(), Stiction(), robot]
+    systems = [AdaptivePR(), Priority(), Limits(), Elastic(), MinimumTime(), Redundant(), Observer(), Stiction(), robot]
     return LabPage(open_server("lab", "127.0.0.1", 0), Lab(systems))
 
 

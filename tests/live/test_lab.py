@@ -14,7 +14,20 @@ import pytest
 
 import armlet as al
 from armlet.live.model import FRAME, WINDOW, Lab
-from armlet.live.systems import AdaptivePR, Choice, Elastic, MinimumTime, Observer, Priority, Redundant, Robot, Slider, Stiction, System
+from armlet.live.systems import (
+    AdaptivePR,
+    Choice,
+    Elastic,
+    Limits,
+    MinimumTime,
+    Observer,
+    Priority,
+    Redundant,
+    Robot,
+    Slider,
+    Stiction,
+    System,
+)
 from armlet.live.systems.adaptive import parameters, robot
 from armlet.live.systems.mintime import MOMENT, TOTAL
 from armlet.live.systems.robot import middle
@@ -25,7 +38,7 @@ MOVED = np.array([0.1, -0.05, 0.0])  # m
 
 def systems() -> list[System]:
     robot = Robot(al.example_urdf("seven_axis"), "seven_axis")
-    return [AdaptivePR(), Priority(), Elastic(), MinimumTime(), Redundant(), Observer(), Stiction(), robot]
+    return [AdaptivePR(), Priority(), Limits(), Elastic(), MinimumTime(), Redundant(), Observer(), Stiction(), robot]
 
 
 def run(lab: Lab, seconds: float) -> None:
@@ -37,7 +50,7 @@ def tip(lab: Lab) -> np.ndarray:
     return np.asarray(lab.system.arm.position(lab.q, lab.system.frame))
 
 
-@pytest.mark.parametrize("k", range(8))
+@pytest.mark.parametrize("k", range(9))
 def test_every_system_runs(k: int) -> None:
     lab = Lab([systems()[k]])
     run(lab, 1.0)
@@ -76,7 +89,7 @@ def test_a_lab_is_the_loop_itself() -> None:
     assert np.abs(lab.q - same.q[-1]).max() < 1e-12
 
 
-@pytest.mark.parametrize("k", range(8))
+@pytest.mark.parametrize("k", range(9))
 def test_a_change_continues_from_the_state(k: int) -> None:
     """A loop that restarts in every frame, as under a pull, ends in the same state as a loop that never restarts."""
     free, touched = Lab([systems()[k]]), Lab([systems()[k]])
@@ -91,7 +104,7 @@ def test_a_change_continues_from_the_state(k: int) -> None:
     assert np.allclose(touched.panels()[1][1], free.panels()[1][1], atol=1e-4)
 
 
-@pytest.mark.parametrize("k", range(8))
+@pytest.mark.parametrize("k", range(9))
 def test_every_corner_of_the_controls_is_survived(k: int) -> None:
     """Every slider goes to both ends of its range: the loop runs, or its status is that it diverged, or the value is refused.
 
@@ -263,6 +276,34 @@ def test_priority_gives_up_the_second() -> None:
     alone = al.PriorityVelocity(arm, [al.Task("link4", "xy", [1.5, 0.5], 4.0)], "clamp", eps=0.02)
     same = al.simulate(al.VelocityArm(arm), alone, q0, t_end=31 * FRAME, dt=1e-3)
     assert np.abs(lab.q - same.q[-1]).max() < 1e-12
+
+
+@pytest.mark.parametrize("method", ["clamp", "exact", "damped", "sns"])
+def test_limits_of_priority_have_bands(method: str) -> None:
+    """A band is present while the limit of its joint holds a task. It is above the joint's number for the upper limit, else below it."""
+    lab = Lab([Limits()])
+    lab.set("method", method)
+    start, targets = lab.q, lab.targets
+    lab.drag("tip", [0.5, 1.6, 0.0])
+    run(lab, 1.0)
+    law = al.PriorityVelocity(
+        lab.system.arm,
+        [al.Task("link4", "xy", [0.5, 1.6], 4.0), al.Task("link2", "xy", targets["elbow"][:2], 4.0)],
+        method,  # type: ignore[arg-type]
+        v_max=[9.0, 0.5, 9.0, 9.0],
+    )
+    same = al.simulate(al.VelocityArm(lab.system.arm), law, start, t_end=62 * FRAME, dt=1e-3)
+    assert np.abs(lab.q - same.q[-1]).max() < 1e-9 and same.active
+    t, *bands = lab.panels()[2]
+    drawn = np.zeros((4, len(t)))
+    for hold in same.active:
+        during = (t > hold.start - 1e-9) & (t < hold.end - 1e-9)
+        drawn[int(hold.name[-1]) - 1, during] = 0.4 if hold.side == "upper" else -0.4
+    # The last record of a run has the bounds of that time.
+    np.testing.assert_allclose(np.array(bands)[:, :-1] - np.arange(1.0, 5.0)[:, None], drawn[:, :-1], rtol=0.0, atol=1e-12)
+    assert (drawn[1] != 0.0).any()
+    _, *speeds = lab.panels()[1]
+    assert np.abs(speeds[1]).max() <= 0.5 + 1e-12 and np.allclose(speeds[4:], [[0.5], [-0.5]])
 
 
 def test_adaptive_learns_its_payload() -> None:

@@ -27,7 +27,7 @@ from armlet.live.origin import refuses_strangers
 from armlet.live.scene import mesh_of
 from armlet.live.server import address, close_server, open_server, serve
 from armlet.live.shapes import Shape, between
-from armlet.live.systems import AdaptivePR, Choice, Elastic, MinimumTime, Priority, Robot
+from armlet.live.systems import AdaptivePR, Choice, Elastic, Limits, MinimumTime, Priority, Robot
 from armlet.live.view import ViewPage, roll_pitch_yaw
 from armlet.live.words import escaped
 from armlet.rotations import of_matrix
@@ -49,7 +49,7 @@ def until(holds: Callable[[], object]) -> None:
 
 
 def test_every_system_has_its_page(server: Any) -> None:
-    systems = [AdaptivePR(), Priority(), Elastic(), MinimumTime(), Robot(al.example_urdf("two_arms"), "two_arms")]
+    systems = [AdaptivePR(), Priority(), Limits(), Elastic(), MinimumTime(), Robot(al.example_urdf("two_arms"), "two_arms")]
     page = LabPage(server, Lab(systems))
     names: list[str] = []
     for system in systems:

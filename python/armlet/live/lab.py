@@ -18,7 +18,7 @@ from ..figures.style import COLOURS
 from .model import FRAME, WINDOW, Lab
 from .scene import ArmScene
 from .server import Server, open_server, serve
-from .systems import AdaptivePR, Choice, Control, Elastic, MinimumTime, Observer, Plot, Priority, Redundant, Robot, Stiction
+from .systems import AdaptivePR, Choice, Control, Elastic, Limits, MinimumTime, Observer, Plot, Priority, Redundant, Robot, Stiction
 from .urdf import missing_line
 from .words import Words
 
@@ -41,7 +41,7 @@ def lab(urdf: Path | None, frame: str | None, host: str, port: int, packages: Se
         robot = Robot(al.example_urdf("seven_axis"), "Robot of seven axes", frame)
     else:
         robot = Robot(urdf, urdf.stem, frame, packages)
-    systems = [AdaptivePR(), Priority(), Elastic(), MinimumTime(), Redundant(), Observer(), Stiction(), robot]
+    systems = [AdaptivePR(), Priority(), Limits(), Elastic(), MinimumTime(), Redundant(), Observer(), Stiction(), robot]
     # The user's robot is the first system.
     model = Lab(systems if urdf is None else [robot, *systems[:-1]])
     page = LabPage(open_server("lab", host, port), model)
@@ -151,6 +151,8 @@ class LabPage:
             line: dict[str, Any] = {"label": name, "stroke": COLOURS[(k if k < first else k - first) % len(COLOURS)], "width": 1.5}
             if k >= first:
                 line["dash"] = (6, 4)
+            if plot.bands:
+                line |= {"fill": line["stroke"], "fillTo": k + 1}
             series.append(line)
         handle.title, handle.series, handle.data = plot.title, tuple(series), tuple(np.zeros(1) for _ in series)
 

@@ -6,7 +6,7 @@ from .adaptive import AdaptivePR
 from .elastic import Elastic
 from .mintime import MinimumTime
 from .observer import Observer
-from .priority import Priority
+from .priority import Limits, Priority
 from .redundant import Redundant
 from .robot import Robot
 from .stiction import Stiction
@@ -18,6 +18,7 @@ __all__ = [
     "Control",
     "Elastic",
     "Force",
+    "Limits",
     "MinimumTime",
     "Observer",
     "Plot",

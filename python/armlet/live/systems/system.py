@@ -73,12 +73,14 @@ Control: TypeAlias = Slider | Choice
 class Plot:
     """Curves over time in one panel.
 
-    The title ends with the unit of the curves. The last `dashed` curves are true or desired values, or limits.
+    The title ends with the unit of the curves. The last `dashed` curves are true or desired values, or limits. With `bands`, the space
+    between the numbers 1, 2, .. and the curves is filled.
     """
 
     title: str
     curves: tuple[str, ...]
     dashed: int = 0
+    bands: bool = False
 
 
 @dataclass(frozen=True)
