@@ -23,7 +23,7 @@ unexport PYTHONPATH PYTHONHOME
 SOURCES := $(shell find rust python tests examples docs requirements -type f -not -name '*.so' -not -path '*/__pycache__/*' 2>/dev/null) \
 	$(wildcard Cargo.toml Cargo.lock pyproject.toml Makefile README.md LICENSE)
 
-.PHONY: help demo test quick test-aarch64 test-latency test-peers test-sweep-kill test-stacks test-paths test-worst test-browser test-mutants test-scipy fuzz check bench docs audit wheels lock clean tools
+.PHONY: help demo test quick test-aarch64 test-latency test-peers test-sweep-kill test-stacks test-limits test-paths test-worst test-browser test-mutants test-scipy fuzz check bench docs audit wheels lock clean tools
 
 help: ## this list
 	@awk -F ':.*## ' '/^[a-z0-9-]+:.*## / { printf "make %-15s %s\n", $$1, $$2 }' Makefile
@@ -63,6 +63,12 @@ test-stacks: $(BUILD)/installed $(BUILD)/requirements ## the disturbance laws an
 	@mkdir -p $(BUILD)/elsewhere
 	cd $(BUILD)/elsewhere && ARMLET_RANDOM_STACKS=$(STACKS) $(PY) -m pytest -c $(ROOT)/pyproject.toml --rootdir $(ROOT) \
 		$(ROOT)/tests/identities/test_priority_stacks.py $(ROOT)/tests/identities/test_inequality_stacks.py $(PYTEST)
+
+MOTIONS ?= 10000
+test-limits: $(BUILD)/installed $(BUILD)/requirements ## limits of joints and torques along 10,000 random motions of an arm (MOTIONS=): an hour
+	@mkdir -p $(BUILD)/elsewhere
+	cd $(BUILD)/elsewhere && ARMLET_LIMIT_MOTIONS=$(MOTIONS) $(PY) -m pytest -c $(ROOT)/pyproject.toml --rootdir $(ROOT) \
+		$(ROOT)/tests/identities/test_acceleration_limits.py $(PYTEST)
 
 CASES ?= 10000000
 test-paths: $(BUILD)/installed $(BUILD)/requirements ## the planners on 10,000,000 random problems (CASES=), an independent checker decides: hours

@@ -61,7 +61,8 @@ def active(details: Details, v: Array, residuals: Sequence[Array]) -> list[list[
         if details is None or details["violations"] is None:
             return [[] for _ in residuals]
         sides, multipliers = (_levels(details[name], residuals) for name in ("sides", "multipliers"))
-        return [_rows(side[row], multiplier[row], "row") for side, multiplier in zip(sides, multipliers, strict=True)]
+        rows = [_rows(side[row], multiplier[row], "row") for side, multiplier in zip(sides, multipliers, strict=True)]
+        return rows[details.get("limit_levels", 0) :]
 
     return of(()) if v.ndim == 1 else of
 
@@ -70,7 +71,16 @@ def limits(details: Details, v: Array, residuals: Sequence[Array]) -> list[Activ
     """The joint velocities at a bound; of a batch, a function of the index of a row."""
 
     def of(row: Any) -> list[Active]:
-        if details is None or details["violations"] is None or details["limits"] is None:
+        if details is None or details["violations"] is None:
+            return []
+        count = details.get("limit_levels", 0)
+        if count:
+            sides, multipliers = (_levels(details[name], residuals)[:count] for name in ("sides", "multipliers"))
+            kinds = ("torque of joint", "joint")
+            return [
+                each for side, multiplier, kind in zip(sides, multipliers, kinds, strict=False) for each in _rows(side, multiplier, kind)
+            ]
+        if details["limits"] is None:
             return []
         return _rows(details["sides"][row][: v.shape[-1]], details["multipliers"][row][: v.shape[-1]], "joint")
 
@@ -95,32 +105,36 @@ def why(details: Details, v: Array, k: int) -> str:
     """One sentence: by how much level `k` is missed, and the rows of higher levels that stop it."""
     if details is None or details["levels"] is None:
         raise InputError("PrioritySolution.why: k has no use in a batch: expected the solution of a single stack")
-    levels = details["levels"]
-    if not 1 <= k <= len(levels):
-        raise InputError(f"PrioritySolution.why: k is not a level: expected 1 to {len(levels)}, got {k}")
+    levels, above = details["levels"], details.get("limit_levels", 0)
+    least, most = (0 if above > 1 else 1), len(levels) - above
+    if not least <= k <= most:
+        raise InputError(f"PrioritySolution.why: k is not a level: expected {least} to {most}, got {k}")
     n = v.size
     first = (np.zeros((0, n)), np.zeros(0), np.zeros(0)) if details["limits"] is None else (np.eye(n), *details["limits"])
     scales: Any = details.get("scales")
-    scaled = scales is not None and bool(scales[k - 1] < 1.0)
-    missed, reasons = _core._priority_reasons([first, *levels], v, k, scaled)
+    number = k + above
+    scaled = scales is not None and k > 0 and bool(scales[number - 1] < 1.0)
+    missed, reasons = _core._priority_reasons([first, *levels], v, number, scaled)
     if scaled:
-        return f"level {k} is scaled by {scales[k - 1]:.3g}: {_reasons(reasons, 'the direction of the command takes')}"
+        return f"level {k} is scaled by {scales[number - 1]:.3g}: {_reasons(reasons, above, 'the direction of the command takes')}"
     if not missed.any():
         return f"level {k} is reached"
     rows = [f"row {i + 1} by {abs(missed[i]):.3g}" for i in np.flatnonzero(missed)]
-    jacobian = levels[k - 1][0]
+    jacobian = levels[number - 1][0]
     if np.linalg.norm(missed @ jacobian) <= FLAT * np.linalg.norm(jacobian) * np.linalg.norm(missed):
         return f"level {k} misses {_listed(rows)}: no joint velocity reduces this, because its rows conflict or its Jacobian is singular"
-    return f"level {k} misses {_listed(rows)}: {_reasons(reasons, 'damping near a singularity takes')}"
+    return f"level {k} misses {_listed(rows)}: {_reasons(reasons, above, 'damping near a singularity takes')}"
 
 
-def _reasons(reasons: Sequence[tuple[int, int, int, float]], others: str) -> str:
-    """The shares of single bounds, then those of the tasks of each level, then the rest."""
+def _reasons(reasons: Sequence[tuple[int, int, int, float]], above: int, others: str) -> str:
+    """The shares of single bounds, then those of the tasks of each level, then the rest. The first `above` levels are limits."""
     parts, tasks, total = [], dict[int, float](), 0.0
-    for level, row, side, share in reasons:
+    for number, row, side, share in reasons:
         total += share
+        level = max(number - above, 0)
         if side and abs(share) >= 0.005:
-            name = f"joint {row + 1}" if level == 0 else f"row {row + 1}"
+            kind = "row" if level else "torque of joint" if above and number == 1 else "joint"
+            name = f"{kind} {row + 1}"
             parts.append(f"{name} at its {'upper' if side > 0 else 'lower'} bound (level {level}) takes {100 * share:.0f} %")
         elif not side:
             tasks[level] = tasks.get(level, 0.0) + share

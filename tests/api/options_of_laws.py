@@ -172,6 +172,9 @@ CASES = {
         lambda **o: FILTERED.terms(0.0, Q2, V2, **{"theta": Q2, "theta_dot": V2} | o),
         {"theta": [0.31, 0.92], "theta_dot": [0.5, 0.3], "state": [3.0, 4.0]},
     ),
+    "Law.terms sampled": Case(
+        lambda **o: al.PriorityAcceleration(THREE, tasks(), v_max=1.0).terms(0.0, Q3, V3, **o), {"sample_time": 0.05}
+    ),
     "Adaptive": Case(
         adaptive,
         {
@@ -230,8 +233,11 @@ CASES = {
         for method in ("clamp", "exact", "damped", "chiaverini", "sns")
     },
     **{
-        f"{kind.__name__} limits": Case(partial(limited, kind, plant), {"limits": True, "q_max": 0.65})
-        for kind, plant in ((al.PriorityVelocity, al.VelocityArm), (al.PriorityAcceleration, al.RigidArm))
+        f"{kind.__name__} limits": Case(partial(limited, kind, plant), {"limits": True, "q_max": 0.65} | more)
+        for kind, plant, more in (
+            (al.PriorityVelocity, al.VelocityArm, {}),
+            (al.PriorityAcceleration, al.RigidArm, {"tau_max": [2.5, 1.5, 0.5]}),
+        )
     },
     **{
         f"Guarded {reaction} {elastic}": Case(

@@ -92,6 +92,52 @@ def test_limits_with_exact(name: str, n: int) -> None:
     assert active >= 3
 
 
+@pytest.mark.parametrize("n", [1, 2, 3])
+def test_accelerations_of_one_sample(n: int) -> None:
+    """Bounds after which a joint can still stop agree with a bisection, also for a joint beyond its limits."""
+    arm, theirs = driven_tree(n, 3)
+    rng = np.random.default_rng(n)
+    given = [
+        {"q_max": 0.3, "a_max": 2.0},
+        {"q_min": -0.3, "q_max": 0.35, "v_max": 0.4},
+        {"a_max": rng.uniform(0.5, 4.0, n), "q_min": -0.2, "q_max": 0.3, "v_min": -0.2},
+    ]
+    active = 0
+    for limits in given:
+        for h in (0.01, 0.2):
+            law = al.PriorityAcceleration(arm, levels(al, arm, n, "PriorityAcceleration")[:1], "exact", **limits)
+            other = ref.PriorityAcceleration(theirs, levels(ref, arm, n, "PriorityAcceleration")[:1], "exact", sample_time=h, **limits)
+            for q, v in rng.uniform(-0.4, 0.4, (5, 2, n)):
+                want, terms = other._limited(q, v), law.terms(0.2, q, v, sample_time=h)
+                # The bisection ends at neighbouring numbers, which are divided by h.
+                close(terms["lower"], want["v_min"], tolerance=1e-11)
+                close(terms["upper"], want["v_max"], tolerance=1e-11)
+                close(terms["tau"], other.terms(0.2, q, v)["tau"], tolerance=1e-8)
+                active += len(terms["limits"])
+    assert active >= 5
+
+
+@pytest.mark.parametrize("n", [1, 2])
+def test_torque_limits(n: int) -> None:
+    """Torques within limits, and bounds that contradict them, agree with an enumeration of active sets."""
+    arm, theirs = driven_tree(n, 3)
+    kind, statuses = "PriorityAcceleration", set()
+    for tau_max in (0.3, 2.0):
+        for limits in ({}, {"q_max": 0.1, "a_max": 3.0}, {"v_max": 0.2}):
+            law = al.PriorityAcceleration(arm, levels(al, arm, n, kind)[:2], "exact", tau_max=tau_max, **limits)
+            other = ref.PriorityAcceleration(theirs, levels(ref, arm, n, kind)[:2], "exact", tau_max=tau_max, **limits)
+            for q, v in np.random.default_rng(n).uniform(-0.5, 0.5, (3, 2, n)):
+                want, terms = other.terms(0.2, q, v), law.terms(0.2, q, v)
+                close(law(0.2, q, v), want["tau"], tolerance=1e-8)
+                assert np.abs(terms["tau"]).max() <= tau_max * (1 + 1e-9)
+                if limits:
+                    bounds = other._limited(q, v)
+                    missed = want["u"] - np.clip(want["u"], bounds["v_min"], bounds["v_max"])
+                    close(terms["limit_violations"], missed, tolerance=1e-8)
+                statuses.add(terms["status"])
+    assert al.Status.INFEASIBLE in statuses and len(statuses) > 1
+
+
 @pytest.mark.parametrize("n", [2, 4])
 def test_limits_of_the_arm(n: int) -> None:
     """Bounds from the limits of the arm agree, for velocities and for accelerations."""

@@ -49,9 +49,11 @@ class Law:
         theta: ArrayLike | None = None,
         theta_dot: ArrayLike | None = None,
         state: ArrayLike | None = None,
+        sample_time: float | None = None,
     ) -> dict[str, Any]:
         """Return a dict of the quantities that the law computes at one instant, such as its error. It has the same arguments as a call of the
-        law. For a law with a state, `state` is this state, `(p,)`, and `state_rate` its rate, 1/s times its units.
+        law. For a law with a state, `state` is this state, `(p,)`, and `state_rate` its rate, 1/s times its units. `sample_time`, s, is that of
+        the loop; None for a continuous loop. Limits of `PriorityVelocity` and `PriorityAcceleration` depend on it.
         """  # values are arrays; for laws of prioritised tasks, also lists with one entry per level of priority
     def replace(self, **changes: Any) -> Self:
         """Make a law with other values of some arguments, such as `law.replace(kp=80.0)`. The other arguments do not change.

@@ -303,6 +303,10 @@ class PriorityAcceleration(Law):
     `a` solves `J_i a = x_d_ddot,i + D_i (x_d_dot,i - J_i v) + K_i e_i - dJ_i/dt v` for each task `i`, in the order of priority. In
     directions that no task uses, `a = -c v`. The torque is `tau = M a + C v + g`.
 
+    With `tau_max` and other limits, a bound of the accelerations can require a torque beyond its limit. Then the torque limit holds, the
+    other limits are missed as little as possible, and the term `status` is `Status.INFEASIBLE`. The term `limit_violations`, `(n,)`, and the
+    monitor `violation_0`, its norm, are the accelerations by which the bounds are missed.
+
     Args:
         arm, eps: as for `PriorityVelocity`.
         tasks: as for `PriorityVelocity`, each with a target or bounds, a gain `K_i` in 1/s^2 and a damping `D_i` in 1/s, the highest
@@ -310,16 +314,18 @@ class PriorityAcceleration(Law):
         method: "clamp" (default), "exact", "damped", "chiaverini" or "sns", as for `solve_priority`.
         joint_damping: `c`, 1/s, >= 0; 5 if None (keyword only).
         a_max: bound of the joint accelerations, a number or `(n,)`, rad/s^2 or m/s^2; None: without bound (keyword only).
-        v_min, v_max, q_min, q_max, limits: as for `PriorityVelocity` (keyword only). At every evaluation the acceleration is at most
-            `(v_u - v) / horizon` with `v_u = min(v_max, (q_max - q) / (4 horizon), sqrt(a_max (q_max - q)))`. The lower bound has the same
-            form.
-        horizon: the time `horizon` in these limits, s, with the default of `PriorityVelocity` (keyword only).
+        v_min, v_max, q_min, q_max, limits: as for `PriorityVelocity` (keyword only). In a sampled loop, the bounds are the largest and the
+            smallest acceleration of one sample after which the joint can still stop within its limits with `a_max`. A joint outside of its
+            limits returns as fast as they allow.
+        horizon: None for these bounds, except with "sns", whose horizon is 0.1 (keyword only). A time in s, and every continuous loop, have
+            the bound `(v_u - v) / horizon` with `v_u = min(v_max, (q_max - q) / (4 horizon), sqrt(a_max (q_max - q)))`.
+        tau_max: torque limits, a number or `(n,)`, N m or N, which hold above all other limits; None: without limits (keyword only).
 
     Raises:
         InputError: a shape is wrong, a number is out of its range, a task has no target, or a name or the method is unknown. It is also
             raised for "sns" without velocity bounds, for limits with "chiaverini", and for `limits=True` if the arm has no limits.
 
-    Source: [siciliano1991priority, nakanishi2008operational]; bounds: [flacco2015saturation].
+    Source: [siciliano1991priority, nakanishi2008operational]; bounds: [delprete2018joint, flacco2015saturation].
 
     >>> import armlet as al
     >>> arm = al.planar_arm([0.5, 0.4, 0.3])
@@ -343,6 +349,7 @@ class PriorityAcceleration(Law):
         q_max: ArrayLike | None = None,
         horizon: float | None = None,
         limits: bool | None = None,
+        tau_max: ArrayLike | None = None,
     ) -> Self: ...
 
 @final

@@ -5,6 +5,7 @@
     last      the smallest |x|
     at distance d from a limit     the largest u with  u dt <= d  and  u^2 <= 2 a d  (u > 0),  by bisection
     the same with u held for dt    the largest u with  u dt + u^2 / (2 a) <= d  (u > 0)
+    acceleration held for dt       the largest u at its end with  (v + u) dt/2 + sum of the next samples <= d,  by bisection
 
 J_i and v_i are the Jacobian and the task velocity of the level. x are the velocities, v_min <= x <= v_max. s is the scale of the level.
 Every minimum is found by enumeration of the joints at their bounds (`inequality`), which is slow from about six joints on. dt is the
@@ -79,6 +80,41 @@ def joint_bounds(
     if lower <= upper:
         return lower, upper
     return (upper, upper) if q < q_min else (lower, lower)
+
+
+def _after_sample(d: float, v: float, dt: float, a: float) -> float:
+    """The largest velocity towards a limit after a sample, from which samples of deceleration stop the joint at the limit.
+
+    The distance of each sample is added. A velocity away from the limit ends in one sample.
+    """
+    if np.isinf(d):
+        return np.inf
+
+    def distance(w: float) -> float:
+        total = (v + w) * dt / 2
+        if w <= 0.0:
+            return total + w * dt / 2
+        while w > 0.0:
+            after = max(w - a * dt, 0.0)
+            total, w = total + (w + after) * dt / 2, after
+        return total
+
+    high = abs(d) / dt + abs(v) + 1.0
+    low = -high
+    while low < (middle := 0.5 * (low + high)) < high:
+        low, high = (middle, high) if distance(middle) <= d else (low, middle)
+    return low
+
+
+def joint_bounds_of_sample(
+    q: float, v: float, q_min: float, q_max: float, v_min: float, v_max: float, dt: float, a_max: float
+) -> tuple[float, float]:
+    """The bounds of one joint's acceleration for a sample, after which it can still stop within its limits."""
+    lower = min(max(-_after_sample(q - q_min, -v, dt, a_max), v_min), v_max)
+    upper = min(max(_after_sample(q_max - q, v, dt, a_max), v_min), v_max)
+    if lower > upper:
+        lower = upper = upper if q < q_min else lower
+    return float(np.clip((lower - v) / dt, -a_max, a_max)), float(np.clip((upper - v) / dt, -a_max, a_max))
 
 
 def velocity_bounds(

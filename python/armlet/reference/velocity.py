@@ -5,6 +5,8 @@ torque:       a by `priority` from  J_i a = w_i_dot + D_i (w_i - J_i v) + K_i e_
               tau = M a + C v + g   (computed torque)
 limits: low <= u <= high   so that a joint that moves for the time h can then stop before its limit with the deceleration a_max
               (low - v)/h <= a <= (high - v)/h   within +-a_max; low and high for the time 4 h and the deceleration a_max / 2
+sampled: a within the results of `saturation.joint_bounds_of_sample`.
+torque limits: -tau_max <= M a + C v + g <= tau_max in a level above the limits of a
 
 Task i has the Jacobian J_i, the error e_i, the target velocity w_i, the gain K_i and the damping D_i. c is `joint_damping`, h `horizon`,
 and low and high are the results of `saturation.joint_bounds`. With limits, "exact" enumerates active sets.
@@ -23,7 +25,7 @@ from .lagrange import Array
 from .law import Law, Terms
 from .motion import Sample
 from .priority import solve_priority
-from .saturation import joint_bounds
+from .saturation import joint_bounds, joint_bounds_of_sample
 from .tasks import Task
 
 
@@ -170,27 +172,43 @@ class PriorityVelocity(Law):
         count = len(self.tasks)
         rows = self._rows(jacobians[:count], commands[:count])
         rows += [(J, c, c) for J, c in zip(jacobians[count:], commands[count:], strict=True)]
-        if self.method == "exact" and (limits or any(not np.array_equal(low, high) for _, low, high in rows)):
+        if self.method == "exact" and (limits or self._torque_rows(q, v) or any(not np.array_equal(low, high) for _, low, high in rows)):
             first = [(np.eye(self.arm.n), limits["v_min"], limits["v_max"])] if limits else []
-            u = solve_inequalities([*first, *rows]).x
+            u = solve_inequalities([*self._torque_rows(q, v), *first, *rows]).x
         else:
             u = solve_priority([J for J, _, _ in rows], [low for _, low, _ in rows], self.method, self.eps, rounding, **limits).v
         return terms | {"tau": self._input(q, v, u), "state_rate": np.zeros(0), "u": u}
+
+    def _torque_rows(self, q: Array, v: Array) -> list[tuple[Array, Array, Array]]:
+        """The level of torque limits; none for velocities."""
+        return []
 
     def _input(self, q: Array, v: Array, u: Array) -> Array:
         return u
 
 
 class PriorityAcceleration(PriorityVelocity):
-    """The law for accelerations of tasks, with computed torque."""
+    """The law for accelerations of tasks, with computed torque. `sample_time` is that of the loop, s, and `tau_max` requires "exact"."""
 
-    def __init__(self, *arguments: Any, joint_damping: float = 5.0, **keywords: Any) -> None:
+    def __init__(
+        self,
+        *arguments: Any,
+        joint_damping: float = 5.0,
+        tau_max: ArrayLike | None = None,
+        sample_time: float | None = None,
+        **keywords: Any,
+    ) -> None:
         super().__init__(*arguments, **keywords)
+        self.tau_max, self.sample_time = tau_max, sample_time
         self.joint_damping = joint_damping
         if self.eps is not None and np.size(self.eps) == len(self.groups) > 1:
             self.eps = [*np.ravel(self.eps), 0.02]  # the last eps is for the level below all tasks
 
     def _limited(self, q: Array, v: Array) -> dict[str, Array]:
+        if self.sample_time is not None:
+            columns = zip(q, v, *self.limits[:4], self.limits[4], strict=True)
+            pairs = np.array([joint_bounds_of_sample(*given, self.sample_time, a) for *given, a in columns])
+            return {"v_min": pairs[:, 0], "v_max": pairs[:, 1]}
         slow, fast = self.bounds(q, 4.0 * self.horizon, 0.5, False)
         a_max = self.limits[4]
         lower, upper = (np.clip((to - v) / self.horizon, -a_max, a_max) for to in (slow, fast))
@@ -211,3 +229,13 @@ class PriorityAcceleration(PriorityVelocity):
 
     def _input(self, q: Array, v: Array, u: Array) -> Array:
         return self.arm.inverse_dynamics(q, v, u)
+
+    def _torque_rows(self, q: Array, v: Array) -> list[tuple[Array, Array, Array]]:
+        if self.tau_max is None:
+            return []
+        n = self.arm.n
+        bias, rest, none = self.arm.inverse_dynamics(q, v, np.zeros(n)), np.zeros(n), np.zeros(n)
+        weight = self.arm.inverse_dynamics(q, rest, none)
+        M = np.array([self.arm.inverse_dynamics(q, rest, unit) - weight for unit in np.eye(n)]).T
+        limit = np.broadcast_to(np.asarray(self.tau_max, dtype=np.float64), (n,))
+        return [(M, -limit - bias, limit - bias)]

@@ -6,15 +6,12 @@ the bounds of the sample before them.
 
 from __future__ import annotations
 
-import warnings
-from contextlib import suppress
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .. import _core
-from ..errors import InputError
 from ..pickling import sealed
 
 __all__ = ["LimitHold", "limit_holds"]
@@ -25,9 +22,9 @@ class LimitHold(NamedTuple):
     """A bound that holds a level of a priority law during a part of a run.
 
     Attributes:
-        name: the row, "joint 1" for a limit of the arm or "row 1 of level 2" for a task with bounds.
+        name: the row, such as "joint 1", "torque of joint 1", or "row 1 of level 2" of a task with bounds.
         side: "lower" or "upper".
-        level: the level that it holds, from 1.
+        level: the level that it holds, from 1; 0 if a torque limit contradicts another limit.
         start: time of the first record at which the bound holds the level, s.
         end: time of the first record after it, or of the last record, s.
 
@@ -57,18 +54,13 @@ def limit_holds(law: Any, period: float | None, t: NDArray[np.float64], q: Any, 
     """
     if not isinstance(law, (_core.PriorityVelocity, _core.PriorityAcceleration)):
         return None
-    given = law.__getnewargs_ex__()[1]
-    if period is not None and given.get("method") != "sns" and "horizon" not in given:
-        # A law without position limits refuses a horizon.
-        with warnings.catch_warnings(), suppress(InputError):
-            warnings.simplefilter("ignore")  # the warning on limits that are ignored was issued when the law was made
-            law = law.replace(horizon=period)
     holds, begun = [], dict[tuple[str, str, int], float]()
     present: list[tuple[str, str, int]] = []
     for time, at, speed in zip(t, q, v, strict=True):
         # Rounding of a time is much smaller than this fraction of a period.
         if period is None or abs(time / period - round(time / period)) < 1e-6:
-            present = [(name, side, level) for name, side, level, _ in law.terms(time, at, speed).get("holds", [])]
+            terms = law.terms(time, at, speed, sample_time=period)
+            present = [(name, side, level) for name, side, level, _ in terms.get("holds", [])]
         for key in [key for key in begun if key not in present]:
             holds.append(LimitHold(*key, begun.pop(key), float(time)))
         for key in present:

@@ -225,7 +225,7 @@ _BOUNDS: dict[str, Field] = {
     "horizon": POSITIVE,
     "limits": Flag(),
 }
-_REST: dict[str, Field] = {"joint_damping": NOT_NEGATIVE}
+_REST: dict[str, Field] = {"joint_damping": NOT_NEGATIVE, "tau_max": Numbers(depth=1, low=0.0, strict=True, finite=False)}
 _ADAPTATION: dict[str, Field] = {
     "estimate": VECTOR,
     "friction": FlagOrNames(("viscous", "coulomb", "stribeck")),

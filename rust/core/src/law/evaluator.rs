@@ -9,7 +9,7 @@ use super::terms::Term;
 use crate::motion::{Motion, sample_all};
 use crate::scalar::Real;
 use crate::trace::by_engine::{Evaluator, SharedFunction};
-use crate::trace::expression::{clamp, stacked};
+use crate::trace::expression::{clamp, stacked, zeros};
 use crate::trace::function::{self, Evaluation, Recorded};
 use crate::trace::sym::{self, Sym};
 use crate::trace::{Jacobian, V};
@@ -48,7 +48,8 @@ pub struct LawEvaluator {
     input: Option<Evaluator>,
     /// The law's state at the start of a run, if it depends on the plant's state.
     restart: Option<Evaluation>,
-    terms: Option<RecordedTerms>,
+    /// The terms in a loop with this sample period.
+    terms: Option<(Option<f64>, RecordedTerms)>,
     slope: Option<Jacobian>,
     motions: Vec<Motion>,
     /// The desired motion, the plant's state and the law's state, one after another.
@@ -115,13 +116,21 @@ impl LawEvaluator {
     /// Compute the named terms of the law. The arguments are those of [`LawEvaluator::input`]. For a law with a state, the last two terms
     /// are this state and its rate.
     pub fn terms(&mut self, t: f64, parts: &[&[f64]], z: Option<&[f64]>) -> Vec<Term> {
+        self.sampled_terms(None, t, parts, z)
+    }
+
+    /// The named terms of the law in a loop with the sample period `period`, s; `None` for a continuous loop. The other arguments are those
+    /// of [`LawEvaluator::input`].
+    pub fn sampled_terms(&mut self, period: Option<f64>, t: f64, parts: &[&[f64]], z: Option<&[f64]>) -> Vec<Term> {
         self.read(t, parts, z);
         if let LawSpec::External(law) = &self.spec {
             let mut tau = vec![0.0; self.spec.model().n()];
             law.evaluate(t, &self.inputs, &mut tau);
             return vec![("tau", vec![tau.len()], tau)];
         }
-        let RecordedTerms { names, values } = self.terms.get_or_insert_with(|| RecordedTerms::of(&self.spec, self.widths));
+        let known = self.terms.take_if(|(own, _)| *own == period);
+        let (_, RecordedTerms { names, values }) =
+            self.terms.insert(known.unwrap_or_else(|| (period, RecordedTerms::of(&self.spec, self.widths, period))));
         let sizes = names.iter().map(|(_, shape)| shape.iter().product::<usize>());
         let mut left = call(values, &self.inputs, sizes.clone().sum());
         let mut all: Vec<Term> = Vec::with_capacity(names.len() + 2);
@@ -223,7 +232,7 @@ fn restart_of(spec: &LawSpec, [_, states, p]: [usize; 3]) -> Recorded {
 }
 
 impl RecordedTerms {
-    fn of(spec: &LawSpec, widths: [usize; 3]) -> Self {
+    fn of(spec: &LawSpec, widths: [usize; 3], period: Option<f64>) -> Self {
         let mut names = Vec::new();
         let values = |law: &RecordedLaw, inputs: &[Sym]| {
             sym::collect_terms();
@@ -236,7 +245,7 @@ impl RecordedTerms {
             names = terms.iter().map(|(name, shape, _)| (*name, shape.clone())).collect();
             terms.into_iter().flat_map(|(.., values)| values).collect()
         };
-        let values = recorded_law(widths.iter().sum(), || RecordedLaw::continuous(spec), values).interpreted(false);
+        let values = recorded_law(widths.iter().sum(), || RecordedLaw::new(spec, period, zeros(0)), values).interpreted(false);
         RecordedTerms { names, values }
     }
 }

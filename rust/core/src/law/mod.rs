@@ -252,6 +252,11 @@ impl LawSpec {
         }
     }
 
+    /// The number of rows of each level of limits above the tasks of a law of accelerations with torque limits; otherwise empty.
+    pub fn limit_rows(&self) -> Vec<usize> {
+        if let LawSpec::PriorityAcceleration(law) = self { law.limit_rows() } else { Vec::new() }
+    }
+
     /// The number of rows of each priority level; empty for a law without levels.
     pub fn level_rows(&self) -> Vec<usize> {
         level::level_rows(self.levels())

@@ -38,7 +38,7 @@ pub fn velocity_bounds(
                 Error::input("limits", format!("is not ordered: expected q_min <= q_max, v_max >= 0, a_max >= 0, got {got}")).at([i])
             );
         }
-        (lower[i], upper[i]) = joint_velocity_bounds(q[i], (q_min[i], q_max[i]), (-v_max[i], v_max[i]), |distance| {
+        (lower[i], upper[i]) = joint_velocity_bounds(q[i], (q_min[i], q_max[i]), (-v_max[i], v_max[i]), |distance, _| {
             let speed = if distance > 0.0 { (2.0 * a_max[i] * distance).sqrt() } else { f64::INFINITY };
             (distance / dt).min(speed)
         });
@@ -47,11 +47,12 @@ pub fn velocity_bounds(
 }
 
 /// Return the velocity bounds of one joint, rad/s or m/s, within `(v_min, v_max)`. `q`, `q_min` and `q_max`: rad or m. `allowed_speed` is the
-/// largest velocity towards a limit at a distance from it. Beyond the limit, where the distance is negative, the bound points back.
-pub fn joint_velocity_bounds<S: Real>(q: S, (q_min, q_max): (S, S), (v_min, v_max): (S, S), allowed_speed: impl Fn(S) -> S) -> (S, S) {
-    let zero = S::zero();
+/// largest velocity towards a limit at a distance from it. Its second argument is 1 for the upper limit and -1 for the lower one. Beyond the
+/// limit, where the distance is negative, the bound points back.
+pub fn joint_velocity_bounds<S: Real>(q: S, (q_min, q_max): (S, S), (v_min, v_max): (S, S), allowed_speed: impl Fn(S, S) -> S) -> (S, S) {
+    let (zero, one) = (S::zero(), S::splat(1.0));
     let down = q - q_min;
-    let (lower, upper) = ((-allowed_speed(down)).max(v_min).min(v_max), allowed_speed(q_max - q).max(v_min).min(v_max));
+    let (lower, upper) = ((-allowed_speed(down, -one)).max(v_min).min(v_max), allowed_speed(q_max - q, one).max(v_min).min(v_max));
     // Beyond one limit, the return speed is at most the speed from which the joint can stop before the other limit.
     let return_speed = S::select(down.lt(zero), upper, lower);
     let crossed = upper.lt(lower);

@@ -54,7 +54,7 @@ impl StackFormula {
         let regular: Regular<Sym> = solver.regular();
         let flags = [solver.eps().is_some(), solver.settings.metric.is_some(), solver.bounds().is_some()].map(usize::from);
         let intervals: Vec<usize> = solver.given.intervals.iter().map(|interval| usize::from(*interval)).collect();
-        let sizes = [&[n, solver.method() as usize], &flags[..], &[rows.len()], &rows, &intervals].concat();
+        let sizes = [&[n, solver.method() as usize], &flags[..], &[solver.settings.limit_levels, rows.len()], &rows, &intervals].concat();
         let kind = kind("priority", sizes, |sizes| Box::new(NativeStack::new(sizes)));
         let results = vec![Sym::zero(); n + rows.iter().sum::<usize>() + rows.len() + 1];
         let upper = vec![Sym::zero(); solver.given.upper.len()];
@@ -123,9 +123,10 @@ struct NativeStack {
 
 impl NativeStack {
     /// Allocate the memory for `sizes`. These are `n`, the method, and whether there are thresholds, a metric and bounds of the joint
-    /// velocities. The number of levels and their rows follow. If a level has bounds, a flag for each level is at the end.
+    /// velocities. The numbers of limit levels and of all levels, and the rows of the levels, follow. If a level has bounds, a flag for each
+    /// level is at the end.
     fn new(sizes: &[usize]) -> Self {
-        let &[n, method, has_eps, has_metric, has_bounds, levels, ref others @ ..] = sizes else {
+        let &[n, method, has_eps, has_metric, has_bounds, limit_levels, levels, ref others @ ..] = sizes else {
             unreachable!("the sizes of `StackFormula::of`")
         };
         let (rows, intervals) = others.split_at(levels);
@@ -135,6 +136,7 @@ impl NativeStack {
             weight: (has_metric > 0).then(|| (0..n * n).map(|k| if k % (n + 1) == 0 { 1.0 } else { 0.0 }).collect()),
             v_max: (has_bounds > 0).then(|| vec![f64::INFINITY; n]),
             intervals: intervals.iter().map(|interval| *interval > 0).collect(),
+            limit_levels,
             ..PriorityOptions::new(method)
         };
         let Ok(solver) = PrioritySolver::new(n, rows, &options) else { unreachable!("the sizes are those of a solver") };

@@ -132,6 +132,8 @@ pub struct PriorityOptions {
     pub keep_direction: bool,
     /// For each level, whether bounds `l <= J_i v <= u` replace its task velocity. Empty if no level has bounds.
     pub intervals: Vec<bool>,
+    /// The number of first levels that are limits: methods with damping do not damp their steps.
+    pub limit_levels: usize,
     /// The lower joint velocity bounds above all levels, shape `(n,)`, rad/s or m/s. Infinite entries are allowed. `None` means `-v_max`.
     pub v_min: Option<Vec<f64>>,
     /// The upper joint velocity bounds above all levels, shape `(n,)`, rad/s or m/s. `None` means `-v_min`.

@@ -14,6 +14,8 @@ pub(super) struct Settings {
     pub metric: Option<Metric>,
     /// Whether each command has a scale, so that its direction is kept.
     pub scales: bool,
+    /// The number of first levels whose steps are not damped.
+    pub limit_levels: usize,
     /// The lower and upper bounds of the joint velocities.
     pub bounds: Option<(Vec<f64>, Vec<f64>)>,
 }
@@ -42,7 +44,8 @@ impl Settings {
         if ![0, levels].contains(&options.intervals.len()) {
             return Err(Error::wrong("intervals", "length", format!("0 or {levels}"), options.intervals.len()));
         }
-        let mut settings = Settings { method: options.method, eps, rounding: 0.0, metric, scales, bounds: None };
+        let mut settings =
+            Settings { method: options.method, eps, rounding: 0.0, metric, scales, limit_levels: options.limit_levels, bounds: None };
         settings.set_rounding(options.rounding.unwrap_or(DEFAULT_ROUNDING))?;
         let (low, high) = match options.velocity_bounds() {
             Some(bounds) => bounds,

@@ -16,13 +16,13 @@ pub use rigid::*;
 
 use crate::arguments::Arguments;
 use crate::arm::Arm;
-use crate::arrays::{adopted, copied, new_vector, number, of_shape, require_finite, vector};
+use crate::arrays::{adopted, copied, new_vector, number, of_shape, optional_number, require_finite, vector};
 use crate::constructor_call::{NamedValues, defined_by_arguments};
 use crate::errors::{Failure, entry, input_error};
 use crate::interrupts::long;
 use crate::motion::Motion;
 use crate::priority::put_active_rows;
-use armlet_core::error::all_finite;
+use armlet_core::error::{all_finite, positive};
 use armlet_core::law::{JointReference, LawEvaluator, LawSpec};
 use armlet_core::plant::PlantKind;
 use armlet_core::trace::cache::free;
@@ -188,13 +188,16 @@ impl Law {
     }
 
     /// Return a dict of the quantities that the law computes at one instant, such as its error. It has the same arguments as a call of the
-    /// law. For a law with a state, `state` is this state, `(p,)`, and `state_rate` its rate, 1/s times its units.
-    #[arguments(t, q, v, *, theta=None, theta_dot=None, state=None)]
+    /// law. For a law with a state, `state` is this state, `(p,)`, and `state_rate` its rate, 1/s times its units. `sample_time`, s, is that of
+    /// the loop; None for a continuous loop. Limits of `PriorityVelocity` and `PriorityAcceleration` depend on it.
+    #[arguments(t, q, v, *, theta=None, theta_dot=None, state=None, sample_time=None)]
     fn terms<'py>(&self) -> Result<Bound<'py, PyDict>, Failure> {
         let (t, x, z) = call_arguments(NAME, &self.spec, t, (q, v), [theta, theta_dot], state)?;
         let parts = PyDict::new(py);
         let rows = self.spec.level_rows();
-        let mut terms = self.evaluate(|evaluator| evaluator.terms(t, &[&x], Some(&z)));
+        let period = optional_number(NAME, "sample_time", sample_time)?;
+        period.map_or(Ok(()), |period| positive("sample_time", period))?;
+        let mut terms = self.evaluate(|evaluator| evaluator.sampled_terms(period, t, &[&x], Some(&z)));
         put_active_rows(&parts, &self.spec, &mut terms)?;
         for (name, shape, values) in terms {
             if !rows.is_empty() && matches!(name, "rows" | "ranks") {

@@ -3,7 +3,8 @@
 //!
 //! The dict has `limits` (`(v_min, v_max)` or None), `levels` (one `(jacobian, lower, upper)` per level, or None for a batch), and the arrays
 //! `violations`, `sides` and `multipliers`. These have one column per row: first the joints if they have bounds, then the levels. They are
-//! None without bounds. If commands are scaled, the dict also has the array `scales` `(levels,)`.
+//! None without bounds. If commands are scaled, the dict also has the array `scales` `(levels,)`. `limit_levels` is the number of first levels
+//! that are limits: torques, then accelerations.
 
 use super::single::SingleSolution;
 use crate::arrays::{WHATEVER, adopted, copied, count, flag, numbers};
@@ -27,6 +28,7 @@ pub fn details<'py>(py: Python<'py>, found: &SingleSolution) -> Result<Bound<'py
         start += m;
     }
     details.set_item("levels", levels)?;
+    details.set_item("limit_levels", found.options.limit_levels)?;
     match &found.bounded {
         Some(bounded) => {
             let count = [bounded.violations.len()];

@@ -1,11 +1,12 @@
 //! The active rows of a law of task priority at one instant, and the reasons why its levels are not reached.
 
 use super::single::Memory;
-use super::solution::PrioritySolution;
+use super::solution::{PrioritySolution, status_member};
 use crate::errors::Failure;
 use armlet_core::error::Error;
 use armlet_core::law::{LawSpec, Term};
 use armlet_core::priority::{BoundedRows, PriorityOptions, PrioritySolver, reasons};
+use armlet_core::status::Status;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::sync::Arc;
@@ -24,10 +25,13 @@ pub fn put_active_rows(parts: &Bound<'_, PyDict>, spec: &LawSpec, terms: &mut Ve
     let mut take = |name: &str| terms.iter().position(|term| term.0 == name).map(|at| terms.remove(at));
     let (Some((_, shape, stack)), Some((_, _, rounding))) = (take("stack"), take("rounding")) else { return Ok(()) };
     let value = |name: &str| terms.iter().find(|term| term.0 == name).map(|term| term.2.clone());
-    let (tasks, n) = (spec.level_rows(), shape[1] - 2);
-    let others = shape[0] - tasks.iter().sum::<usize>();
-    let rows: Vec<usize> = tasks.iter().copied().chain((others > 0).then_some(others)).collect();
-    let options = PriorityOptions { rounding: Some(rounding[0]), v_min: value("lower"), v_max: value("upper"), ..options.clone() };
+    let (limits, tasks, n) = (spec.limit_rows(), spec.level_rows(), shape[1] - 2);
+    let others = shape[0] - limits.iter().chain(&tasks).sum::<usize>();
+    let rows: Vec<usize> = limits.iter().chain(&tasks).copied().chain((others > 0).then_some(others)).collect();
+    let mut options = PriorityOptions { rounding: Some(rounding[0]), ..options.clone() };
+    if limits.is_empty() {
+        (options.v_min, options.v_max) = (value("lower"), value("upper"));
+    }
     let mut solver = PrioritySolver::new(n, &rows, &options)?;
     let is_interval = !solver.upper().is_empty();
     for (i, row) in stack.chunks_exact(n + 2).enumerate() {
@@ -41,6 +45,11 @@ pub fn put_active_rows(parts: &Bound<'_, PyDict>, spec: &LawSpec, terms: &mut Ve
     solver.run()?;
     parts.set_item("holds", holds(&solver, &options, tasks.len())?)?;
     let py = parts.py();
+    let contradicted = solver.solution().bounded.as_ref().is_some_and(|bounded| {
+        let first = bounded.limits;
+        bounded.violations[first..first + limits.iter().sum::<usize>()].iter().any(|violation| *violation != 0.0)
+    });
+    parts.set_item("status", status_member(py, if contradicted { Status::Infeasible } else { solver.solution().status })?)?;
     let solution = Bound::new(py, PrioritySolution::of(&solver, rows.into(), Arc::new(options), &mut Memory::default()))?;
     let why = (1..=tasks.len()).map(|k| solution.call_method1("why", (k,))).collect::<PyResult<Vec<_>>>()?;
     for (name, item) in [("limits", solution.getattr("limits")?), ("active", solution.getattr("active")?), ("why", why.into_pyobject(py)?)]
@@ -50,9 +59,10 @@ pub fn put_active_rows(parts: &Bound<'_, PyDict>, spec: &LawSpec, terms: &mut Ve
     Ok(())
 }
 
-/// The bounds that hold the first `count` levels: the name of the row, its side, the level that it holds, and its share.
+/// The bounds that hold joint limits below torque limits, which are level 0, or one of the first `count` levels of tasks. A bound has the name
+/// of the row, its side, the level that it holds, and its share.
 fn holds(solver: &PrioritySolver, options: &PriorityOptions, count: usize) -> Result<Vec<(String, &'static str, usize, f64)>, Error> {
-    let (n, [jacobian, command, upper]) = (solver.n(), solver.stack());
+    let (n, above, [jacobian, command, upper]) = (solver.n(), options.limit_levels, solver.stack());
     let upper = if upper.is_empty() { command } else { upper };
     let identity: Vec<f64> = (0..n * n).map(|k| if k % (n + 1) == 0 { 1.0 } else { 0.0 }).collect();
     let limits = options.velocity_bounds();
@@ -64,12 +74,16 @@ fn holds(solver: &PrioritySolver, options: &PriorityOptions, count: usize) -> Re
         first += m;
     }
     let mut all = Vec::new();
-    for k in 1..=count {
+    for k in above.max(1)..=above + count {
         for reason in reasons(n, &levels, &solver.solution().v, k)?.reasons {
             if reason.side != 0 && reason.share.abs() >= LEAST_SHARE {
                 let row = reason.row + 1;
-                let name = if reason.level == 0 { format!("joint {row}") } else { format!("row {row} of level {}", reason.level) };
-                all.push((name, if reason.side > 0 { "upper" } else { "lower" }, k, reason.share));
+                let name = match reason.level {
+                    1 if above > 0 => format!("torque of joint {row}"),
+                    level if level <= above => format!("joint {row}"),
+                    level => format!("row {row} of level {}", level - above),
+                };
+                all.push((name, if reason.side > 0 { "upper" } else { "lower" }, k - above, reason.share));
             }
         }
     }

@@ -3,10 +3,11 @@
 //! `a` solves `J_i a = x_d,i'' + D_i (x_d,i' - J_i v) + K_i e_i - dJ_i/dt v` for the tasks `i` in order of priority. The prime is the time
 //! derivative, `e_i` the error of a task and `J_i` its Jacobian. In the remaining freedom `a = -c v`, which stops motions that change no
 //! task. Then `tau = M a + C v + g`. With limits, `a` is within bounds that hold above all levels. `joint_limits` computes them from the joint
-//! limits at every evaluation.
+//! limits at every evaluation. Torque limits are rows `-tau_max <= M a + C v + g <= tau_max`, which rank above these bounds.
 
 use super::joint_limits::{LimitOverrides, MotionLimits};
 use super::tasks::*;
+use super::torque_limits::TorqueLimits;
 use crate::dynamics::Model;
 use crate::error::{Error, Result};
 use crate::law::definition::{Definition, Route, Shape};
@@ -52,6 +53,8 @@ pub struct PriorityAccelerationSpec {
     pub joint_damping: f64,
     /// Joint limits that hold above all levels.
     limits: Option<MotionLimits>,
+    /// Torque limits that hold above the joint limits.
+    torques: Option<TorqueLimits>,
 }
 
 impl PriorityAccelerationSpec {
@@ -76,9 +79,20 @@ impl PriorityAccelerationSpec {
         if !options.intervals.is_empty() {
             options.intervals.push(false);
         }
-        let spec = PriorityAccelerationSpec { model, levels, options, joint_damping, limits };
+        let spec = PriorityAccelerationSpec { model, levels, options, joint_damping, limits, torques: None };
         spec.solver()?;
         Ok(spec)
+    }
+
+    /// Add torque limits `tau_max`, `(n,)`, N m or N, which hold above all other limits. Infinite entries are allowed.
+    ///
+    /// Errors: `WrongShape` for a wrong length. `Input` for a limit that is not positive, or a method that accepts no bounds.
+    pub fn with_torque_limits(mut self, tau_max: Vec<f64>) -> Result<Self> {
+        let torques = TorqueLimits::new(tau_max, self.model.n(), self.limits.is_some(), self.options.method)?;
+        torques.add_levels(&mut self.options, level_rows(&self.levels).len() + 1);
+        self.torques = Some(torques);
+        self.solver()?;
+        Ok(self)
     }
 
     /// Number of rows of each task.
@@ -86,9 +100,14 @@ impl PriorityAccelerationSpec {
         level_rows(&self.levels)
     }
 
+    /// Number of rows of each level above the tasks: the torque limits, and the joint limits that they can contradict.
+    pub fn limit_rows(&self) -> Vec<usize> {
+        self.torques.as_ref().map_or_else(Vec::new, |torques| torques.rows())
+    }
+
     fn solver(&self) -> Result<PrioritySolver> {
         let n = self.model.n();
-        PrioritySolver::new(n, &[self.rows(), vec![n]].concat(), &self.options)
+        PrioritySolver::new(n, &[self.limit_rows(), self.rows(), vec![n]].concat(), &self.options)
     }
 }
 
@@ -98,7 +117,9 @@ impl Definition for PriorityAccelerationSpec {
 
 impl Shape for PriorityAccelerationSpec {
     fn same_shape(&self, other: &Self) -> bool {
-        same_tasks((&self.levels, &self.options), (&other.levels, &other.options)) && self.limits.is_some() == other.limits.is_some()
+        same_tasks((&self.levels, &self.options), (&other.levels, &other.options))
+            && self.limits.is_some() == other.limits.is_some()
+            && self.torques.is_some() == other.torques.is_some()
     }
 }
 
@@ -116,6 +137,7 @@ impl Equations for PriorityAccelerationSpec {
             .number("joint_damping", self.joint_damping)
             .option(bound_numbers(&self.levels), with_bounds)
             .option(self.limits.as_ref(), |numbers, limits| numbers.made("limits", limits.lift::<E>(period)))
+            .option(self.torques.as_ref(), |numbers, torques| numbers.numbers("tau_max", torques.tau_max()))
     }
 
     fn equations(&self, at: &Loop) -> Answer {
@@ -132,9 +154,14 @@ impl Equations for PriorityAccelerationSpec {
         let mut j = tasks.j.clone().insert_rows(total, n, E::zero());
         j.rows_mut(total, n).fill_with_identity();
         let bounds = self.limits.is_some().then(|| numbers.get_made::<MotionLimits<E>>("limits").accelerations(&at.q, &at.v));
-        let distances = distances.map(|distance| if distance.is_empty() { distance } else { stacked([&distance, &zeros(n)]) });
-        let stack = Rows { j: &j, command: &stacked([&command, &slow]), distances };
-        let (solution, residuals) = solution(at, numbers.get_made("solution"), (&self.levels, tasks.rounding), stack, bounds);
+        let below = distances.map(|distance| if distance.is_empty() { distance } else { stacked([&distance, &zeros(n)]) });
+        let own = Rows { j, command: stacked([&command, &slow]), distances: below };
+        let (limits, stack, bounds) = match &self.torques {
+            Some(torques) => torques.above(at, own, bounds),
+            None => (0, own, bounds),
+        };
+        let (solution, residuals) = solution(at, numbers.get_made("solution"), (&self.levels, tasks.rounding, limits), stack, bounds);
+        let levels_above = self.limit_rows().len();
 
         E::term("rows", &[rows.len()], || rows.iter().map(|&rows| constant(rows as f64)).collect());
         at.term("e", e);
@@ -142,8 +169,12 @@ impl Equations for PriorityAccelerationSpec {
         at.matrix_term("J", tasks.j);
         at.matrix_term("J_dot", tasks.j_dot);
         at.term("command", command);
-        at.term("residuals", residuals.rows(0, total).into_owned());
-        at.term("ranks", vector(&solution.ranks()[..rows.len()]));
+        if limits > n {
+            // A joint limit is violated only if the torque limits contradict it.
+            at.term("limit_violations", -residuals.rows(n, n).into_owned());
+        }
+        at.term("residuals", residuals.rows(limits, total).into_owned());
+        at.term("ranks", vector(&solution.ranks()[levels_above..levels_above + rows.len()]));
         let a = at.term("a", vector(solution.v()));
         Answer::new(at.arm().inverse_dynamics(&at.v, &a))
     }

@@ -7,13 +7,15 @@
 //! The second term is the velocity that is held for `h`, and from which `a` then stops the joint at its limit. It is `d/h` without `a`. `h` is
 //! the sample period of a loop that has one, otherwise the horizon.
 //!
-//! Acceleration commands: `a <= (w - v)/h` within `+-a_max`, with the velocity bound `w = min(v_max, d/(4 h), sqrt(a_max d))`. The loop
-//! from `w` to `v` is four times as fast as the loop from `d` to `w`, so that it does not overshoot. It brakes at half of `a_max`, as a
-//! reserve for corrections.
+//! Acceleration commands: `a <= (w - v)/h` within `+-a_max`, with a bound `w` of the velocity after `h`. In a sampled loop, `w` is the
+//! largest velocity up to `v_max` from which the joint can still stop (`braking`). In a continuous loop, or with a horizon, it is
+//! `w = min(v_max, d/(4 h), sqrt(a_max d))`. The loop from `w` to `v` is then four times as fast as the loop from `d` to `w`, so that it
+//! does not overshoot. It brakes at half of `a_max`, as a reserve for corrections.
 //!
 //! Lower bounds have the same form. A loop with a sample time or steps of at most `h`, which starts at rest within the limits, remains
 //! within them. This requires a plant that follows the command.
 
+use super::braking::last_velocity;
 use crate::arm::Limits;
 use crate::dynamics::Model;
 use crate::error::{Error, Result, positive};
@@ -149,7 +151,7 @@ pub struct MotionLimits<S = f64> {
     v_max: Vec<S>,
     a_max: Vec<S>,
     horizon: S,
-    /// Whether the sample period of a loop takes the place of the horizon.
+    /// Whether the sample period of a loop takes the place of the horizon. For a loop: whether it did.
     pub(super) sampled: bool,
 }
 
@@ -228,7 +230,8 @@ impl MotionLimits {
 
     /// The limits with another number type, for a loop with this sample period.
     pub(crate) fn lift<S: Real>(&self, period: Option<f64>) -> MotionLimits<S> {
-        let horizon = period.filter(|_| self.sampled).unwrap_or(self.horizon);
+        let period = period.filter(|_| self.sampled);
+        let horizon = period.unwrap_or(self.horizon);
         MotionLimits {
             q_min: labelled_numbers("q_min", &self.q_min),
             q_max: labelled_numbers("q_max", &self.q_max),
@@ -236,7 +239,7 @@ impl MotionLimits {
             v_max: labelled_numbers("v_max", &self.v_max),
             a_max: labelled_numbers("a_max", &self.a_max),
             horizon: S::labelled("horizon", 0, || S::varying(horizon)),
-            sampled: self.sampled,
+            sampled: period.is_some(),
         }
     }
 }
@@ -246,7 +249,7 @@ impl MotionLimits<E> {
     pub fn velocities(&self, q: &V) -> [V; 2] {
         let (h, one, two) = (self.horizon, constant(1.0), constant(2.0));
         // `a h (sqrt(1 + 2 d/(a h^2)) - 1)`, in a form that is exact for `d = 0` and for an infinite `a`.
-        self.bounds(q, |i, d| {
+        self.bounds(q, |i, d, _| {
             let held = two * d / (h * (one + (one + two * d / (self.a_max[i] * h * h)).sqrt()));
             E::select(constant(0.0).lt(d), E::select(d.lt(constant(f64::INFINITY)), held, d), d / h)
         })
@@ -255,19 +258,23 @@ impl MotionLimits<E> {
     /// The bounds of the joint accelerations, `(n,)` each, at the joint positions `q` and velocities `v`.
     pub fn accelerations(&self, q: &V, v: &V) -> [V; 2] {
         let within = |w: V| V::from_fn(v.len(), |i, _| ((w[i] - v[i]) / self.horizon).clamped(-self.a_max[i], self.a_max[i]));
-        let allowed_speed = |i: usize, d: E| {
+        let allowed_speed = |i: usize, d: E, side: E| {
+            if self.sampled {
+                return last_velocity(d, side * v[i], self.a_max[i], self.horizon);
+            }
             let speed = E::select(constant(0.0).lt(d), (self.a_max[i] * d).sqrt(), constant(f64::INFINITY));
             (d / (self.horizon * constant(4.0))).min(speed)
         };
         self.bounds(q, allowed_speed).map(within)
     }
 
-    /// The velocity bounds from the velocities that `allowed_speed` allows for a joint at a distance from its limit.
-    fn bounds(&self, q: &V, allowed_speed: impl Fn(usize, E) -> E) -> [V; 2] {
+    /// The velocity bounds from the velocities that `allowed_speed` allows for a joint at a distance from its limit. Its last argument is 1
+    /// for the upper limit and -1 for the lower one.
+    fn bounds(&self, q: &V, allowed_speed: impl Fn(usize, E, E) -> E) -> [V; 2] {
         let pairs: Vec<(E, E)> = (0..q.len())
             .map(|i| {
                 let (position, velocity) = ((self.q_min[i], self.q_max[i]), (self.v_min[i], self.v_max[i]));
-                joint_velocity_bounds(q[i], position, velocity, |d| allowed_speed(i, d))
+                joint_velocity_bounds(q[i], position, velocity, |d, side| allowed_speed(i, d, side))
             })
             .collect();
         let (lower, upper): (Vec<E>, Vec<E>) = pairs.into_iter().unzip();

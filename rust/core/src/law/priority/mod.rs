@@ -3,8 +3,10 @@
 mod acceleration;
 mod arm_batch;
 mod arm_solver;
+mod braking;
 mod joint_limits;
 mod tasks;
+mod torque_limits;
 mod velocity;
 
 pub use acceleration::PriorityAccelerationSpec;

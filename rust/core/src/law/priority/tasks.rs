@@ -27,7 +27,7 @@ macro_rules! prioritised {
             self.levels.iter().map(|level| &level.target).collect()
         }
         fn route(&self) -> Route {
-            let bounded = self.limits.is_some() || self.levels.iter().any(|level| level.bounds.is_some());
+            let bounded = self.limits.is_some() || !self.limit_rows().is_empty() || self.levels.iter().any(|level| level.bounds.is_some());
             if bounded { Route::Deciding } else { Route::Guarded }
         }
         fn samples(&self) -> bool {
@@ -106,9 +106,9 @@ impl Tasks {
 
 /// The rows of a stack: Jacobian, commands, and for each row the distances from the command to its lower and upper bound. The distances are
 /// zero for tasks, and empty if no task has bounds.
-pub(super) struct Rows<'a> {
-    pub j: &'a M,
-    pub command: &'a V,
+pub(super) struct Rows {
+    pub j: M,
+    pub command: V,
     pub distances: [V; 2],
 }
 
@@ -156,31 +156,33 @@ fn errors_to_bounds(levels: &[Level], e: &V, bounds: [&V; 2]) -> V {
     errors
 }
 
-/// The factors of the rows: the square root of the weight of each task that shares its level.
-fn row_factors(levels: &[Level]) -> Option<Vec<f64>> {
+/// The factors of the rows: 1 for rows of limits, then the square root of the weight of each task that shares its level.
+fn row_factors(levels: &[Level], limits: usize) -> Option<Vec<f64>> {
     let shares = |i: usize| levels[i].joins || levels.get(i + 1).is_some_and(|next| next.joins);
     let factor = |i: usize| if shares(i) { levels[i].weight.sqrt() } else { 1.0 };
-    let factors: Vec<f64> = (0..levels.len()).flat_map(|i| std::iter::repeat_n(factor(i), levels[i].function.rows())).collect();
+    let of_tasks = (0..levels.len()).flat_map(|i| std::iter::repeat_n(factor(i), levels[i].function.rows()));
+    let factors: Vec<f64> = std::iter::repeat_n(1.0, limits).chain(of_tasks).collect();
     factors.iter().any(|factor| *factor != 1.0).then_some(factors)
 }
 
-/// The solution of a stack within `[lower, upper]` bounds of the joint rates. In a recording of terms, a solution with bounds has a
-/// certificate. The second result are the violations with the opposite sign, stacked: the residuals of tasks.
+/// The solution of a stack within `[lower, upper]` bounds of the joint rates, with a number of rows of limits above the tasks. In a recording
+/// of terms, a solution with bounds has a certificate. The second result are the violations with the opposite sign, stacked: the residuals of
+/// tasks.
 pub(super) fn solution(
     at: &Loop,
     formula: &StackFormula,
-    (levels, rounding): (&[Level], E),
+    (levels, rounding, limits): (&[Level], E, usize),
     Rows { j, command, distances }: Rows,
     bounds: Option<[V; 2]>,
 ) -> (StackFormula, V) {
     let mut solution = formula.clone();
-    let factors = row_factors(levels);
+    let factors = row_factors(levels, limits);
     let scaled = |x: &V| match &factors {
         Some(factors) => V::from_fn(x.len(), |i, _| factors.get(i).map_or(x[i], |&factor| x[i] * constant(factor))),
         None => x.clone(),
     };
     let is_bounded = bounds.is_some() || !distances[0].is_empty();
-    let [lower, upper] = if distances[0].is_empty() { [command.clone(), zeros(0)] } else { distances.map(|distance| command + distance) };
+    let [lower, upper] = if distances[0].is_empty() { [command, zeros(0)] } else { distances.map(|distance| &command + distance) };
     let rows = match &factors {
         Some(factors) => M::from_fn(j.nrows(), j.ncols(), |i, k| factors.get(i).map_or(j[(i, k)], |&factor| j[(i, k)] * constant(factor))),
         None => j.clone(),
@@ -210,7 +212,7 @@ pub(super) fn solution(
     let residuals = if factors.is_none() && upper.is_empty() {
         vector(solution.residuals())
     } else {
-        let value = j * vector(solution.v());
+        let value = &j * vector(solution.v());
         V::from_fn(value.len(), |i, _| if upper.is_empty() { lower[i] } else { value[i].max(lower[i]).min(upper[i]) } - value[i])
     };
     (solution, residuals)

@@ -85,6 +85,11 @@ impl PriorityVelocitySpec {
         level_rows(&self.levels)
     }
 
+    /// Number of rows of each level of limits above the tasks: none.
+    pub fn limit_rows(&self) -> Vec<usize> {
+        Vec::new()
+    }
+
     fn solver(&self) -> Result<PrioritySolver> {
         PrioritySolver::new(self.model.n(), &self.rows(), &self.options)
     }
@@ -130,8 +135,8 @@ impl Equations for PriorityVelocitySpec {
         let command = &tasks.e_dot + gained(numbers.get_gains("gain"), &tasks_rows, &tasks.e);
         let (e, distances) = bounded_errors(&self.levels, numbers, &tasks_rows, &tasks.e);
         let bounds = self.limits.is_some().then(|| numbers.get_made::<MotionLimits<E>>("limits").velocities(&at.q));
-        let stack = Rows { j: &tasks.j, command: &command, distances };
-        let (solution, residuals) = solution(at, numbers.get_made("solution"), (&self.levels, tasks.rounding), stack, bounds);
+        let stack = Rows { j: tasks.j.clone(), command: command.clone(), distances };
+        let (solution, residuals) = solution(at, numbers.get_made("solution"), (&self.levels, tasks.rounding, 0), stack, bounds);
 
         E::term("rows", &[rows.len()], || rows.iter().map(|&rows| constant(rows as f64)).collect());
         at.term("e", e);

@@ -238,7 +238,7 @@ impl Inequalities {
         if own.is_empty() {
             return Ok(Some(LevelSolution::new(0, 0)));
         }
-        let damps = level > 0 && settings.method.damps();
+        let damps = level > settings.limit_levels && settings.method.damps();
         // A damped step depends on the velocity at its start.
         if damps && self.touched && !self.prefer(level, given, settings)? {
             return Ok(None);

@@ -1,8 +1,10 @@
 //! Norms of error and residual for each level of a law with task priorities, from the terms of the law. With bounds, there are also the norms
-//! of the violations, and the residual of the optimality conditions (Karush, Kuhn and Tucker).
+//! of the violations, and the residual of the optimality conditions (Karush, Kuhn and Tucker). With torque limits, there is the norm of the
+//! violations of joint limits.
 
 use crate::law::{self, LawSpec, Route, Terms};
 use crate::priority::PriorityMethod;
+use crate::scalar::Real;
 use crate::trace::E;
 
 /// The names of the norms. Levels after the eighth have no norms.
@@ -39,6 +41,11 @@ fn is_certified(law: &LawSpec) -> bool {
     law.route() == Route::Deciding && method != PriorityMethod::Sns
 }
 
+/// Whether torque limits of a law can contradict its joint limits, which are then violated.
+fn has_contradictions(law: &LawSpec) -> bool {
+    matches!(law, LawSpec::PriorityAcceleration(law) if law.limit_rows().len() > 1)
+}
+
 /// Return the names of the norms of a law's levels. A guarded law has no norms, because its levels change at contact.
 pub fn names(law: &LawSpec) -> Vec<&'static str> {
     let levels = match law {
@@ -49,6 +56,9 @@ pub fn names(law: &LawSpec) -> Vec<&'static str> {
     if is_certified(law) {
         all.extend(&VIOLATIONS[..levels]);
         all.push("kkt");
+    }
+    if has_contradictions(law) {
+        all.push("violation_0");
     }
     all
 }
@@ -62,6 +72,9 @@ pub fn norms(law: &LawSpec, terms: &Terms) -> Vec<E> {
         let violations: Vec<E> = all.iter().skip(1).step_by(2).copied().collect();
         all.extend(violations);
         all.extend(terms.get("certificate").as_slice());
+    }
+    if has_contradictions(law) {
+        all.push(terms.get("limit_violations").iter().fold(E::zero(), |sum, x| sum + *x * *x).sqrt());
     }
     all
 }
