@@ -217,10 +217,11 @@ fn single_calls_have_the_same_bits_before_and_after_their_program() {
         for query in queries(&arm) {
             let mut both = Both::new(&arm, query, OFTEN, &mut rng);
             let first: Vec<Vec<u64>> = (0..OFTEN).map(|row| bits(&both.alone(row))).collect();
-            let (again, count) = counted(|| both.alone(0));
-            // The allocations are the vectors of inputs and of the result above.
+            // The allocations are the vectors of inputs and of the result above. One call can also make a long program, when its time is repaid.
+            let calls = [(); 2].map(|()| counted(|| both.alone(0)));
+            let count = calls.iter().map(|call| call.1).min().unwrap();
             assert!(count <= 2, "{query:?}: {count} allocations");
-            assert_eq!(bits(&again), first[0]);
+            assert!(calls.iter().all(|(again, _)| bits(again) == first[0]));
             assert!((1..OFTEN).all(|row| bits(&both.alone(row)) == first[row]), "{} joints, {query:?}", arm.n());
             // Huge angles, numbers that are not finite and arguments of the wrong length must have the same result as in the first call.
             let fresh = Functions::new(arm.clone());

@@ -2,11 +2,10 @@
 //! limit the rate of its output. Native code measures the state, and queues the outputs.
 
 use super::clock::Clock;
-use super::sensors::{CAPACITY, Sensors};
-use crate::error::all_finite;
+use super::outputs::Outputs;
+use super::sensors::Sensors;
 use crate::simulate::problem::sampling::Sampling;
 use crate::trace::{Frame, Slots};
-use std::ops::Range;
 
 /// The slots of the controllers in a frame.
 #[derive(Clone, Copy, Debug)]
@@ -31,41 +30,24 @@ pub struct FrameController {
     sensors: Vec<Sensors>,
     /// Memory for the measured state of one lane.
     state: Vec<f64>,
-    /// The results of the law at the last samples: the output, then the other results, with all lanes.
-    results: Vec<f64>,
-    /// For each place in `results`, the sample that is stored there, if any.
-    stored: Vec<Option<usize>>,
+    outputs: Outputs,
 }
 
 impl FrameController {
     /// Create the controllers of a frame with one lane for each of `sensors`.
     pub fn new(slots: ControllerSlots, sampling: &Sampling, sensors: Vec<Sensors>) -> Self {
-        let samples = CAPACITY + sampling.delayed() as usize;
-        let numbers = (slots.output.count + slots.others.count) * sensors.len();
-        let stored = vec![None; samples];
-        FrameController { sensors, state: vec![0.0; slots.measured.count], results: vec![0.0; samples * numbers], stored, slots }
-    }
-
-    /// The range of the output of sample `k` in the stored results, and the range of the other results.
-    fn places(&self, k: usize) -> [Range<usize>; 2] {
-        let lanes = self.sensors.len();
-        let (output, others) = (self.slots.output.count * lanes, self.slots.others.count * lanes);
-        let first = k % self.stored.len() * (output + others);
-        [first..first + output, first + output..first + output + others]
+        let sizes = [slots.output.count, slots.others.count].map(|count| count * sensors.len());
+        FrameController { sensors, state: vec![0.0; slots.measured.count], outputs: Outputs::new(sampling, sizes), slots }
     }
 
     /// Copy one part of the results of sample `k` to the slots `to`: the output, or with `others` the other results. Before the first
     /// sample, they are zero. If the sample was not taken, because the caller gave the input, the slots do not change.
     fn recall(&self, frame: &mut Frame, k: Option<usize>, (others, to): (bool, Slots)) {
-        match k {
+        match k.map(|k| self.outputs.get(k as u64)) {
             None => frame.group_mut(to).fill(0.0),
-            Some(k) if self.is_stored(k) => frame.group_mut(to).copy_from_slice(&self.results[self.places(k)[usize::from(others)].clone()]),
-            Some(_) => (),
+            Some(Some(results)) => frame.group_mut(to).copy_from_slice(results[usize::from(others)]),
+            Some(None) => (),
         }
-    }
-
-    fn is_stored(&self, k: usize) -> bool {
-        self.stored[k % self.stored.len()] == Some(k)
     }
 
     /// Prepare step `step`: select the output that acts. If a sample is due, measure the state in the frame for the law.
@@ -80,7 +62,7 @@ impl FrameController {
         };
         if slots.change.count > 0 {
             // The first output changes from zero.
-            let previous = k.checked_sub(1).filter(|&previous| self.is_stored(previous));
+            let previous = k.checked_sub(1).filter(|&previous| self.outputs.get(previous as u64).is_some());
             self.recall(frame, previous, (false, slots.output));
             frame.group_mut(slots.change).fill(self.sensors[0].largest_change(previous.map_or(0, |_| k as u64)));
         }
@@ -95,24 +77,21 @@ impl FrameController {
     /// Store the results of the law, if step `step` began with a sample.
     pub fn end(&mut self, frame: &Frame, clock: &Clock, step: usize) {
         let Some(k) = clock.due(step) else { return };
-        let ([output, others], at) = (self.places(k), k % self.stored.len());
-        self.results[output].copy_from_slice(frame.group(self.slots.output));
-        self.results[others].copy_from_slice(frame.group(self.slots.others));
-        self.stored[at] = Some(k);
+        let [output, others] = self.outputs.store(k as u64);
+        output.copy_from_slice(frame.group(self.slots.output));
+        others.copy_from_slice(frame.group(self.slots.others));
     }
 
-    /// Discard the sample of step `step`, if one is due. With `failed`, discard it only if its results are not finite.
+    /// Discard the sample of step `step`, if one is due. With `failed`, discard it only if a result is not finite.
     pub fn discard(&mut self, clock: &Clock, step: usize, failed: bool) {
-        let Some(k) = clock.due(step).filter(|&k| self.is_stored(k)) else { return };
-        let at = k % self.stored.len();
-        if !(failed && self.places(k).into_iter().all(|results| all_finite(&self.results[results]))) {
-            self.stored[at] = None;
+        if let Some(k) = clock.due(step) {
+            self.outputs.discard(k as u64, failed);
         }
     }
 
     /// Discard all samples, because the run restarts.
     pub fn clear(&mut self) {
-        self.stored.fill(None);
+        self.outputs.clear();
         self.sensors.iter_mut().for_each(Sensors::clear);
     }
 }
