@@ -98,8 +98,9 @@ def _bands(ax: Axes, run: Recorded) -> None:
             place = row - 0.4 + k * height, height
             ax.broken_barh(spans, place, color=COLOURS[(level - 1) % len(COLOURS)], label=f"level {level}" if row == 0 else None)
     ax.set_yticks(range(len(rows)), [f"{name}, {side}" for name, side in rows])
-    # A band is at most a quarter of the panel high.
-    ax.set_ylim(max(len(rows), 4) - 0.5, -0.5)
+    # A row is at most a quarter of the panel high.
+    space = max(0.0, 0.5 * (4 - len(rows)))
+    ax.set_ylim(len(rows) - 0.5 + space, -0.5 - space)
     ax.grid(visible=False, axis="y")
     held = f"level {numbers[0]}" if len(numbers) == 1 else "a level"
     ax.set_title(f"Bounds that hold {held}" + (f", the longest {BANDS} of {len(times)}" if len(times) > BANDS else ""))

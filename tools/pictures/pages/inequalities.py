@@ -71,6 +71,21 @@ def speeds(figure: Figure, page: SimpleNamespace) -> None:
     panels(figure, [1.5, 1.5], draw)
 
 
+@result("inequalities_active.svg", "Velocity of joint 2 with its limit, and errors of tip and elbow, over time", PAGE)
+def active(figure: Figure, page: SimpleNamespace) -> None:
+    run, hold = page.limited, page.hold
+
+    def draw(joint: Axes, errors: Axes) -> None:
+        joint.axvspan(hold.start, hold.end, color=GREEN, alpha=0.2, linewidth=0.0, label="limit holds level 2")
+        joint.plot(run.t, run.v[:, 1], color=GREEN, label="joint 2")
+        joint.set_ylabel("$v_2$ (rad/s)")
+        for name, colour, label in (("error_1", BLUE, "tip"), ("error_2", RED, "elbow")):
+            errors.plot(run.t, run.monitors[name], color=colour, label=label)
+        errors.set(ylabel="error (m)", xlabel="time (s)")
+
+    panels(figure, [1.5, 1.5], draw)
+
+
 @result("inequalities_limit.svg", "The tip velocities that the limits allow, a command, and two answers to it", PAGE)
 def directions(figure: Figure, page: SimpleNamespace) -> None:
     # The limits are 0.5 rad/s to both sides, so each column of the matrix is an edge. Edges are sorted by their angle.
