@@ -228,3 +228,14 @@ def test_an_end_speed_above_the_speed_limit_names_this_limit(end: str) -> None:
     assert f"{end} is not possible: expected at most 1.00000" in found.reason and "v_max of joint 0 (joint1) is 4.00000" in found.reason
     within = al.time_path(arm, [[0.0, 0.0], [1.0, 0.5]], tau_max=500.0, v_max=20.0, a_max=10.0, start_speed=15.0)
     assert within.reason is not None and within.reason.startswith("start_speed is not possible") and "v_max" not in within.reason
+
+
+def test_a_law_without_a_timing_is_refused() -> None:
+    """The error of the run has the reason of the planner, also if the duration of the run is that of the motion."""
+    weak = al.time_path(ARM, PATH, tau_max=1.0)
+    assert not weak.feasible
+    law = al.ComputedTorque(ARM, weak, 100.0, 20.0)
+    for loop in (law, al.Guarded(law, al.MomentumObserver(ARM, 10.0))):
+        for t_end in (1.0, weak.duration):
+            with pytest.raises(al.InputError, match=r"^simulate: law\.motion has no timing: .* tau_m\w+ of joint"):
+                al.simulate(al.RigidArm(ARM), loop, PATH[0], t_end=t_end, dt=1e-3)

@@ -23,7 +23,7 @@ from .records import BatchRun, Run
 from .sampling import Sampling, period_of
 from .sensitivity import of_rows, of_run, require_names, vary, vary_rows
 from .speeds import warn_of_speeds
-from .turns import warn_of_turns
+from .turns import require_timing, warn_of_turns
 
 __all__ = ["simulate", "simulate_batch"]
 
@@ -136,6 +136,7 @@ def simulate(
     (2001, 2)
     """
     instance("simulate", "throw", throw, (bool, np.bool_), "True or False")
+    require_timing("simulate", law)
     searched = watched(events)
     options = RunOptions(
         t_end=t_end, dt=dt, v0=v0, theta0=theta0, theta_dot0=theta_dot0, method=method, rtol=rtol, atol=atol, max_step=max_step,

@@ -1,4 +1,4 @@
-"""The warning of a continuous joint that starts more than half a turn from the target of its law."""
+"""Checks of the target and the motion of a law: a motion without a timing, and a continuous joint that starts more than half a turn away."""
 
 from __future__ import annotations
 
@@ -10,8 +10,16 @@ from numpy.typing import ArrayLike
 
 from .. import _core
 from ..callers import level_of_caller
+from ..errors import InputError
 
-__all__ = ["warn_of_turns"]
+__all__ = ["require_timing", "warn_of_turns"]
+
+
+def require_timing(caller: str, law: Any) -> None:
+    """Refuse a law whose motion is a `TimedPath` without a timing. Its positions are not numbers."""
+    motion = getattr(law, "motion", None)
+    if isinstance(motion, _core.TimedPath) and not motion.feasible:
+        raise InputError(f"{caller}: law.motion has no timing: {motion.reason}; higher limits or another path of time_path give one")
 
 
 def warn_of_turns(caller: str, plant: Any, law: Any, q0: ArrayLike) -> None:
