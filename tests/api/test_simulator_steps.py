@@ -55,6 +55,35 @@ def test_jumps_divide_the_steps_as_in_simulate(case: str, method: str, sample_ti
     follow()
 
 
+FOUR = al.planar_arm([1.0, 1.0, 0.25, 0.25])
+REACH: Any = [al.Task("link4", "xy", [0.5, 0.3], 4.0), al.Task("link2", "xy", [1.5, -1.0], 4.0)]
+EQUAL: dict[str, tuple[Any, Any, list[float]]] = {
+    "hold": (PLANT, HOLD, [0.0, 0.5]),
+    "motion": (PLANT, al.ComputedTorque(ARM, al.Sinusoid([0.1, 0.2], [0.3, 0.3], [2.0, 3.0], [0.0, 0.0]), 100.0, 20.0), [0.0, 0.5]),
+    "integral": (PLANT, al.PID(ARM, [0.3, 1.0], 100.0, 50.0, 20.0), [0.0, 0.5]),
+    "stick-slip": (al.RigidArm(ARM, friction=al.StickSlip(coulomb=[1.0, 0.5])), HOLD, [0.0, 0.5]),
+    # The outstretched arm is singular.
+    "priority": (al.VelocityArm(FOUR), al.PriorityVelocity(FOUR, REACH), [0.0] * 4),
+    "priority with limits": (al.VelocityArm(FOUR), al.PriorityVelocity(FOUR, REACH, "exact", v_max=0.5), [0.0] * 4),
+}
+
+
+@pytest.mark.parametrize("sample_time", [None, 2e-3])
+@pytest.mark.parametrize("method", ["euler", "rk4"])
+@pytest.mark.parametrize("case", EQUAL)
+def test_steps_have_the_bits_of_simulate(case: str, method: str, sample_time: float | None) -> None:
+    """The last step of `simulate` ends at `t_end`, so its length can differ by a rounding error."""
+    plant, law, q0 = EQUAL[case]
+    options: dict[str, Any] = {"dt": 1e-3, "method": method, "sample_time": sample_time}
+    run = al.simulate(plant, law, q0, t_end=0.2, monitors=False, **options)
+    sim = al.Simulator(plant, law, q0, **options)
+    for k in range(1, 200):
+        sim.step()
+        np.testing.assert_array_equal(sim.q, run.q[k])
+    sim.step()
+    np.testing.assert_allclose(sim.q, run.q[-1], rtol=0.0, atol=1e-14)
+
+
 def own_steps(law: Any, push: Callable[[float], Array], n: int, dt: float) -> tuple[Array, Array]:
     """The classical Runge-Kutta method in numpy. The last stage of a step uses the limit of the input from the left."""
     q, v = np.zeros(2), np.zeros(2)
