@@ -7,6 +7,7 @@ rm -rf "$build/source"
 mkdir -p "$build/source"
 cp -R docs examples README.md CHANGELOG.md CONTRIBUTING.md CITATION.cff LICENSE "$build/source/"
 cp benches/README.md "$build/source/docs/benchmarks.md"
+$python -P tools/reference.py --pages "$build/source/docs/reference.md"
 export MPLCONFIGDIR="$build/matplotlib"
 # The report has its figures inside; the pages link to it.
 $python -P -m armlet demo --out "$build/demo" >/dev/null

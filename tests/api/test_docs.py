@@ -8,6 +8,7 @@ contain objects of the reader, such as `al.time_path(arm, path)`. In them, only 
 from __future__ import annotations
 
 import ast
+import importlib.util
 import inspect
 import re
 import subprocess
@@ -196,9 +197,37 @@ def test_pages_are_short() -> None:
     assert set(long) <= {"docs/exam.md", "docs/reference.md"}
 
 
-def test_reference_lists_every_name() -> None:
-    listed = re.findall(r"^   (\w+)$", (ROOT / "docs/reference.md").read_text(), re.MULTILINE)
-    assert sorted(listed) == sorted(set(al.__all__) - {"__version__"})
+@pytest.fixture
+def reference() -> Any:
+    spec = importlib.util.spec_from_file_location("reference", ROOT / "tools/reference.py")
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_reference_lists_every_name(reference: Any) -> None:
+    """If the second check fails, a docstring has changed: run `python tools/reference.py`."""
+    page = (ROOT / "docs/reference.md").read_text()
+    assert sorted(found[1] for found in reference.ENTRY.finditer(page)) == sorted(set(al.__all__) - {"__version__"})
+    assert reference.written(page) == page
+    # An entry is a link and a sentence.
+    assert all(re.search(r"\): \S.*\S$", " ".join(found[0].split())) for found in reference.ENTRY.finditer(page))
+
+
+def test_reference_of_the_built_pages(reference: Any) -> None:
+    page = (ROOT / "docs/reference.md").read_text()
+    built = reference.converted(page)
+    assert re.findall(r"^   (\w+)$", built, re.MULTILINE) == [found[1] for found in reference.ENTRY.finditer(page)]
+    assert built.count(".. autosummary::") == page.count("\n## ") and not reference.ENTRY.search(built)
+
+
+def test_an_old_entry_of_the_reference_is_detected(reference: Any) -> None:
+    page = "# Reference\n\n## Runs\n\n- [simulate]()\n- [`load`](../old.py): An old sentence\n  on two lines.\n"
+    made = reference.written(page)
+    assert made.startswith("# Reference\n\n## Runs\n\n- [`simulate`](../python/armlet/run/simulation.py): Simulate the closed loop")
+    assert made.endswith("- [`load`](../python/armlet/run/records.py): Read a run from a file that `run.save` wrote.\n")
+    assert reference.written(made) == made
 
 
 def test_citations_have_a_source() -> None:

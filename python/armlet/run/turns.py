@@ -1,4 +1,4 @@
-"""Checks of the target and the motion of a law: a motion without a timing, and a continuous joint that starts more than half a turn away."""
+"""Checks of the motion and the target of a law: a motion needs a timing, and continuous joints start within half a turn of the target."""
 
 from __future__ import annotations
 
