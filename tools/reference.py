@@ -1,7 +1,7 @@
-"""`python tools/reference.py`: write the entries of `docs/reference.md`, one per public name: a link and the first sentence of its docstring.
+"""`python tools/reference.py`: write the entries of `docs/reference.md`, one per public name: a link and its first sentence.
 
-The page has the names, their sections and their order. A new name is an entry `- [name]()`. `--pages FILE` converts the entries in a copy of
-the page to the lists of Sphinx, from which `make docs` makes a page per name.
+The page has the names, their sections and their order. A new name is an entry `- [name]()`. `--pages FILE` converts the entries of a copy
+of the page to the lists of Sphinx, from which `make docs` makes a page per name.
 """
 
 from __future__ import annotations

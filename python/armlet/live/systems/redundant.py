@@ -1,13 +1,13 @@
 """A seven-axis arm under Cartesian impedance. One spring holds its tip. In the null space another spring moves the joints to a
 posture. Pull the elbow, or the tip.
 
-    tau = J' F + N' tau_0 + g,   F = K (x_d - x) - D J v,   tau_0 = K_n (q_n - q) - D_n v
+    tau = J' F + N' tau_0 + g,   F = K_m (x_d - x) - D_m J v,   tau_0 = K_n (q_n - q) - D_n v
     compensated:   tau += C v,   F -= L J_dot v,   L = (J M^-1 J')^-1
 
-x is the tip position with the target x_d and the Jacobian J, N' the projector of `al.NullSpace`, q_n the posture, and ' the transpose. K
-and D are stiffness and damping at the tip, K_n and D_n those of the posture. M is the mass matrix, and C v the Coriolis torque. The posture
-is the initial configuration, except for one joint, which a slider sets. Compare the projectors, with and without compensation of the
-coupling.
+x is the tip position with the target x_d and the Jacobian J, N' the projector of `al.NullSpace`, q_n the posture, and ' the transpose. K_m
+and D_m are stiffness and damping at the tip, K_n and D_n those of the posture. M is the mass matrix, and C v the Coriolis torque. The
+posture is the initial configuration, except for one joint, which a slider sets. Compare the projectors, with and without compensation
+of the coupling.
 """
 
 from __future__ import annotations
@@ -32,8 +32,8 @@ class Redundant(System):
     frame = "tcp"
     q0 = START
     controls = (
-        Slider("stiffness", "stiffness at the tip K (N/m)", 10.0, 1000.0, 400.0),
-        Slider("damping", "damping at the tip D (N s/m)", 1.0, 120.0, 40.0),
+        Slider("stiffness", "stiffness at the tip K_m (N/m)", 10.0, 1000.0, 400.0),
+        Slider("damping", "damping at the tip D_m (N s/m)", 1.0, 120.0, 40.0),
         Choice("projection", "null space", ("consistent", "static", "none"), "consistent"),
         Slider("posture", "posture of joint 3 (rad)", -1.5, 1.5, 0.8),
         Slider("null_stiffness", "null-space stiffness K_n (N m/rad)", 0.0, 100.0, 30.0),
