@@ -206,8 +206,8 @@ class PriorityAcceleration(PriorityVelocity):
 
     def _limited(self, q: Array, v: Array) -> dict[str, Array]:
         if self.sample_time is not None:
-            columns = zip(q, v, *self.limits[:4], self.limits[4], strict=True)
-            pairs = np.array([joint_bounds_of_sample(*given, self.sample_time, a) for *given, a in columns])
+            joints, h = zip(q, v, *self.limits[:5], strict=True), self.sample_time
+            pairs = np.array([joint_bounds_of_sample(x, w, low, high, slow, fast, h, a) for x, w, low, high, slow, fast, a in joints])
             return {"v_min": pairs[:, 0], "v_max": pairs[:, 1]}
         slow, fast = self.bounds(q, 4.0 * self.horizon, 0.5, False)
         a_max = self.limits[4]

@@ -1,4 +1,4 @@
-"""Checks of the motion and the target of a law: a motion needs a timing, and continuous joints start within half a turn of the target."""
+"""Checks of the motion and the target of a law. A motion needs a timing, and continuous joints start within half a turn of the target."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-//! The queue of the results of the law at the last samples: the output and the other results of each, with the numbers of all lanes.
+//! The queue of the results of the law at the last samples. An entry has the output and the other results, with the numbers of all lanes.
 
 use super::sensors::CAPACITY;
 use crate::error::all_finite;
