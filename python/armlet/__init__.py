@@ -91,6 +91,7 @@ from .identification import BaseParameters, Identification, ParameterReport
 from .integration import DenseOutput, Integration, integrate
 from .interop import Verification, from_mujoco, from_pinocchio, scipy_method, to_control, verify
 from .logs import Log, LogReport, read_log
+from .loop_margins import LoopMargins, loop_margins
 from .null_space import NullSpace
 from .printed import export_c
 from .priority import PriorityDiagnosis, diagnose_priority
@@ -156,6 +157,7 @@ __all__ = [  # noqa: RUF022 - in the order of `dir`
     "Log",
     "LogFit",
     "LogReport",
+    "LoopMargins",
     "LoopProgram",
     "LuGre",
     "Metrics",
@@ -231,6 +233,7 @@ __all__ = [  # noqa: RUF022 - in the order of `dir`
     "load",
     "load_srdf",
     "load_urdf",
+    "loop_margins",
     "loop_program",
     "metrics",
     "minimum_jerk_time",

@@ -146,6 +146,11 @@ def to_control(law: Any = None, **options: Any) -> Any:
     return [system.A, system.B, system.C]
 
 
+def loop_margins(law: Any, **options: Any) -> Any:
+    found = al.loop_margins(al.RigidArm(THREE), law, Q3, **options)
+    return [found.phase, found.delay, found.disc]
+
+
 def identify(**options: Any) -> Any:
     return al.identify_from_runs(
         MEASURED, ["v0", "q0", "law.stiffness"], **({"plant": al.RigidArm(THREE), "law": CARTESIAN, "dt": 1e-3} | options)
@@ -160,11 +165,17 @@ CASES |= {
     ),
     "equilibrium": Case(equilibrium, {"force": [5.0, 3.0], "force_frame": "link1"}),
     "elastic_limits": Case(elastic_limits, {"force": [5.0, 3.0], "force_frame": "link1", "sample_time": 1e-3, "sensor_bandwidth": 100.0}),
-    "to_control": Case(to_control, {"u0": [0.3, 0.2, 0.1], "t": 0.3}),
-    "to_control law": Case(
-        partial(to_control, al.ComputedTorque(THREE, al.Sinusoid(Q3, 0.4, 3.0, 0.3), 30.0, 10.0)), {"u0": [0.3, 0.2, 0.1], "t": 0.3}
+    "to_control": Case(to_control, {"u0": [0.3, 0.2, 0.1], "t": 0.3, "sample_time": 0.01}),
+    "loop_margins": Case(
+        partial(loop_margins, al.ComputedTorque(THREE, al.Sinusoid(Q3, 0.4, 3.0, 0.3), 30.0, 10.0)), {"t": 0.3, "sample_time": 0.01}
     ),
-    "to_control nonlinear": Case(lambda **o: str(al.to_control(al.RigidArm(THREE), **o)), {"u0": [0.3, 0.2, 0.1], "t": 0.3}),
+    "to_control law": Case(
+        partial(to_control, al.ComputedTorque(THREE, al.Sinusoid(Q3, 0.4, 3.0, 0.3), 30.0, 10.0)),
+        {"u0": [0.3, 0.2, 0.1], "t": 0.3, "sample_time": 0.01},
+    ),
+    "to_control nonlinear": Case(
+        lambda **o: str(al.to_control(al.RigidArm(THREE), **o)), {"u0": [0.3, 0.2, 0.1], "t": 0.3, "sample_time": 0.01}
+    ),
     "identify_from_runs": Case(
         identify, {"noise": {"q": 1e-3, "v": [1.0, 2.0, 3.0]}, "iterations": 1, "tolerance": 0.5}, {"tolerance+iterations": "one step"}
     ),

@@ -153,6 +153,7 @@ PYTHON: dict[str, Any] = {
     "PriorityDiagnosis": al.diagnose_priority([np.ones((1, 2))]),
     "Equilibrium": al.equilibrium(al.RigidArm(TREE), THINGS["PDGravity"], q0=[0.1, 0.1]),
     "ElasticLimits": al.elastic_limits(THINGS["ElasticArm"], THINGS["ElasticImpedance"], q0=[0.3, 1.0]),
+    "LoopMargins": al.loop_margins(PR, THINGS["ComputedTorque"], [0.0, 0.0]),
     "BaseParameters": TREE.base_parameters(),
     "ParameterReport": TREE.check_parameters(TREE.parameters),
     "Identification": TREE.identify(*DRIVEN),

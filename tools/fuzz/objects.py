@@ -157,6 +157,7 @@ class Objects:
             "BatchRun": self.batch,
             "Scenario": self.scenario,
             "SweepTable": lambda: f"al.sweep({self.scenario()}, {{'law.gamma': [1.0, 2.0]}})",
+            "LoopMargins": lambda: f"al.loop_margins({self.loop()}, sample_time=1e-3)",
             "LoopProgram": lambda: f"al.loop_program({self.loop().rpartition('[')[0]}method='euler')",
             "Metrics": lambda: f"al.metrics({self.run()})",
             "Simulator": lambda: f"al.Simulator({self.loop()}, dt=1e-3)",

@@ -19,6 +19,7 @@ RESULTS = {
     "InverseKinematics", "Metrics", "ParameterReport", "PriorityDiagnosis", "PrioritySolution", "Run", "State", "Status", "SweepTable",
     "Tuning", "Verification", "Law", "Motion", "Plant", "TimedPath", "BangBangReport", "BangBangBatch", "ProfileReport", "TorqueOptimum",
     "ArmPrioritySolver", "LoopProgram", "Sensitivity", "RunIdentification", "WorstCase", "LogFit", "LogReport", "Refuted",
+    "LoopMargins",
 }  # fmt: skip
 # Special methods that are called. Other names that begin with an underscore are private.
 SLOTS = {"__call__", "__getitem__", "__eq__"}

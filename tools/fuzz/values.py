@@ -95,6 +95,7 @@ class Values(Objects):
             "t_eval": lambda: "np.linspace(0.0, 0.01, 5)",
             "sample_time": lambda: chance.choice([self.positive(1e-3, 1e-2), self.sampling()]),
             "period": lambda: self.positive(1e-3, 1e-2),
+            "frequency": lambda: self.positive(0.1, 100.0),
             "rtol": lambda: self.positive(1e-9, 1e-3),
             "atol": lambda: self.positive(1e-9, 1e-3),
             "record_every": self.count,
