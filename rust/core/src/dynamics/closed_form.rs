@@ -7,10 +7,13 @@ use crate::scalar::Real;
 
 /// Require a query without friction, armature and offset, which the planar PR arm has not. Errors: `Input`.
 pub(super) fn require_rigid_bodies(query: &Query) -> Result<()> {
-    match query.friction || query.armature || query.offset {
-        true => Err(Error::input("friction, armature, offset", "are not part of this arm: expected False for planar_pr, got True")),
-        false => Ok(()),
+    let flags = [("friction", query.friction), ("armature", query.armature), ("offset", query.offset)];
+    let given: Vec<&str> = flags.into_iter().filter(|(_, flag)| *flag).map(|(name, _)| name).collect();
+    if given.is_empty() {
+        return Ok(());
     }
+    let are = if given.len() == 1 { "is" } else { "are" };
+    Err(Error::input(given.join(", "), format!("{are} not part of this arm: expected False for planar_pr, got True")))
 }
 
 impl PlanarPr<f64> {
