@@ -48,6 +48,18 @@ def test_a_stuck_joint_stays(options: dict[str, Any]) -> None:
         np.testing.assert_allclose(run.friction[-1], torque + jacobian.T @ force, atol=1e-13)
 
 
+@pytest.mark.parametrize("method", ["dopri5", "dop853", "radau5", "rodas4"])
+def test_the_friction_before_a_stop_opposes_the_motion(method: str) -> None:
+    """At the located time of a stop, the velocity is zero up to rounding, and no record has the friction of the other direction."""
+    arm = models.TWO_LINKS
+    friction = al.StickSlip(coulomb=[2.0, 1.0], static=[3.0, 1.5], stribeck_speed=0.05)
+    law = al.PDGravity(arm, [0.5, -0.3], kp=60.0, kd=8.0)
+    run = al.simulate(al.RigidArm(arm, friction=friction), law, [0.0, 0.0], t_end=2.0, method=method)
+    stop = 1 + int(np.argmax(run.v[1:, 0] == 0.0))
+    assert stop > 10 and (run.v[1:stop, 0] > 0.0).all()
+    assert (run.friction[1 : stop + 1, 0] > 0.0).all()
+
+
 @pytest.mark.parametrize("options", [{"dt": 1e-3}, {"method": "radau5"}, {"method": "dopri5"}], ids=named)
 def test_bristles_under_a_constant_load_rest(options: dict[str, Any]) -> None:
     """After the bristles have deflected, a joint drifts by less than 1e-6 rad in one minute."""

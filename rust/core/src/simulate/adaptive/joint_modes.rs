@@ -67,11 +67,13 @@ impl RatesLoop<'_> {
         changes
     }
 
-    /// Set the velocities of stuck joints to zero. Implicit methods cause rounding errors in these velocities.
+    /// Set the velocities of stuck joints to zero, and those of sliding joints that are opposite to the direction of sliding. Implicit methods
+    /// cause rounding errors in the velocities of stuck joints. At the located time at which a joint comes to rest, the rounding error
+    /// determines the sign of its velocity. A record there would have the friction of the other direction.
     pub fn remove_creep(&self, x: &mut [f64]) {
         if let Some(joints) = &self.joints {
-            let stuck = joints.sides().iter().zip(joints.speeds_mut(x)).filter(|(side, _)| **side == 0);
-            stuck.for_each(|(_, v)| *v = 0.0);
+            let rests = |side: i8, v: f64| side == 0 || f64::from(side) * v < 0.0;
+            joints.sides().iter().zip(joints.speeds_mut(x)).filter(|(side, v)| rests(**side, **v)).for_each(|(_, v)| *v = 0.0);
         }
     }
 
