@@ -35,6 +35,7 @@ def impedance(**changes: Any) -> al.ElasticImpedance:
     return al.ElasticImpedance(**(GIVEN | changes))
 
 
+MOVING = al.Quintic([0.5, 0.3], [0.4, 0.4], 1.0)
 LAWS: dict[str, al.Law] = {
     "impedance": impedance(),
     "full": impedance(motor_inertia=[[0.4, 0.05], [0.05, 0.25]], motor_damping=[[8.0, 1.0], [1.0, 5.0]], relative_damping=True),
@@ -44,6 +45,9 @@ LAWS: dict[str, al.Law] = {
     "moving": al.JointTracking(ARM, al.Quintic([0.5, 0.3], [0.4, 0.4], 1.0), 100.0, 10.0, 800.0, 0.4),
     "motor": al.MotorPD(ARM, [0.3, 1.0], 100.0, 10.0, 800.0, online=True),
     "state": al.StateFeedback(ARM, [0.3, 1.0], 100.0, 10.0, 1.0, 0.02, 800.0),
+    "joint, moving": al.JointImpedance(ARM, MOVING, 100.0, 10.0, 800.0, 0.4, 0.02),
+    "motor, moving": al.MotorPD(ARM, MOVING, 100.0, 10.0, 800.0, online=True),
+    "state, moving": al.StateFeedback(ARM, MOVING, 100.0, 10.0, 1.0, 0.02, 800.0),
 }
 
 
@@ -69,6 +73,12 @@ def test_other_arguments() -> None:
     for ratio in (0.0, -1.0, INF, NAN):
         refused(functools.partial(impedance, damping_ratio=ratio), "damping_ratio")
     refused(lambda: al.MotorPD(ARM, [0.3], 100.0, 10.0, 800.0), "MotorPD: target")
+    for target in (al.Hold([0.3]), al.Quintic([0.3], [0.4], 1.0)):
+        refused(lambda target=target: al.MotorPD(ARM, target, 100.0, 10.0, 800.0), "MotorPD: target", "2")
+        refused(lambda target=target: al.StateFeedback(ARM, target, 100.0, 10.0, 1.0, 0.02, 800.0), "StateFeedback: target", "2")
+        refused(lambda target=target: al.JointImpedance(ARM, target, 100.0, 10.0, 800.0, 0.4, 0.02), "JointImpedance: target", "2")
+    refused(lambda: al.MotorPD(ARM, [0.3, NAN], 100.0, 10.0, 800.0), "MotorPD: target", "is not finite")
+    refused(lambda: al.MotorPD(ARM, "rest", 100.0, 10.0, 800.0), "MotorPD: target")
     refused(lambda: al.StateFeedback(ARM, [0.3, 1.0], 100.0, 10.0, -1.0, 0.02, 800.0), "StateFeedback: kt")
     refused(lambda: al.ElasticTracking(ARM, al.Hold([0.5]), 300.0, 40.0, 800.0, 0.4, 0.02, frame="link2", axes="xy"), "shape")
 

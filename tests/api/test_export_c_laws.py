@@ -92,6 +92,8 @@ ELASTIC: dict[str, Callable[[al.Arm], al.Law]] = {
     "MotorPD": lambda arm: al.MotorPD(arm, target(arm), 100.0, 20.0, K),
     "MotorPD, online": lambda arm: al.MotorPD(arm, target(arm), 100.0, 20.0, K, online=True),
     "StateFeedback": lambda arm: al.StateFeedback(arm, target(arm), 100.0, 20.0, 0.5, 0.01, K),
+    "JointImpedance, moving": lambda arm: al.JointImpedance(arm, quintic(arm), 100.0, 20.0, K, B, B0),
+    "StateFeedback, moving": lambda arm: al.StateFeedback(arm, quintic(arm), 100.0, 20.0, 0.5, 0.01, K),
 }
 CASES = [(law, arm) for law in RIGID for arm in ALL] + [(law, arm) for law in (*FRAMED, *ELASTIC) for arm in CHAINS]
 

@@ -96,7 +96,10 @@ OPTIONS: dict[str, list[Case]] = {
         ("motors", {"target": [0.3, -0.4], "stiffness": FULL, "damping": FULL, **JOINTS, "motor_damping": 0.5, "relative_damping": True}),
     ],
     "JointTracking": [("full gains", {"motion": MOTION, "kp": FULL, "kd": FULL / 3.0, "joint_stiffness": 2000.0, "motor_inertia": 0.3})],
-    "MotorPD": [("online", {"target": [0.3, -0.4], "kp": 100.0, "kd": 20.0, "joint_stiffness": 2000.0, "online": True})],
+    "MotorPD": [
+        ("online", {"target": [0.3, -0.4], "kp": 100.0, "kd": 20.0, "joint_stiffness": 2000.0, "online": True}),
+        ("moving", {"target": MOTION, "kp": 100.0, "kd": 20.0, "joint_stiffness": 2000.0, "online": True}),
+    ],
     "StateFeedback": [("all", {"target": [0.3, -0.4], "kp": 100.0, "kd": 20.0, "kt": 0.5, "ks": 0.01, "joint_stiffness": 2000.0})],
     "PriorityVelocity": [
         ("posture", {"tasks": tasks(al.PostureTask([-0.4], 2.0, joints=ARM.joint_names[1:])), "eps": 0.05}),

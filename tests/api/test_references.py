@@ -42,14 +42,14 @@ OF_JOINTS: dict[str, tuple[al.Plant, Make, tuple[str, ...]]] = {
     "ComputedTorque": (RIGID, lambda target: al.ComputedTorque(ARM, target, 100.0, 20.0), ("Hold", "Quintic", "Sinusoid")),
     "Adaptive": (RIGID, lambda target: al.Adaptive(ARM, target, 100.0, 20.0, 0.1), ("Hold", "Quintic", "Sinusoid")),
     "PDGravity": (RIGID, lambda target: al.PDGravity(ARM, target, 80.0, 25.0), ("constant",)),
-    "JointImpedance": (ELASTIC, lambda target: al.JointImpedance(ARM, target, 80.0, 25.0, STIFFNESS, MOTORS, MOTORS), ("constant",)),
+    "JointImpedance": (ELASTIC, lambda target: al.JointImpedance(ARM, target, 80.0, 25.0, STIFFNESS, MOTORS, MOTORS), tuple(JOINTS)),
     "JointTracking": (
         ELASTIC,
         lambda target: al.JointTracking(ARM, target, 80.0, 25.0, STIFFNESS, MOTORS),
         ("Hold", "Quintic", "Sinusoid"),
     ),
-    "MotorPD": (ELASTIC, lambda target: al.MotorPD(ARM, target, 80.0, 25.0, STIFFNESS), ("constant",)),
-    "StateFeedback": (ELASTIC, lambda target: al.StateFeedback(ARM, target, 80.0, 25.0, 0.1, 0.01, STIFFNESS), ("constant",)),
+    "MotorPD": (ELASTIC, lambda target: al.MotorPD(ARM, target, 80.0, 25.0, STIFFNESS), tuple(JOINTS)),
+    "StateFeedback": (ELASTIC, lambda target: al.StateFeedback(ARM, target, 80.0, 25.0, 0.1, 0.01, STIFFNESS), tuple(JOINTS)),
 }
 OF_FRAMES: dict[str, tuple[al.Plant, Make, tuple[str, ...]]] = {
     "CartesianImpedance": (RIGID, lambda target: al.CartesianImpedance(ARM, target, 300.0, 40.0, **TIP), tuple(FRAMES)),

@@ -57,6 +57,9 @@ LAWS: dict[str, Callable[[], Any]] = {
         ARM, al.Sinusoid([0.7, 0.1], [0.1, 0.1], [2.0, 1.0], [0.0, 0.5]), [40.0, 30.0], [6.0, 5.0], **TIP
     ),
     "MotorPD": lambda: elastic(al.MotorPD),
+    "MotorPD, moving": lambda: al.MotorPD(ARM, SWING, **GAINS, joint_stiffness=K, online=True),
+    "StateFeedback, moving": lambda: al.StateFeedback(ARM, SWING, **GAINS, kt=0.5, ks=0.01, joint_stiffness=K),
+    "JointImpedance, moving": lambda: al.JointImpedance(ARM, SWING, [8.0, 6.0], [3.0, 2.0], K, B, [0.1, 0.06]),
     "JointTracking": lambda: al.JointTracking(ARM, SWING, **GAINS, joint_stiffness=K, motor_inertia=B),
     "JointImpedance": lambda: al.JointImpedance(
         ARM, [0.4, 0.3], [8.0, 6.0], [3.0, 2.0], joint_stiffness=K, motor_inertia=B, reduced_inertia=[0.1, 0.06]
@@ -67,11 +70,11 @@ LAWS: dict[str, Callable[[], Any]] = {
     ),
     "PriorityAcceleration": lambda: al.PriorityAcceleration(ARM, [al.Task("link2", "xy", target=[0.6, 0.2], gain=8.0)]),
 }
-ELASTIC = ("MotorPD", "JointTracking", "JointImpedance", "ElasticImpedance")
+ELASTIC = ("MotorPD", "StateFeedback", "JointTracking", "JointImpedance", "ElasticImpedance")
 
 
 def plant_of(name: str) -> Any:
-    if name in ELASTIC:
+    if name.partition(",")[0] in ELASTIC:
         return al.ElasticArm(ARM, K, B)
     return al.VelocityArm(ARM) if name == "PriorityVelocity" else al.RigidArm(ARM)
 

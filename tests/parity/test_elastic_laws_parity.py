@@ -36,6 +36,9 @@ def laws(lib: Any, name: str, arm: Any, given: dict[str, Any], frame: str, optio
     """Return the law with this name from `lib`, which is armlet or the reference."""
     n, rng = arm.n, np.random.default_rng(arm.n)
     target = rng.uniform(-1.0, 1.0, n)
+    if options.get("moving"):
+        options = {key: value for key, value in options.items() if key != "moving"}
+        target = lib.Sinusoid(target, rng.uniform(0.05, 0.3, n), rng.uniform(0.5, 3.0, n), rng.uniform(0.1, 0.9, n))
     inner = {key: given[key] for key in INNER}
     if name == "MotorPD":
         return lib.MotorPD(arm, target, given["kp"], given["kd"], given["joint_stiffness"], **options)
@@ -58,6 +61,9 @@ def laws(lib: Any, name: str, arm: Any, given: dict[str, Any], frame: str, optio
 NAMES = [
     *(("MotorPD", options) for options in ({}, {"online": True})),
     ("StateFeedback", {}),
+    *(("MotorPD", {"moving": True} | options) for options in ({}, {"online": True})),
+    ("StateFeedback", {"moving": True}),
+    ("JointImpedance", {"moving": True}),
     ("JointTracking", {}),
     *((name, options) for name in ("JointImpedance", "ElasticImpedance", "ElasticTracking") for options in OPTIONS),
 ]
@@ -80,7 +86,7 @@ def test_torques(name: str, options: dict[str, Any], n: int, form: str) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("name", "options"), [NAMES[1], NAMES[2], NAMES[3], NAMES[5], NAMES[-1]], ids=str)
+@pytest.mark.parametrize(("name", "options"), [NAMES[1], NAMES[2], NAMES[4], NAMES[5], NAMES[6], NAMES[7], NAMES[9], NAMES[-1]], ids=str)
 def test_runs(name: str, options: dict[str, Any]) -> None:
     """Runs with equal steps of the same method agree. Stiff springs damp the differences that rounding makes."""
     arm, theirs = driven_tree(3, 0)

@@ -578,13 +578,16 @@ class ElasticTracking(Law):
 
 @final
 class JointImpedance(Law):
-    """Joint impedance of an arm with elastic joints: `u = K (q_d - q) - D v + g(q)`.
+    """Joint impedance of an arm with elastic joints: `u = K (q_d - q) + D (v_d - v) + g(q)`.
 
-    The inner loop, which computes the motor torque from `u`, is the same as in `ElasticImpedance`.
+    The inner loop, which computes the motor torque from `u`, is the same as in `ElasticImpedance`. The velocity `v_d` of the target is zero
+    for a constant target. The law has no feed-forward of inertia, so the links follow an accelerating target with an error. If the target
+    has a constant velocity, and mass matrix and gravity are constant, the error vanishes with `relative_damping=True`. Without it, the
+    motor damping `D0` causes the error `K^-1 D0 v_d`. `JointTracking` follows every smooth motion without error.
 
     Args:
         arm: the model whose gravity is compensated.
-        target: `q_d`, `(n,)`, rad or m.
+        target: `q_d`, `(n,)`, rad or m, or a motion of the joints.
         stiffness, damping: `K` and `D`, N m/rad and N m s/rad (N/m, N s/m), positive definite: scalar, `(n,)` or `(n, n)`.
         joint_stiffness, motor_inertia, reduced_inertia, motor_damping, damping_ratio, relative_damping: as for `ElasticImpedance`.
 
@@ -655,15 +658,20 @@ class JointTracking(Law):
 
 @final
 class MotorPD(Law):
-    """PD control of the motors of elastic joints with gravity compensation: `tau = Kp (theta_d - theta) - Kd theta_dot + g`.
+    """PD control of the motors of elastic joints with gravity compensation: `tau = Kp (theta_d - theta) + Kd (theta_d_dot - theta_dot) + g`.
 
-    `theta_d = q_d + K_J^-1 g(q_d)`. The compensation is constant, `g = g(q_d)`, or online, `g = g(theta - K_J^-1 g(q_d))`. With an exact
-    model and no external force, `q_d` is an equilibrium in both cases. If `kp` is too small compared with the derivative of gravity, there
-    may be further equilibria (see `equilibrium`).
+    `theta_d = q_d + K_J^-1 g(q_d)`. The compensation is that of the target, `g = g(q_d)`, or online, `g = g(theta - K_J^-1 g(q_d))`. With an
+    exact model and no external force, `q_d` is an equilibrium in both cases. If `kp` is too small compared with the derivative of gravity,
+    there may be further equilibria (see `equilibrium`).
+
+    For a motion `q_d(t)`, `theta_d` and `g(q_d)` follow the motion, and `theta_d_dot` is the derivative of `theta_d` with respect to time.
+    This is the feed-forward of gravity and of the deflection that it causes, without a feed-forward of inertia. The error vanishes where the
+    motion rests. It also vanishes at constant velocity if mass matrix and gravity are constant, and the plant has no friction.
+    `JointTracking` follows every smooth motion without error.
 
     Args:
         arm: the model whose gravity is compensated.
-        target: `q_d` of the links, `(n,)`, rad or m.
+        target: `q_d` of the links, `(n,)`, rad or m, or a motion of the joints.
         kp, kd: positive definite gains of the motors, N m/rad and N m s/rad (N/m, N s/m): scalar, `(n,)` or `(n, n)`.
         joint_stiffness: `K_J`, N m/rad or N/m, positive definite: scalar, `(n,)` or `(n, n)`.
         online: compute the gravity compensation from the motor positions at every instant (keyword only).
@@ -689,12 +697,15 @@ class MotorPD(Law):
 class StateFeedback(Law):
     """Regulation of elastic joints by feedback of motor position, motor velocity, joint torque `tau_J` and its time derivative.
 
-    `tau = g(q_d) + Kp (theta_d - theta) - Kd theta_dot + Kt (g(q_d) - tau_J) - Ks tau_J_dot` with `theta_d = q_d + K_J^-1 g(q_d)` and
-    `tau_J = K_J (theta - q)`.
+    `tau = g_d + Kp (theta_d - theta) + Kd (theta_d_dot - theta_dot) + Kt (g_d - tau_J) + Ks (g_d_dot - tau_J_dot)` with `g_d = g(q_d)`,
+    `theta_d = q_d + K_J^-1 g_d` and `tau_J = K_J (theta - q)`.
+
+    For a constant target, `theta_d_dot` and `g_d_dot` are zero. For a motion, they are derivatives with respect to time. As for `MotorPD`,
+    this is a feed-forward of gravity and deflection, without a feed-forward of inertia, and the error vanishes under the same conditions.
 
     Args:
         arm: the model whose gravity is compensated.
-        target: `q_d` of the links, `(n,)`, rad or m.
+        target: `q_d` of the links, `(n,)`, rad or m, or a motion of the joints.
         kp, kd: positive definite gains of the motors, N m/rad and N m s/rad (N/m, N s/m): scalar, `(n,)` or `(n, n)`.
         kt: positive definite gain of the joint torque, without unit: scalar, `(n,)` or `(n, n)`.
         ks: positive definite gain of the derivative of the joint torque, s: scalar, `(n,)` or `(n, n)`.

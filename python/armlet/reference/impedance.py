@@ -3,7 +3,7 @@
 rigid    tau = J'[K_m e + D_m (x_d_dot - J v) + F_ff + w] + N' tau_0 + g(q),   e = x_d - x,   w_dot = K_i e
          `null_space` computes N' tau_0 and the coupling;   limits clip the wrench and tau
          a row of w_dot is 0   if it would increase the excess over a limit
-elastic  u = the torque above, or K (q_d - q) - D v + g(q);   B0 theta_ddot + D0 z + tau_J = u,  tau_J = K_J (theta - q)
+elastic  u = the torque above, or K (q_d - q) + D (v_d - v) + g(q);   B0 theta_ddot + D0 z + tau_J = u,  tau_J = K_J (theta - q)
          B theta_ddot + tau_J = tau:   the motor of inertia B behaves like a motor of inertia B0
          z = theta_dot, or theta_dot - v with relative damping            (Ott, Albu-Schaeffer, Kugi and Hirzinger 2008)
 D0       = 2 zeta B0^1/2 (B0^-1/2 K_J B0^-1/2)^1/2 B0^1/2
@@ -12,9 +12,9 @@ P = dE/dt = F.x_dot - theta_dot'D0 z + x_dot.F_law + (x_d_dot - x_dot).K_m e + v
 
 x are the controlled coordinates with the Jacobian J and the target x_d. K_m, D_m and K_i are stiffness, damping and integral gain, and w is
 the integral wrench. F_ff is the feedforward wrench, F_law the wrench in the bracket with the coupling wrench, and F the external force on
-the tip. K and D are the stiffness and the damping of a joint impedance with the target q_d. K_J is the joint stiffness, and zeta the
-damping ratio. E and P are for elastic joints. The formula of P holds without torque limits and contact, and if the plant has no damping and
-no friction. ' is the transpose, and _dot the time derivative.
+the tip. K and D are the stiffness and the damping of a joint impedance with the target q_d and its velocity v_d. K_J is the joint
+stiffness, and zeta the damping ratio. E and P are for elastic joints. The formula of P holds without torque limits and contact, and if the
+plant has no damping and no friction. ' is the transpose, and _dot the time derivative.
 """
 
 from typing import Any
@@ -212,7 +212,7 @@ class JointImpedance(Law, Reduction):
     def __init__(
         self,
         arm: Mechanism,
-        target: ArrayLike,
+        target: Any,
         stiffness: ArrayLike,
         damping: ArrayLike,
         joint_stiffness: ArrayLike,
@@ -226,6 +226,7 @@ class JointImpedance(Law, Reduction):
         self.outer = PDGravity(arm, target, stiffness, damping)
         inner = (joint_stiffness, motor_inertia, reduced_inertia, motor_damping, damping_ratio, relative_damping)
         Reduction.__init__(self, arm.n, *inner)
+        self.breaks = self.outer.breaks
         self.arm, self.target, self.stiffness, self.damping = arm, self.outer.target, self.outer.kp, self.outer.kd
 
     def terms(

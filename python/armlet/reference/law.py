@@ -1,7 +1,7 @@
 """Control laws of rigid arms, written from their equations. e = q_d - q, and C is the Coriolis matrix of the Christoffel symbols.
 
     ComputedTorque      tau = M (a_d + Kd e_dot + Kp e) + C v + g
-    PDGravity           tau = Kp (q_target - q) - Kd v + g(q)
+    PDGravity           tau = Kp (q_d - q) + Kd (v_d - v) + g(q)
 
 M, C v and g are mass matrix, Coriolis torque and gravity torque, and Kp and Kd gains. `terms` evaluates the law once and returns a dict of
 its quantities, which include `tau` and `state_rate`.
@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .lagrange import Array, Mechanism
-from .motion import Motion
+from .motion import Hold, Motion
 
 Terms = dict[str, Array]
 
@@ -76,14 +76,18 @@ class ComputedTorque(Law):
 
 
 class PDGravity(Law):
-    """PD control with gravity compensation, to a constant target (n,)."""
+    """PD control with gravity compensation, to a constant target (n,) or along a motion."""
 
-    def __init__(self, arm: Mechanism, target: ArrayLike, kp: ArrayLike, kd: ArrayLike) -> None:
-        self.arm, self.target = arm, np.array(target, dtype=np.float64)
+    def __init__(self, arm: Mechanism, target: Any, kp: ArrayLike, kd: ArrayLike) -> None:
+        self.motion: Motion = target if callable(target) else Hold(target)
+        self.breaks = getattr(target, "breaks", ())
+        self.arm, self.target = arm, self.motion(0.0)[0]
         self.kp, self.kd = gain(kp, arm.n), gain(kd, arm.n)
 
     def terms(
         self, t: float, q: Array, v: Array, theta: Array | None = None, theta_dot: Array | None = None, state: Array | None = None
     ) -> Terms:
-        e = self.target - q
-        return {"tau": self.kp @ e - self.kd @ v + self.arm.gravity(q), "state_rate": np.zeros(0), "e": e}
+        q_d, v_d, _ = self.motion(t)
+        e = q_d - q
+        tau = self.kp @ e + self.kd @ (v_d - v) + self.arm.gravity(q)
+        return {"tau": tau, "state_rate": np.zeros(0), "e": e, "q_d": q_d, "v_d": v_d}

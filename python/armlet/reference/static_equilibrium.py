@@ -21,6 +21,7 @@ from .lagrange import Analytic, Array, solve
 from .law import Law
 from .loop import ClosedLoop, frame_load
 from .plant import ElasticArm, RigidArm
+from .regulation import MotorPD
 
 
 class Equilibrium(NamedTuple):
@@ -119,7 +120,7 @@ def equilibrium(
             scale = float(np.abs(law.stiffness @ (np.abs(goal) + 1.0)).max())
             spurious = bool(np.abs(law.stiffness @ task.error(q) + own).max() > 1e-7 * scale)
             reachable = not spurious or _reaches(task, goal, start)
-    elif elastic and hasattr(law, "sag"):
+    elif elastic and isinstance(law, MotorPD):
         # An equilibrium that is not the target is spurious if no force and no contact acts, and the law has the plant's model.
         away = bool((np.abs(q - law.target) > 1e-6 * (1.0 + np.abs(law.target))).any())
         spurious = away and not pressed and (push is None or not push.any()) and law.arm is plant.arm

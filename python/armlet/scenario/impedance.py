@@ -1,4 +1,4 @@
-"""Tables for impedance laws: a moving target, and a null space."""
+"""Tables for moving targets of laws, and for the null space of impedance laws."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from .. import _core
 from ..null_space import NullSpace
 from .fields import Entries, Field, Flag, Numbers, OneOf, Table, Text
 
-__all__ = ["impedance", "options", "target_of"]
+__all__ = ["following", "impedance", "options", "target_of"]
 
 _LIMIT = Numbers(depth=1, low=0.0, strict=True)
 _GAIN = Numbers(depth=2, low=0.0)
@@ -49,5 +49,16 @@ def impedance(law: Callable[..., _core.Law], motions: OneOf) -> Callable[..., _c
             posture = motions.make(q_d, arm=arm) if isinstance(q_d, Mapping) else q_d
             keywords["nullspace"] = NullSpace(**{**nullspace, "q_d": posture})
         return law(arm, target, **keywords)
+
+    return make
+
+
+def following(law: Callable[..., _core.Law], motions: OneOf) -> Callable[..., _core.Law]:
+    """Return a function that makes the law `law` of joints. If the law has a target, the target may be a table of `motions`."""
+
+    def make(*, arm: _core.Arm, **others: Any) -> _core.Law:
+        if isinstance(others.get("target"), Mapping):
+            others["target"] = motions.make(others["target"], arm=arm)
+        return law(arm=arm, **others)
 
     return make

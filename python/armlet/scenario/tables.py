@@ -21,7 +21,7 @@ from ..samples import stated_samples
 from .derived import classes_of, derived
 from .fields import Entries, Field, Flag, FlagOrNames, Integer, Items, Keyed, Kind, Names, Numbers, OneOf, Table, Text, Values
 from .guarded import with_guarded
-from .impedance import impedance, options, target_of
+from .impedance import following, impedance, options, target_of
 from .paths import POSES, timed_path
 from .tasks import prioritised, tasks_of
 
@@ -258,8 +258,8 @@ def _adaptive(arm: _core.Arm, motion: _core.Motion, concurrent: Mapping[str, Any
 
 
 def _pid(arm: _core.Arm, target: Any, kp: Any, kd: Any, ki: Any = None, **options: Any) -> _core.Law:
-    """Make a `PID` law, without an integral if `ki` is missing. The target may be a table of a motion."""
-    return _core.PID(arm, MOTIONS.make(target, arm=arm) if isinstance(target, Mapping) else target, kp, ki, kd, **options)
+    """Make a `PID` law, without an integral if `ki` is missing."""
+    return _core.PID(arm, target, kp, ki, kd, **options)
 
 
 #: Parameters of laws that a plant also has, with their names in the plant. If a law lacks one, the plant's value is used.
@@ -269,7 +269,7 @@ KNOWN = {"joint_stiffness": "stiffness", "motor_inertia": "motor_inertia"}
 _SPECIAL = {
     "Adaptive": _law(_adaptive, _PD | {"gamma": GAIN}, _ADAPTATION, _FOLLOWS),
     "ComputedTorque": _law(_core.ComputedTorque, _PD, None, _FOLLOWS),
-    "PID": _law(_pid, _FOLLOWED | _PD, _PID),
+    "PID": _law(following(_pid, MOTIONS), _FOLLOWED | _PD, _PID),
     "CartesianImpedance": _law(impedance(_core.CartesianImpedance, MOTIONS), _REACHED | _IMPEDANCE | _TIP, _FRAME | _OPTIONS),
     "ElasticImpedance": _law(
         impedance(_core.ElasticImpedance, MOTIONS),
@@ -282,7 +282,12 @@ _SPECIAL = {
 }
 _PLAIN: dict[str, Field] = _TARGET | _PD | _IMPEDANCE | _REDUCED | _INNER | _INNER_OPTIONS
 _PLAIN |= {"online": Flag(), "kt": DAMPING, "ks": DAMPING}
-_KINDS = {each.__name__: derived(each, _PLAIN, needs=_FOLLOWS, known=KNOWN) for each in classes_of(_core.Law, (*_SPECIAL, "Guarded"))}
+_KINDS = {
+    each.__name__: derived(
+        each, _PLAIN | ({} if each is _core.PDGravity else _FOLLOWED), needs=_FOLLOWS, known=KNOWN, make=following(each, MOTIONS)
+    )
+    for each in classes_of(_core.Law, (*_SPECIAL, "Guarded"))
+}
 LAWS = with_guarded(_SPECIAL | _KINDS)
 
 _CHANNEL = Table({name: NOT_NEGATIVE for name in CHANNELS})

@@ -19,7 +19,6 @@ use crate::interrupt;
 use crate::law::{CartesianImpedanceSpec, ElasticImpedanceSpec, LawSpec};
 use crate::linalg::{Gain, cholesky, symmetric_eigen};
 use crate::memory;
-use crate::motion::Motion;
 use crate::plant::PlantSpec;
 use nalgebra::DVector;
 
@@ -235,7 +234,7 @@ pub fn equilibrium(plant: &PlantSpec, law: &LawSpec, wrench: &[f64; 6], force_fr
         _ => return fault("law", format!("is not at rest by a spring: expected an impedance or PD law, got {}", law.name())),
     };
     let task = law.impedance().or(law.storage().map(|law| &law.outer));
-    if !held.motions().iter().all(|motion| matches!(motion, Motion::Hold(_))) {
+    if held.motions().iter().any(|motion| motion.moves()) {
         return fault("law", "has a target that moves: expected a law with a fixed target".into());
     }
     let problem = EquilibriumProblem { plant, law: &held, wrench: *wrench, frame: force_frame };

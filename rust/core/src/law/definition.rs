@@ -35,8 +35,11 @@ pub enum JointReference {
 }
 
 impl JointReference {
-    /// The position of `motion` at time zero, as a fixed target.
-    pub(super) fn held(motion: &Motion) -> Self {
+    /// The reference of a law that follows `motion`, the first of its motions. A motion at rest is a fixed target.
+    pub(super) fn of(motion: &Motion) -> Self {
+        if motion.moves() {
+            return JointReference::Motion;
+        }
         let mut sample = vec![0.0; 3 * motion.dof()];
         motion.sample(0.0, &mut sample);
         sample.truncate(motion.dof());

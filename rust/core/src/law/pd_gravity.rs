@@ -1,4 +1,5 @@
-//! PD control with gravity compensation (Takegaki and Arimoto 1981): `tau = Kp (q_d - q) - Kd v + g(q)`.
+//! PD control with gravity compensation (Takegaki and Arimoto 1981): `tau = Kp (q_d - q) + Kd (v_d - v) + g(q)`. The desired velocity `v_d`
+//! is zero for a constant target `q_d`.
 
 use super::definition::{Definition, JointReference, Shape, facts};
 use super::equations::{Answer, Equations, Loop};
@@ -44,12 +45,17 @@ impl PdGravitySpec {
     /// Errors: `WrongShape` for a wrong size, `Input` for a target that is not finite.
     pub fn new(model: Model, target: impl Into<DVector<f64>>, kp: Gain, kd: Gain) -> Result<Self> {
         let target = Vec::from(target.into().data);
-        let n = model.n();
-        require_rows("target", n, target.len())?;
         crate::error::finite("target", &target)?;
+        Self::following(model, Motion::Hold(target), kp, kd)
+    }
+
+    /// Create the law for a target that moves, `n` joints. Errors: `WrongShape` for a wrong size.
+    pub fn following(model: Model, target: Motion, kp: Gain, kd: Gain) -> Result<Self> {
+        let n = model.n();
+        require_rows("target", n, target.dof())?;
         require_size("kp", &kp, n)?;
         require_size("kd", &kd, n)?;
-        Ok(PdGravitySpec { model, target: Motion::Hold(target), kp, kd })
+        Ok(PdGravitySpec { model, target, kp, kd })
     }
 }
 
@@ -57,14 +63,18 @@ impl Definition for PdGravitySpec {
     facts!("PDGravity", Rigid, target);
 
     fn joint_reference(&self) -> Option<JointReference> {
-        Some(JointReference::held(&self.target))
+        Some(JointReference::of(&self.target))
     }
     fn outer_stiffness(&mut self) -> Option<&mut Gain> {
         Some(&mut self.kp)
     }
 }
 
-impl Shape for PdGravitySpec {}
+impl Shape for PdGravitySpec {
+    fn same_shape(&self, other: &Self) -> bool {
+        self.target.moves() == other.target.moves()
+    }
+}
 
 impl Equations for PdGravitySpec {
     fn parameters(&self, _: Option<f64>) -> Parameters {
@@ -72,9 +82,11 @@ impl Equations for PdGravitySpec {
     }
 
     fn equations(&self, at: &Loop) -> Answer {
-        let [q_d, ..] = at.desired_terms(0, &["q_d"]);
+        let moves = self.target.moves();
+        let [q_d, v_d, _] = at.desired_terms(0, if moves { &["q_d", "v_d"] } else { &["q_d"] });
         let e = at.term("e", q_d - &at.q);
         let g = at.term("g", at.arm().gravity());
-        Answer::new(g + at.gain("kp") * &e - at.gain("kd") * &at.v)
+        let slip = if moves { &at.v - v_d } else { at.v.clone() };
+        Answer::new(g + at.gain("kp") * &e - at.gain("kd") * &slip)
     }
 }

@@ -126,11 +126,6 @@ impl PidSpec {
         self.options = options;
         Ok(self)
     }
-
-    /// Whether the desired motion changes with time.
-    fn moves(&self) -> bool {
-        !matches!(self.motion, Motion::Hold(_))
-    }
 }
 
 /// Require `n` positive numbers, each at most `most`.
@@ -163,7 +158,7 @@ impl Definition for PidSpec {
     }
 
     fn joint_reference(&self) -> Option<JointReference> {
-        Some(if self.moves() { JointReference::Motion } else { JointReference::held(&self.motion) })
+        Some(JointReference::of(&self.motion))
     }
 }
 
@@ -172,7 +167,7 @@ impl Shape for PidSpec {
         let shape = |law: &Self| {
             let PidOptions { tau_max, derivative_filter, friction_speed, observer_bandwidth, nominal_inertia: _ } = &law.options;
             let parts = [tau_max, derivative_filter, friction_speed, observer_bandwidth].map(Option::is_some);
-            (law.moves(), law.ki.is_some(), parts)
+            (law.motion.moves(), law.ki.is_some(), parts)
         };
         shape(self) == shape(other)
     }
@@ -197,8 +192,8 @@ impl Equations for PidSpec {
 
     fn equations(&self, at: &Loop) -> Answer {
         let State { w, q_f, s } = self.state(&at.z);
-        let [q_d, mut v_d, mut a_d] = at.desired_terms(0, if self.moves() { &["q_d", "v_d"] } else { &["q_d"] });
-        if !self.moves() {
+        let [q_d, mut v_d, mut a_d] = at.desired_terms(0, if self.motion.moves() { &["q_d", "v_d"] } else { &["q_d"] });
+        if !self.motion.moves() {
             (v_d, a_d) = (zeros(v_d.len()), zeros(a_d.len()));
         }
         let e = at.term("e", q_d - &at.q);
@@ -209,7 +204,7 @@ impl Equations for PidSpec {
 
         // Feed-forward: gravity, or the inverse dynamics at rest for the desired acceleration, and friction at the desired velocity.
         let g = at.term("g", at.arm().gravity());
-        let mut ahead = if self.moves() && s.is_none() { at.arm().inverse_dynamics(&zeros(e.len()), &a_d) } else { g };
+        let mut ahead = if self.motion.moves() && s.is_none() { at.arm().inverse_dynamics(&zeros(e.len()), &a_d) } else { g };
         if self.options.friction_speed.is_some() {
             let (viscous, coulomb) = (at.vector("damping"), at.vector("friction"));
             let direction = v_d.zip_map(at.vector("friction_speed"), |v, slow| tanh(v / slow));

@@ -63,6 +63,11 @@ impl Motion {
         Ok(Motion::Hold(q))
     }
 
+    /// Whether the position can change with time: the motion is not a `Hold`.
+    pub fn moves(&self) -> bool {
+        !matches!(self, Motion::Hold(_))
+    }
+
     /// Whether both motions are certainly equal. Motions with many numbers are compared by address.
     pub fn is_same(&self, other: &Motion) -> bool {
         match (self, other) {

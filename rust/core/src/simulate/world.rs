@@ -71,7 +71,7 @@ impl<'a> World<'a> {
 
     /// Whether all desired motions are constant.
     pub fn has_targets(&self) -> bool {
-        self.motions.iter().flatten().all(|motion| matches!(**motion, Motion::Hold(_)))
+        !self.motions.iter().flatten().any(|motion| motion.moves())
     }
 
     /// Whether forces act.

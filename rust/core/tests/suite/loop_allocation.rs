@@ -162,7 +162,8 @@ fn elastic_steps_allocate_nothing(two: Model) {
     let stops = Stops::new(vec![-3.0; 2], vec![0.21, 3.0], vec![1e3; 2], vec![10.0; 2]).unwrap();
     let spec = ElasticSpec::new(two.clone(), gain(2, 800.0), gain(2, 0.2), None, None, None).unwrap();
     let gains = [gain(2, 200.0), gain(2, 20.0), gain(2, 1.0), gain(2, 0.02)];
-    let feedback = LawSpec::StateFeedback(StateFeedbackSpec::new(two.clone(), &[0.4, 0.3], gains.clone(), gain(2, 800.0)).unwrap());
+    let feedback =
+        LawSpec::StateFeedback(StateFeedbackSpec::new(two.clone(), Motion::Hold(vec![0.4, 0.3]), gains.clone(), gain(2, 800.0)).unwrap());
     let [kp, kd, ..] = gains;
     let tracking = JointTrackingSpec::new(two.clone(), sinusoid(2), [kp, kd], gain(2, 800.0), gain(2, 0.2)).unwrap();
     let loops = [(spec.clone().with_stops(Some(stops)), feedback), (spec, LawSpec::JointTracking(tracking))];

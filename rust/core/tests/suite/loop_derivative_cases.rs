@@ -199,21 +199,29 @@ pub fn cases(at: &[f64]) -> Vec<Case> {
             ));
         }
     }
-    let joint = JointImpedanceSpec { outer: pd, inner: reduction(true) };
-    all.push(case("JointImpedance", PlantSpec::Elastic(elastic()), LawSpec::JointImpedance(joint)));
+    let moving_pd = PdGravitySpec::following(model.clone(), moving(q_d.clone()), full(N, 100.0), gain(N, 20.0)).unwrap();
+    for (outer, what) in [(pd, "held"), (moving_pd, "moving")] {
+        let joint = JointImpedanceSpec { outer, inner: reduction(true) };
+        all.push(case(&format!("JointImpedance, {what}"), PlantSpec::Elastic(elastic()), LawSpec::JointImpedance(joint)));
+    }
     let tracking =
         JointTrackingSpec::new(model.clone(), moving(q_d.clone()), [full(N, 500.0), gain(N, 20.0)], spring(), gain(N, 0.5)).unwrap();
     all.push(case("JointTracking", PlantSpec::Elastic(elastic()), LawSpec::JointTracking(tracking)));
     for online in [false, true] {
-        let law = MotorPdSpec::new(model.clone(), &q_d, full(N, 500.0), gain(N, 20.0), spring(), online).unwrap();
+        let motors = |target| MotorPdSpec::new(model.clone(), target, full(N, 500.0), gain(N, 20.0), spring(), online).unwrap();
+        let law = motors(Motion::Hold(q_d.clone()));
         // This plant has friction that does not depend on the load. With load-dependent friction, differences could change the sign of the
         // spring torque, whose magnitude has no derivative at zero.
         let rubbing = elastic().with_friction(lugre(None)).unwrap();
         all.push(case(&format!("MotorPD, LuGre friction, {online}"), PlantSpec::Elastic(rubbing), LawSpec::MotorPd(law.clone())));
         all.push(case(&format!("MotorPD, {online}"), PlantSpec::Elastic(elastic()), LawSpec::MotorPd(law)));
+        let law = LawSpec::MotorPd(motors(moving(q_d.clone())));
+        all.push(case(&format!("MotorPD, moving, {online}"), PlantSpec::Elastic(elastic()), law));
     }
     let gains = [full(N, 500.0), gain(N, 20.0), gain(N, 2.0), gain(N, 0.01)];
-    let law = StateFeedbackSpec::new(model.clone(), &q_d, gains, spring()).unwrap();
-    all.push(case("StateFeedback", PlantSpec::Elastic(elastic()), LawSpec::StateFeedback(law)));
+    for (target, what) in [(Motion::Hold(q_d.clone()), "held"), (moving(q_d.clone()), "moving")] {
+        let law = StateFeedbackSpec::new(model.clone(), target, gains.clone(), spring()).unwrap();
+        all.push(case(&format!("StateFeedback, {what}"), PlantSpec::Elastic(elastic()), LawSpec::StateFeedback(law)));
+    }
     all
 }

@@ -172,13 +172,16 @@ impl ElasticTracking {
     }
 }
 
-/// Joint impedance of an arm with elastic joints: `u = K (q_d - q) - D v + g(q)`.
+/// Joint impedance of an arm with elastic joints: `u = K (q_d - q) + D (v_d - v) + g(q)`.
 ///
-/// The inner loop, which computes the motor torque from `u`, is the same as in `ElasticImpedance`.
+/// The inner loop, which computes the motor torque from `u`, is the same as in `ElasticImpedance`. The velocity `v_d` of the target is zero
+/// for a constant target. The law has no feed-forward of inertia, so the links follow an accelerating target with an error. If the target
+/// has a constant velocity, and mass matrix and gravity are constant, the error vanishes with `relative_damping=True`. Without it, the
+/// motor damping `D0` causes the error `K^-1 D0 v_d`. `JointTracking` follows every smooth motion without error.
 ///
 /// Args:
 ///     arm: the model whose gravity is compensated.
-///     target: `q_d`, `(n,)`, rad or m.
+///     target: `q_d`, `(n,)`, rad or m, or a motion of the joints.
 ///     stiffness, damping: `K` and `D`, N m/rad and N m s/rad (N/m, N s/m), positive definite: scalar, `(n,)` or `(n, n)`.
 ///     joint_stiffness, motor_inertia, reduced_inertia, motor_damping, damping_ratio, relative_damping: as for `ElasticImpedance`.
 ///
@@ -208,9 +211,9 @@ impl JointImpedance {
     fn new() -> Result<PyClassInitializer<Self>, Failure> {
         let mut given = Arguments::new(NAME, arm)?;
         let n = given.model().n();
-        let target = given.vector("target", target, n)?;
+        let target = given.motion_or_hold("target", target, n)?;
         let (stiffness, damping) = (given.gain("stiffness", stiffness, n)?, given.gain("damping", damping, n)?);
-        let outer = PdGravitySpec::new(given.model(), target, stiffness, damping)?;
+        let outer = PdGravitySpec::following(given.model(), target, stiffness, damping)?;
         let inner = Inner { joint_stiffness, motor_inertia, reduced_inertia, motor_damping, damping_ratio, relative_damping };
         let inner = inner.read(&mut given)?;
         Ok(given.law(JointImpedanceSpec { outer, inner }).add_subclass(JointImpedance))
@@ -267,15 +270,20 @@ impl JointTracking {
     }
 }
 
-/// PD control of the motors of elastic joints with gravity compensation: `tau = Kp (theta_d - theta) - Kd theta_dot + g`.
+/// PD control of the motors of elastic joints with gravity compensation: `tau = Kp (theta_d - theta) + Kd (theta_d_dot - theta_dot) + g`.
 ///
-/// `theta_d = q_d + K_J^-1 g(q_d)`. The compensation is constant, `g = g(q_d)`, or online, `g = g(theta - K_J^-1 g(q_d))`. With an exact
-/// model and no external force, `q_d` is an equilibrium in both cases. If `kp` is too small compared with the derivative of gravity, there
-/// may be further equilibria (see `equilibrium`).
+/// `theta_d = q_d + K_J^-1 g(q_d)`. The compensation is that of the target, `g = g(q_d)`, or online, `g = g(theta - K_J^-1 g(q_d))`. With an
+/// exact model and no external force, `q_d` is an equilibrium in both cases. If `kp` is too small compared with the derivative of gravity,
+/// there may be further equilibria (see `equilibrium`).
+///
+/// For a motion `q_d(t)`, `theta_d` and `g(q_d)` follow the motion, and `theta_d_dot` is the derivative of `theta_d` with respect to time.
+/// This is the feed-forward of gravity and of the deflection that it causes, without a feed-forward of inertia. The error vanishes where the
+/// motion rests. It also vanishes at constant velocity if mass matrix and gravity are constant, and the plant has no friction.
+/// `JointTracking` follows every smooth motion without error.
 ///
 /// Args:
 ///     arm: the model whose gravity is compensated.
-///     target: `q_d` of the links, `(n,)`, rad or m.
+///     target: `q_d` of the links, `(n,)`, rad or m, or a motion of the joints.
 ///     kp, kd: positive definite gains of the motors, N m/rad and N m s/rad (N/m, N s/m): scalar, `(n,)` or `(n, n)`.
 ///     joint_stiffness: `K_J`, N m/rad or N/m, positive definite: scalar, `(n,)` or `(n, n)`.
 ///     online: compute the gravity compensation from the motor positions at every instant (keyword only).
@@ -303,23 +311,26 @@ impl MotorPD {
     fn new() -> Result<PyClassInitializer<Self>, Failure> {
         let mut given = Arguments::new(NAME, arm)?;
         let n = given.model().n();
-        let target = given.vector("target", target, n)?;
+        let target = given.motion_or_hold("target", target, n)?;
         let (kp, kd) = (given.gain("kp", kp, n)?, given.gain("kd", kd, n)?);
         let joint_stiffness = given.gain("joint_stiffness", joint_stiffness, n)?;
         let online = given.flag("online", online)?;
-        let spec = MotorPdSpec::new(given.model(), &target, kp, kd, joint_stiffness, online)?;
+        let spec = MotorPdSpec::new(given.model(), target, kp, kd, joint_stiffness, online)?;
         Ok(given.law(spec).add_subclass(MotorPD))
     }
 }
 
 /// Regulation of elastic joints by feedback of motor position, motor velocity, joint torque `tau_J` and its time derivative.
 ///
-/// `tau = g(q_d) + Kp (theta_d - theta) - Kd theta_dot + Kt (g(q_d) - tau_J) - Ks tau_J_dot` with `theta_d = q_d + K_J^-1 g(q_d)` and
-/// `tau_J = K_J (theta - q)`.
+/// `tau = g_d + Kp (theta_d - theta) + Kd (theta_d_dot - theta_dot) + Kt (g_d - tau_J) + Ks (g_d_dot - tau_J_dot)` with `g_d = g(q_d)`,
+/// `theta_d = q_d + K_J^-1 g_d` and `tau_J = K_J (theta - q)`.
+///
+/// For a constant target, `theta_d_dot` and `g_d_dot` are zero. For a motion, they are derivatives with respect to time. As for `MotorPD`,
+/// this is a feed-forward of gravity and deflection, without a feed-forward of inertia, and the error vanishes under the same conditions.
 ///
 /// Args:
 ///     arm: the model whose gravity is compensated.
-///     target: `q_d` of the links, `(n,)`, rad or m.
+///     target: `q_d` of the links, `(n,)`, rad or m, or a motion of the joints.
 ///     kp, kd: positive definite gains of the motors, N m/rad and N m s/rad (N/m, N s/m): scalar, `(n,)` or `(n, n)`.
 ///     kt: positive definite gain of the joint torque, without unit: scalar, `(n,)` or `(n, n)`.
 ///     ks: positive definite gain of the derivative of the joint torque, s: scalar, `(n,)` or `(n, n)`.
@@ -348,10 +359,10 @@ impl StateFeedback {
     fn new() -> Result<PyClassInitializer<Self>, Failure> {
         let mut given = Arguments::new(NAME, arm)?;
         let n = given.model().n();
-        let target = given.vector("target", target, n)?;
+        let target = given.motion_or_hold("target", target, n)?;
         let gains = [given.gain("kp", kp, n)?, given.gain("kd", kd, n)?, given.gain("kt", kt, n)?, given.gain("ks", ks, n)?];
         let joint_stiffness = given.gain("joint_stiffness", joint_stiffness, n)?;
-        let spec = StateFeedbackSpec::new(given.model(), &target, gains, joint_stiffness)?;
+        let spec = StateFeedbackSpec::new(given.model(), target, gains, joint_stiffness)?;
         Ok(given.law(spec).add_subclass(StateFeedback))
     }
 }

@@ -2,12 +2,12 @@
 //! of the links with gravity compensation (`pd_gravity`). The inner loop is motor-inertia reduction (`inertia_reduction`):
 //!
 //! ```text
-//! u = K (q_d - q) - D v + g(q)
+//! u = K (q_d - q) + D (v_d - v) + g(q)
 //! tau = (I - B B0^-1) tau_J + B B0^-1 (u - D0 w),   tau_J = K_J (theta - q),   w = theta_dot or theta_dot - v
 //! ```
 //!
-//! `K` and `D` are the gains `kp` and `kd` of the outer loop. `theta` are the motor positions, and `K_J` is the joint stiffness. `B` is the
-//! motor inertia, `B0` its reduced value and `D0` its damping.
+//! `v_d` is the velocity of the target `q_d`, zero for a constant target. `K` and `D` are the gains `kp` and `kd` of the outer loop. `theta`
+//! are the motor positions, and `K_J` is the joint stiffness. `B` is the motor inertia, `B0` its reduced value and `D0` its damping.
 
 use crate::law::PdGravitySpec;
 use crate::law::definition::{Definition, JointReference, Shape};
@@ -52,7 +52,7 @@ impl Definition for JointImpedanceSpec {
 
 impl Shape for JointImpedanceSpec {
     fn same_shape(&self, other: &Self) -> bool {
-        self.inner.same_shape(&other.inner)
+        self.outer.same_shape(&other.outer) && self.inner.same_shape(&other.inner)
     }
 }
 

@@ -106,7 +106,7 @@ impl CartesianImpedanceSpec {
 
     /// Whether the target has a rotation vector that changes with time.
     pub fn turns_target(&self) -> bool {
-        self.coordinates.turns() && !matches!(self.target, Motion::Hold(_))
+        self.coordinates.turns() && self.target.moves()
     }
 }
 

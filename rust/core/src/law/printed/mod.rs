@@ -84,7 +84,7 @@ impl LawSpec {
             }
             at += 3 * motion.dof();
         }
-        let held: usize = motions.iter().map(|motion| if matches!(motion, Motion::Hold(_)) { 3 * motion.dof() } else { 0 }).sum();
+        let held: usize = motions.iter().map(|motion| if motion.moves() { 0 } else { 3 * motion.dof() }).sum();
         let sizes = PrintedSizes {
             n: self.model().n(),
             p: widths[2],

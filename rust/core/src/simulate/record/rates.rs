@@ -16,7 +16,6 @@ use super::slots::RatesSlots;
 use super::step_programs::Watch;
 use super::structure::{self, Seen, instant, modes_as_inputs};
 use crate::integrate::ExplicitAdaptive;
-use crate::motion::Motion;
 use crate::simulate::assembly::assemble;
 use crate::simulate::problem::Problem;
 use crate::simulate::problem::force::Force;
@@ -95,7 +94,7 @@ pub enum RequiredDerivatives {
 impl RequiredDerivatives {
     fn of(problem: &Problem, run: usize) -> Self {
         let moves = |force: &&Force| matches!(force, Force::Signal(_));
-        let still = problem.options.sampling.is_some() || problem.law(run).motions().iter().all(|motion| matches!(motion, Motion::Hold(_)));
+        let still = problem.options.sampling.is_some() || !problem.law(run).motions().iter().any(|motion| motion.moves());
         let method = problem.options.method;
         match (method.is_implicit(), method.is_rosenbrock()) {
             (false, _) => RequiredDerivatives::Rates,

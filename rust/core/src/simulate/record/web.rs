@@ -268,7 +268,7 @@ fn numbers(
     for (motion, base) in problem.law(run).motions().into_iter().zip(problem.law(0).motions()) {
         let mut row = vec![0.0; 3 * motion.dof()];
         motion.sample(0.0, &mut row);
-        if !matches!(motion, Motion::Hold(_)) && !motion.is_same(base) {
+        if motion.moves() && !motion.is_same(base) {
             return Err(Error::input(
                 "controls",
                 "has a number of a desired motion: expected a number of a constant target or of another part",
