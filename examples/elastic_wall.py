@@ -27,7 +27,7 @@ wall = al.Wall(frame, tip + np.array([0.05, 0.0, 0.0]), [-1.0, 0.0, 0.0], stiffn
 plant = al.ElasticArm(arm, joint_stiffness, motor_inertia, wall=wall)
 stiffness, damping = np.array([800.0, 1500.0, 1500.0]), np.array([90.0, 120.0, 120.0])  # N/m, N s/m
 target = al.Quintic(tip, tip + np.array([0.13, 0.0, 0.0]), 2.0)
-law = al.ElasticTracking(
+law = al.ElasticImpedance(
     arm, target, stiffness, damping, joint_stiffness, motor_inertia, reduced_inertia, frame=frame, relative_damping=True
 )
 run = al.simulate(plant, law, q0, t_end=4.0, method="dop853", rtol=1e-9, atol=1e-10, t_eval=np.linspace(0.0, 4.0, 801))

@@ -95,3 +95,14 @@ def test_a_motion_at_rest_is_a_constant_target(name: str) -> None:
     held, constant = make(ARM, al.Hold([0.3, 1.0]), K, B), make(ARM, [0.3, 1.0], K, B)
     np.testing.assert_array_equal(held(0.4, [0.2, 0.9], [0.1, 0.2], **state), constant(0.4, [0.2, 0.9], [0.1, 0.2], **state))
     assert al.equilibrium(al.ElasticArm(ARM, K, B), held, q0=[0.2, 0.9]).stable
+
+
+def test_elastic_tracking_is_deprecated_and_equals_elastic_impedance() -> None:
+    target, tip = al.Sinusoid([0.6, 0.4], 0.05, [1.0, 2.0], 0.2), {"frame": "link2", "axes": "xy", "relative_damping": True}
+    given: Any = (ARM, target, [300.0, 200.0], [40.0, 30.0], K, B, 0.1 * B)
+    with pytest.warns(DeprecationWarning, match=r"^armlet.ElasticTracking is deprecated: use armlet.ElasticImpedance"):
+        old = al.ElasticTracking(*given, **tip)
+    new, rng = al.ElasticImpedance(*given, **tip), np.random.default_rng(1)
+    for t, (q, v, theta, theta_dot) in zip(rng.uniform(0.0, 3.0, 50), rng.uniform(-1.0, 1.0, (50, 4, 2)), strict=True):
+        state = {"theta": theta, "theta_dot": theta_dot}
+        np.testing.assert_array_equal(old(t, q, v, **state), new(t, q, v, **state))

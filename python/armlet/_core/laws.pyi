@@ -537,7 +537,8 @@ class ElasticImpedance(Law):
 
 @final
 class ElasticTracking(Law):
-    """Cartesian impedance of an arm with elastic joints about a moving target.
+    """Deprecated: `ElasticImpedance` with a motion as its target is the same law, with more options. A construction issues a
+    `DeprecationWarning`.
 
     The outer loop is `u = J'(K (x_d(t) - x) + D (x_d_dot(t) - J v)) + g(q)`, and the inner loop is the same as in `ElasticImpedance`. The
     law has no feed-forward of the arm's inertia, so it follows an accelerating target with an error.
@@ -555,7 +556,7 @@ class ElasticTracking(Law):
     >>> import armlet as al
     >>> arm = al.planar_arm([0.5, 0.4])
     >>> line = al.Quintic([0.6, 0.3], [0.4, 0.5], 2.0)
-    >>> law = al.ElasticTracking(arm, line, 300.0, 40.0, 800.0, 0.4, 0.02, frame="link2", axes="xy", relative_damping=True)
+    >>> law = al.ElasticImpedance(arm, line, 300.0, 40.0, 800.0, 0.4, 0.02, frame="link2", axes="xy", relative_damping=True)
     >>> law.terms(2.0, [0.3, 1.0], [0.0, 0.0], theta=[0.3, 1.0], theta_dot=[0.0, 0.0])["x_d"]
     array([0.4, 0.5])
     """

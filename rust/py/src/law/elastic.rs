@@ -9,6 +9,7 @@ use armlet_core::law::{
 };
 use armlet_core::motion::Motion;
 use armlet_macros::entered;
+use pyo3::exceptions::PyDeprecationWarning;
 use pyo3::prelude::*;
 
 /// The arguments of the inner loop.
@@ -131,7 +132,8 @@ impl ElasticImpedance {
     }
 }
 
-/// Cartesian impedance of an arm with elastic joints about a moving target.
+/// Deprecated: `ElasticImpedance` with a motion as its target is the same law, with more options. A construction issues a
+/// `DeprecationWarning`.
 ///
 /// The outer loop is `u = J'(K (x_d(t) - x) + D (x_d_dot(t) - J v)) + g(q)`, and the inner loop is the same as in `ElasticImpedance`. The
 /// law has no feed-forward of the arm's inertia, so it follows an accelerating target with an error.
@@ -149,7 +151,7 @@ impl ElasticImpedance {
 /// >>> import armlet as al
 /// >>> arm = al.planar_arm([0.5, 0.4])
 /// >>> line = al.Quintic([0.6, 0.3], [0.4, 0.5], 2.0)
-/// >>> law = al.ElasticTracking(arm, line, 300.0, 40.0, 800.0, 0.4, 0.02, frame="link2", axes="xy", relative_damping=True)
+/// >>> law = al.ElasticImpedance(arm, line, 300.0, 40.0, 800.0, 0.4, 0.02, frame="link2", axes="xy", relative_damping=True)
 /// >>> law.terms(2.0, [0.3, 1.0], [0.0, 0.0], theta=[0.3, 1.0], theta_dot=[0.0, 0.0])["x_d"]
 /// array([0.4, 0.5])
 #[pyclass(frozen, extends = Law, module = "armlet")]
@@ -164,6 +166,8 @@ impl ElasticTracking {
         damping_ratio=None, relative_damping=false
     )]
     fn new() -> Result<PyClassInitializer<Self>, Failure> {
+        let replacement = c"armlet.ElasticTracking is deprecated: use armlet.ElasticImpedance, whose target may be a motion";
+        PyErr::warn(py, &py.get_type::<PyDeprecationWarning>(), replacement, 1)?;
         let mut given = Arguments::new(NAME, arm)?;
         let inner = Inner { joint_stiffness, motor_inertia, reduced_inertia, motor_damping, damping_ratio, relative_damping };
         let outer = Outer { stiffness, damping, frame, axes, options: OptionArguments::default() };
