@@ -204,6 +204,17 @@ def test_a_thumb_reaches_every_page(browser: Browser, site: str) -> None:
     page.context.close()
 
 
+def test_paper_has_the_answers(browser: Browser, site: str) -> None:
+    """On paper, closed answers are visible, and the link to the content is not."""
+    page = browser.new_page()
+    page.goto(site + "adaptive.html")
+    answer, skip = page.locator("details p").first, page.locator(".skip-to-content")
+    assert not answer.is_visible()
+    page.emulate_media(media="print")
+    assert answer.is_visible() and not skip.is_visible()
+    page.close()
+
+
 @pytest.mark.parametrize(
     ("body", "kind"),
     [
