@@ -6,6 +6,7 @@ of the page to the lists of Sphinx, from which `make docs` makes a page per name
 
 from __future__ import annotations
 
+import ast
 import inspect
 import re
 import sys
@@ -29,20 +30,23 @@ LIST = """```{{eval-rst}}
 """
 
 
-def source(name: str) -> Path:
-    """The file that has the docstring of a public name: a stub of the extension, or a Python file."""
+def source(name: str) -> tuple[Path, str]:
+    """The file that has the docstring of a public name, a stub of the extension or a Python file, and the docstring."""
     if getattr(armlet._core, name, None) is getattr(armlet, name):
-        defined = re.compile(rf"^(?:class|def) {name}\b", re.MULTILINE)
-        return next(stub for stub in sorted((ROOT / "python/armlet/_core").glob("*.pyi")) if defined.search(stub.read_text()))
-    module = inspect.unwrap(getattr(armlet, name)).__module__
-    return next(path for end in (".py", "/__init__.py") if (path := ROOT / f"python/{module.replace('.', '/')}{end}").exists())
+        for stub in sorted((ROOT / "python/armlet/_core").glob("*.pyi")):
+            for node in ast.parse(stub.read_text()).body:
+                if isinstance(node, ast.ClassDef | ast.FunctionDef) and node.name == name:
+                    return stub, ast.get_docstring(node) or ""
+    made = inspect.unwrap(getattr(armlet, name))
+    stem = ROOT / f"python/{made.__module__.replace('.', '/')}"
+    return next(path for path in (stem.with_suffix(".py"), stem / "__init__.py") if path.exists()), inspect.getdoc(made) or ""
 
 
 def entry(name: str) -> str:
     """The entry of a name. Its sentence ends at the first period before a space."""
-    text = " ".join((inspect.getdoc(getattr(armlet, name)) or "").split("\n\n")[0].split())
-    sentence = re.split(r"(?<=\.)\s", text)[0]
-    line = f"- [`{name}`](../{source(name).relative_to(ROOT).as_posix()}): {sentence}"
+    file, text = source(name)
+    sentence = re.split(r"(?<=\.)\s", " ".join(text.split("\n\n")[0].split()))[0]
+    line = f"- [`{name}`](../{file.relative_to(ROOT).as_posix()}): {sentence}"
     return textwrap.fill(line, 160, subsequent_indent="  ", break_long_words=False, break_on_hyphens=False) + "\n"
 
 
