@@ -124,6 +124,14 @@ def velocity_task(kind: Any, *place: Any, velocity: bool = True, **options: Any)
     return of_run(al.RigidArm(THREE), al.PriorityAcceleration(THREE, [task]), Q3, V3)
 
 
+def distance(velocity: bool, **options: Any) -> Any:
+    """A law with the distance of the tip from a point, which is below its bound."""
+    task = al.DistanceTask("link3", **({"lower": 1.0, "other_points": [0.7, 0.6, 0.1]} | options))
+    if velocity:
+        return of_run(al.VelocityArm(THREE), al.PriorityVelocity(THREE, [task]), Q3, None)
+    return of_run(al.RigidArm(THREE), al.PriorityAcceleration(THREE, [task]), Q3, V3)
+
+
 TARGETS = {
     al.Task: [0.6],
     al.PostureTask: [0.4, 1.2, 0.8],
@@ -260,6 +268,23 @@ CASES = {
             (al.AxisTask, ("link3", [1.0, 0.0, 0.0]), {"target": [0.6, 0.8, 0.0], "motion": al.Sinusoid([0.6, 0.8, 0.0], 0.1, 2.0, 0.3)}),
             (al.CentreOfMassTask, ("x",), {"target": [0.3], "motion": al.Sinusoid([0.3], 0.1, 2.0, 0.3)}),
             (al.RelativeTask, ("link3", "link1", "x"), {"target": [0.3], "motion": al.Sinusoid([0.3], 0.1, 2.0, 0.3)}),
+        )
+        for velocity in (True, False)
+    },
+    **{
+        f"DistanceTask {'velocity' if velocity else 'acceleration'}": Case(
+            partial(distance, velocity),
+            {
+                "other": "link1",
+                "lower": 0.9,
+                "upper": 0.2,
+                "gain": 3.0,
+                "damping": 7.0,
+                "points": [[0.0, 0.1, 0.0], [-0.1, 0.0, 0.1]],
+                "radius": 0.1,
+                "other_points": [0.3, 0.7, 0.0],
+                "other_radius": 0.05,
+            },
         )
         for velocity in (True, False)
     },

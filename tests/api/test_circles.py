@@ -19,7 +19,9 @@ ALLOWED = {
     # The constructor `TaskFunction::axis` is in the file of its kind, and returns the enum of all kinds.
     "kinematics/task: axis -> mod",
     "kinematics/task: centre_of_mass -> mod",
+    "kinematics/task: distance -> mod",
     "kinematics/task: frame -> mod -> relative",
+    "kinematics/task: interval -> mod",
     "kinematics/task: joint_limits -> mod",
     "kinematics/task: joint_limits -> posture -> mod",
     "kinematics/task: mod -> posture",

@@ -150,9 +150,11 @@ REFUSED: dict[str, list[tuple[str, dict[str, Any], str]]] = {
         ),
         ("limits of the arm", {"tasks": tasks(), "limits": True, "v_max": 1.0}, "limits of joint velocities"),
         ("bounds", {"tasks": tasks(al.Task("link2", "y", gain=3.0, upper=0.3))}, "bounds of tasks"),
+        ("distance", {"tasks": tasks(al.DistanceTask("link2", None, 0.1))}, "bounds of tasks"),
     ],
     "PriorityAcceleration": [
         ("limits of the arm", {"tasks": tasks(), "limits": True, "v_max": 1.0}, "limits of joint"),
+        ("torques", {"tasks": tasks(), "tau_max": 5.0}, "limits of joint"),
         (
             "limits",
             {"tasks": tasks(), "method": "sns", "a_max": 9.0, "v_min": -1.0, "v_max": 1.0, "q_min": -2.0, "q_max": 2.0, "horizon": 0.1},

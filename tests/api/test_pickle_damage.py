@@ -90,6 +90,7 @@ THINGS: dict[str, Any] = {
     "CentreOfMassTask": al.CentreOfMassTask("xy", [0.1, 0.2], 1.0),
     "AxisTask": al.AxisTask("link2", [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], 1.0),
     "RelativeTask": al.RelativeTask("link2", "link1", "xy", [0.1, 0.2], 1.0),
+    "DistanceTask": al.DistanceTask("link2", None, 0.1, 1.0, radius=0.05, other_points=[0.4, 0.2, 0.1]),
     "JointLimitTask": al.JointLimitTask(1.0, margin=0.1),
     "PrioritySolver": al.PrioritySolver(3, [1, 1]),
     "ArmPrioritySolver": al.PrioritySolver.for_arm(TREE, TASKS),

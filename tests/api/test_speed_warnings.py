@@ -60,6 +60,17 @@ def test_a_law_that_ignores_limits_does_not_warn() -> None:
         assert len(heard(lambda laws=laws: al.simulate_batch(al.VelocityArm(ARM), laws, [Q, Q], **TIMES))[1]) == count  # type: ignore[misc]
 
 
+def test_a_call_warns_once_per_law() -> None:
+    still = np.zeros(3)
+    for options, count in (({}, 1), ({"limits": False}, 0), ({"limits": True}, 0), ({"v_max": 0.5}, 0)):
+        control = law(ARM, FAR, **options)
+        texts = [text for _ in range(3) for text in heard(lambda control=control: control(0.0, Q, still))[1]]  # type: ignore[misc]
+        assert len(texts) == count
+        if count:
+            assert texts[0].startswith("PriorityVelocity: commands pass the arm's speed limits: ") and "limits=False omits" in texts[0]
+    assert heard(lambda: law(ARM, NEAR)(0.0, Q, still))[1] == []
+
+
 def test_runs_without_excess_do_not_warn() -> None:
     plant, clock = al.VelocityArm(ARM), {"t_end": 0.1, "dt": 0.01}
     free = al.planar_arm([0.5, 0.5, 0.5]).with_frame("tip", "link3")

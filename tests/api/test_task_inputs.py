@@ -25,6 +25,8 @@ TASKS = [
     al.CentreOfMassTask("xy", [0.5, 0.0]),
     al.AxisTask("link4", [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], 2.0),
     al.RelativeTask("link4", "link1", "xy", [0.3, 0.1], 2.0),
+    al.DistanceTask("link4", "link1", 0.2, 2.0, points=[[0.0, 0.0, 0.0], [-0.1, 0.0, 0.0]], radius=0.05, other_points=[0.1, 0.0, 0.0]),
+    al.DistanceTask(None, "link4", upper=0.4, other_radius=0.1, damping=2.0),
     al.JointLimitTask(2.0, 0.2),
     al.Task("link4", "xy"),
 ]

@@ -152,6 +152,17 @@ def test_limits_of_zero_and_missing_limits_are_ignored_by_name(kind: Any) -> Non
 
 
 @pytest.mark.parametrize("kind", [al.PriorityVelocity, al.PriorityAcceleration])
+def test_a_speed_limit_of_zero_does_not_freeze_a_joint_with_sns(kind: Any) -> None:
+    body = {"type": "R", "axis": [0, 0, 1], "phi": [1, 0.1, 0, 0, 0.1, 0, 0.1, 0, 0, 0.1], "xyz": [0.5, 0.0, 0.0]}
+    arm = al.Arm.from_chain([body | {"velocity": 0.0}, body | {"velocity": 2.0}])
+    with pytest.warns(UserWarning, match="the method sns ignores limits of the arm: joint joint1 has the velocity limit 0"):
+        law = kind(arm, [al.PostureTask([1.0, 1.0], 4.0)], "sns")
+    assert (np.abs(law(0.0, np.zeros(2), np.zeros(2))) > 0.1).all()
+    solver = al.PrioritySolver.for_arm(arm, [al.PostureTask()], method="sns")
+    np.testing.assert_allclose(solver.solve(np.zeros(2), [[3.0, 1.0]]), [3.0, 1.0], rtol=0.0, atol=1e-12)
+
+
+@pytest.mark.parametrize("kind", [al.PriorityVelocity, al.PriorityAcceleration])
 def test_wrong_limits_are_refused(kind: Any) -> None:
     task = al.Task(TOOL, "x", [0.3])
     for options, words in (

@@ -96,6 +96,7 @@ from .suggested_gains import suggest_gains as suggest_gains
 from .tasks import ArmPrioritySolver as ArmPrioritySolver
 from .tasks import AxisTask as AxisTask
 from .tasks import CentreOfMassTask as CentreOfMassTask
+from .tasks import DistanceTask as DistanceTask
 from .tasks import InverseKinematics as InverseKinematics
 from .tasks import JointLimitTask as JointLimitTask
 from .tasks import PostureTask as PostureTask
@@ -122,6 +123,7 @@ __all__ = [
     "CartesianImpedance",
     "CentreOfMassTask",
     "ComputedTorque",
+    "DistanceTask",
     "ElasticArm",
     "ElasticImpedance",
     "ElasticTracking",

@@ -35,7 +35,7 @@ class Task:
             `2 K^1/2`, critical damping.
         lower, upper: bounds of the coordinates in place of a target, a number or `(rows,)`, m and rad (keyword only). None or infinite: no
             bound. A coordinate `x` approaches a bound with the gain, `K (lower - x) <= x_dot <= K (upper - x)`, and moves freely between
-            the bounds. For rx, ry, rz the coordinates are those of the rotation vector of the frame. In laws only.
+            the bounds. For rx, ry, rz the coordinates are those of the rotation vector of the frame. In laws and `inverse_kinematics`.
 
     Raises:
         InputError: a shape is wrong, a number is not finite, a gain is negative, or a task with bounds has a target.
@@ -204,6 +204,53 @@ class RelativeTask(Task):
     ) -> Self: ...
 
 @final
+class DistanceTask(Task):
+    """A task that keeps a distance between two spheres or capsules, such as a link and an obstacle.
+
+    A capsule has all points within its radius of a line segment, its axis. The distance `d` is negative if the solids overlap. Between
+    `lower` and `upper`, the solids move freely. In `PriorityVelocity`, they approach a bound with the gain, `d_dot >= K (lower - d)`. In
+    `PriorityAcceleration`, `d_ddot >= -D d_dot + K (lower - d)`.
+
+    A sphere has one row with any other solid. Two capsules have five rows: the four ends of the axes with the other capsule, and the
+    nearest points of both axes. The smallest of them is the distance. So the solution does not jump where the axes are parallel.
+
+    Args:
+        frame: name of the frame of the first solid; None: the world.
+        other: name of the frame of the second solid; None: the world.
+        lower, upper: bounds of the distance, m; at least one of them. None: no bound.
+        gain: as for `Task`, a number or one per row.
+        points: the centre of the first solid, `(3,)`, m, which is then a sphere; or the ends of the axis of a capsule, `(2, 3)`. They are in
+            the axes of its frame (keyword only). None: the origin of the frame.
+        radius: radius of the first solid, m, >= 0; 0 if None (keyword only).
+        other_points, other_radius: the same for the second solid (keyword only).
+        damping: as for `Task` (keyword only).
+
+    Raises:
+        InputError: `lower` and `upper` are missing, a shape is wrong, a number is not finite, or a gain is negative. The law of the task
+            raises it for an unknown frame, two equal frames, equal ends of an axis, and a negative radius.
+
+    Source: [kanoun2011priority], section VI; docs/methods/inequalities.md.
+
+    >>> import armlet as al
+    >>> al.DistanceTask("link5", None, 0.05, points=[[0.0, 0.0, 0.0], [0.0, 0.0, 0.2]], radius=0.06, other_points=[0.5, 0.1, 0.4])
+    DistanceTask(frame='link5', points=[[0.0, 0.0, 0.0], [0.0, 0.0, 0.2]], radius=0.06, other_points=[0.5, 0.1, 0.4], lower=0.05)
+    """
+    def __new__(
+        cls,
+        frame: str | None,
+        other: str | None = None,
+        lower: ArrayLike | None = None,
+        gain: ArrayLike | None = None,
+        *,
+        upper: ArrayLike | None = None,
+        points: ArrayLike | None = None,
+        radius: float | None = None,
+        other_points: ArrayLike | None = None,
+        other_radius: float | None = None,
+        damping: ArrayLike | None = None,
+    ) -> Self: ...
+
+@final
 class JointLimitTask(Task):
     """A task that keeps joints away from their limits.
 
@@ -264,7 +311,7 @@ class PriorityVelocity(Law):
         horizon: the time `h`, s (keyword only). None: the sample period of a sampled loop, otherwise 0.1; "sns": 0.1. It must be at least the
             step or the sample time. A joint outside of its limits returns within this time, at most with its velocity bound.
         limits: whether the arm's own limits of velocity and position hold where no other limit is given (keyword only). None: only with
-            "sns"; with other methods, `simulate` warns if commands pass them. True ignores velocity limits that are not positive, and empty
+            "sns", except limits of zero; with other methods, `simulate` and calls of the law warn if commands pass them. True ignores velocity limits that are not positive, and empty
             ranges of positions, with a warning. False: they do not hold, without a warning.
 
     Raises:
@@ -314,8 +361,8 @@ class PriorityAcceleration(Law):
         method: "clamp" (default), "exact", "damped", "chiaverini" or "sns", as for `solve_priority`.
         joint_damping: `c`, 1/s, >= 0; 5 if None (keyword only).
         a_max: bound of the joint accelerations, a number or `(n,)`, rad/s^2 or m/s^2; None: without bound (keyword only).
-        v_min, v_max, q_min, q_max, limits: as for `PriorityVelocity` (keyword only). In a sampled loop, the bounds are the largest and the
-            smallest acceleration of one sample after which the joint can still stop within its limits with `a_max`. A joint outside of its
+        v_min, v_max, q_min, q_max, limits: as for `PriorityVelocity` (keyword only). In a sampled loop, the bounds are the range of
+            accelerations after which the joint can still stop within its limits with `a_max`. A joint outside of its
             limits returns as fast as they allow.
         horizon: None for these bounds, except with "sns", whose horizon is 0.1 (keyword only). A time in s, and every continuous loop, have
             the bound `(v_u - v) / horizon` with `v_u = min(v_max, (q_max - q) / (4 horizon), sqrt(a_max (q_max - q)))`.
@@ -428,7 +475,8 @@ def inverse_kinematics(
     Args:
         arm: the arm; not `planar_pr`, which has no links.
         tasks: `Task` and other tasks with constant targets `(rows,)` or `(..., rows)`, m or rad, the highest priority first. The gains of
-            the tasks are not used.
+            the tasks are not used. A task with `lower` or `upper`, such as a `DistanceTask`, is reached within its bounds. Its error is the
+            distance to the nearest bound.
         q0: start of the search, `(n,)` or `(..., n)`, rad or m. Leading axes of `q0` and of all targets broadcast.
         limits: keep `q` within the arm's joint limits.
         solutions: number of different solutions of each target, from at most `restarts` random starts. None: one solution, without an axis

@@ -49,7 +49,7 @@ from .spline import Spline
 from .static_equilibrium import Equilibrium, equilibrium
 from .stick_slip import StickSlip, stick_slip_run
 from .suggested_gains import SuggestedGains, suggest_gains
-from .tasks import AxisTask, CentreOfMassTask, JointLimitTask, PostureTask, RelativeTask, Task
+from .tasks import AxisTask, CentreOfMassTask, DistanceTask, JointLimitTask, PostureTask, RelativeTask, Task
 from .time_path import Timing, time_path
 from .timed_path import TimedPath
 from .velocity import PriorityAcceleration, PriorityVelocity, VelocityArm
@@ -64,6 +64,7 @@ __all__ = [
     "CartesianImpedance",
     "CentreOfMassTask",
     "ComputedTorque",
+    "DistanceTask",
     "ElasticArm",
     "ElasticImpedance",
     "ElasticLimits",

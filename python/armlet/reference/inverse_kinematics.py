@@ -112,7 +112,16 @@ def _solutions(
         return np.where(bounded, middle + half * np.sin(z), z), np.where(bounded, half * np.cos(z), 1.0)
 
     def error(task: Task, q: Array) -> Array:
-        return task.error(arm, q, task.motion(0.0)[0])
+        if not task.has_bounds:
+            return task.error(arm, q, task.motion(0.0)[0])
+        x = -task.error(arm, q, np.zeros(len(task.jacobian(arm, q))))
+        lower, upper = task.within(arm, x.size) or (x, x)
+        return np.clip(x, lower, upper) - x
+
+    def slope_of(task: Task, q: Array) -> Array:
+        # Coordinates within their bounds are free.
+        free = (error(task, q) == 0.0) & task.has_bounds
+        return np.where(free[:, None], 0.0, task.jacobian(arm, q))
 
     def search(z: Array) -> tuple[Array, list[Array]]:
         above: list[Array] = []
@@ -121,8 +130,8 @@ def _solutions(
             def residual(z: Array, level: int = level) -> tuple[Array, Array]:
                 q, slope = place(z)
                 rows = [WEIGHT * (error(task, q) - kept) for task, kept in zip(tasks[:level], above, strict=True)]
-                jacobians = [WEIGHT * task.jacobian(arm, q) * slope for task in tasks[:level]]
-                return np.concatenate([*rows, error(tasks[level], q)]), np.vstack([*jacobians, tasks[level].jacobian(arm, q) * slope])
+                jacobians = [WEIGHT * slope_of(task, q) * slope for task in tasks[:level]]
+                return np.concatenate([*rows, error(tasks[level], q)]), np.vstack([*jacobians, slope_of(tasks[level], q) * slope])
 
             z = _least_squares(residual, z)
             above.append(error(tasks[level], place(z)[0]))

@@ -121,7 +121,8 @@ const NAME: &str = "inverse_kinematics";
 /// Args:
 ///     arm: the arm; not `planar_pr`, which has no links.
 ///     tasks: `Task` and other tasks with constant targets `(rows,)` or `(..., rows)`, m or rad, the highest priority first. The gains of
-///         the tasks are not used.
+///         the tasks are not used. A task with `lower` or `upper`, such as a `DistanceTask`, is reached within its bounds. Its error is the
+///         distance to the nearest bound.
 ///     q0: start of the search, `(n,)` or `(..., n)`, rad or m. Leading axes of `q0` and of all targets broadcast.
 ///     limits: keep `q` within the arm's joint limits.
 ///     solutions: number of different solutions of each target, from at most `restarts` random starts. None: one solution, without an axis

@@ -123,7 +123,7 @@ mod _core {
     #[pymodule_export]
     use super::task::Task;
     #[pymodule_export]
-    use super::task::kinds::{AxisTask, CentreOfMassTask, JointLimitTask, PostureTask, RelativeTask};
+    use super::task::kinds::{AxisTask, CentreOfMassTask, DistanceTask, JointLimitTask, PostureTask, RelativeTask};
     #[pymodule_export]
     use super::web::{_wasm_of_operations, _web_loop};
 

@@ -11,6 +11,7 @@ use armlet_macros::entered;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyInt, PyTuple};
 use std::sync::Mutex;
+use std::sync::atomic::AtomicBool;
 
 const NAME: &str = "Guarded";
 /// The defaults of the reaction "retract": the speed of the fastest joint, rad/s or m/s, and the duration of the motion, s.
@@ -172,7 +173,7 @@ impl Guarded {
             }
         }
         let evaluator = Mutex::new(LawEvaluator::new(&spec));
-        let base = Law { spec, evaluator, arm: inner.get().arm.clone_ref(py), arguments: Vec::new() };
+        let base = Law { spec, evaluator, arm: inner.get().arm.clone_ref(py), arguments: Vec::new(), warns: AtomicBool::new(false) };
         Ok(PyClassInitializer::from(base).add_subclass(Guarded { law: law.clone().unbind(), others }))
     }
 

@@ -22,6 +22,7 @@ use crate::errors::{Failure, entry, input_error};
 use crate::interrupts::long;
 use crate::motion::Motion;
 use crate::priority::put_active_rows;
+use crate::warnings::warn;
 use armlet_core::error::{all_finite, positive};
 use armlet_core::law::{JointReference, LawEvaluator, LawSpec};
 use armlet_core::plant::PlantKind;
@@ -30,6 +31,7 @@ use armlet_macros::entered;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyFloat, PyList};
 use std::sync::Mutex;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 /// A control law: `law(t, q, v)` returns the input of the plant, `(n,)`. This is the base class of all laws.
 #[pyclass(frozen, subclass, module = "armlet", name = "Law")]
@@ -42,6 +44,8 @@ pub struct Law {
     arm: Py<Arm>,
     /// The other arguments of the constructor, for `repr` and pickling.
     arguments: NamedValues,
+    /// Whether a call warns of a command that passes the arm's own speed limits.
+    warns: AtomicBool,
 }
 
 defined_by_arguments!(Law, arm);
@@ -51,7 +55,10 @@ impl Arguments<'_> {
     fn law(self, spec: impl Into<LawSpec>) -> PyClassInitializer<Law> {
         let spec = spec.into();
         let evaluator = Mutex::new(LawEvaluator::new(&spec));
-        PyClassInitializer::from(Law { spec, evaluator, arm: self.arm.unbind(), arguments: self.arguments })
+        // With `limits=True` commands keep the limits, and with `limits=False` they are ignored.
+        let decided = self.arguments.iter().any(|(name, _)| *name == "limits");
+        let warns = AtomicBool::new(matches!(spec, LawSpec::PriorityVelocity(_)) && !decided);
+        PyClassInitializer::from(Law { spec, evaluator, arm: self.arm.unbind(), arguments: self.arguments, warns })
     }
 }
 
@@ -95,6 +102,9 @@ fn call_arguments(
     Ok((t, x, z))
 }
 
+/// A speed passes its limit if it exceeds the limit by more than this fraction. Rounding of a command at its bound is smaller.
+const SPEED_MARGIN: f64 = 1e-6;
+
 /// The names of terms that are lists with one entry per level of priority.
 const PER_LEVEL: [&str; 6] = ["e", "e_dot", "J", "J_dot", "command", "residuals"];
 
@@ -118,6 +128,26 @@ impl Law {
             None => of(&mut LawEvaluator::new(&self.spec)),
         }
     }
+
+    /// Warn once if commanded velocities pass the finite positive speed limits of the arm.
+    fn warn_of_speeds(&self, py: Python<'_>, commands: &[f64]) -> Result<(), Failure> {
+        if !self.warns.load(Ordering::Relaxed) {
+            return Ok(());
+        }
+        let arm = self.spec.model().tree("arm")?;
+        let ratio = |(command, limit): (&f64, f64)| if limit > 0.0 { command.abs() / limit } else { 0.0 };
+        let limited = arm.independent().zip(commands);
+        let most = limited.max_by(|(a, x), (b, y)| ratio((x, a.limits.velocity)).total_cmp(&ratio((y, b.limits.velocity))));
+        let Some((joint, command)) = most.filter(|(joint, command)| ratio((command, joint.limits.velocity)) > 1.0 + SPEED_MARGIN) else {
+            return Ok(());
+        };
+        self.warns.store(false, Ordering::Relaxed);
+        let (unit, limit) = (if joint.kind.is_angle() { "rad/s" } else { "m/s" }, joint.limits.velocity);
+        let speed = format!("{:.4} {unit} of {}, whose limit is {limit} {unit}", command.abs(), joint.name);
+        let advice = "limits=True of the law keeps the limits, and limits=False omits this warning";
+        warn(py, format!("{}: commands pass the arm's speed limits: {speed}; {advice}", self.spec.name()))?;
+        Ok(())
+    }
 }
 
 #[entered]
@@ -130,6 +160,9 @@ impl Law {
     ///
     /// Raises:
     ///     InputError: an argument is wrong, or the input is not finite because a product overflows.
+    ///
+    /// Warns:
+    ///     UserWarning: commanded velocities pass the arm's own speed limits for the first time, see `limits` of `PriorityVelocity`.
     #[arguments(t, q, v, *, theta=None, theta_dot=None, state=None)]
     fn __call__<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let name = self.spec.name();
@@ -139,7 +172,7 @@ impl Law {
                 new_vector(py, n, |tau| {
                     self.evaluate(|evaluator| evaluator.input(t, parts, z, tau));
                     match tau.iter().position(|x| !x.is_finite()) {
-                        None => Ok(()),
+                        None => self.warn_of_speeds(py, tau),
                         Some(i) => {
                             let problem = "give an input that is not finite: expected finite numbers, got";
                             Err(input_error(py, name, "t, q, v", format!("{problem} {} (first bad index {i})", tau[i])).into())

@@ -7,7 +7,7 @@ use crate::priority::{Keywords, method_name, per_joint};
 use crate::task::levels::Levels;
 use crate::warnings::warn;
 use armlet_core::law::{Level, LimitOverrides, PriorityAccelerationSpec, PriorityVelocitySpec};
-use armlet_core::priority::PriorityOptions;
+use armlet_core::priority::{PriorityMethod, PriorityOptions};
 use armlet_macros::entered;
 use pyo3::prelude::*;
 
@@ -61,10 +61,11 @@ impl<'py> Arguments<'py> {
     }
 
     /// Warn of limits of the arm that the law ignores.
-    fn warn_of_ignored(&self, limits: &LimitOverrides) -> Result<(), Failure> {
-        let ignored = limits.ignored(&self.model())?;
+    fn warn_of_ignored(&self, limits: &LimitOverrides, method: PriorityMethod) -> Result<(), Failure> {
+        let ignored = limits.ignored(&self.model(), method)?;
         if !ignored.is_empty() {
-            warn(self.arm.py(), format!("{}: limits=True ignores limits of the arm: {}", self.function(), ignored.join("; ")))?;
+            let option = if limits.own.is_some() { "limits=True" } else { "the method sns" };
+            warn(self.arm.py(), format!("{}: {option} ignores limits of the arm: {}", self.function(), ignored.join("; ")))?;
         }
         Ok(())
     }
@@ -95,7 +96,7 @@ impl<'py> Arguments<'py> {
 ///     horizon: the time `h`, s (keyword only). None: the sample period of a sampled loop, otherwise 0.1; "sns": 0.1. It must be at least the
 ///         step or the sample time. A joint outside of its limits returns within this time, at most with its velocity bound.
 ///     limits: whether the arm's own limits of velocity and position hold where no other limit is given (keyword only). None: only with
-///         "sns"; with other methods, `simulate` warns if commands pass them. True ignores velocity limits that are not positive, and empty
+///         "sns", except limits of zero; with other methods, `simulate` and calls of the law warn if commands pass them. True ignores velocity limits that are not positive, and empty
 ///         ranges of positions, with a warning. False: they do not hold, without a warning.
 ///
 /// Raises:
@@ -132,8 +133,9 @@ impl PriorityVelocity {
             ("limits", limits),
         ];
         let (levels, options, limits) = given.levels(NAME, tasks, method, eps, &limits)?;
+        let method_of = options.method;
         let spec = PriorityVelocitySpec::new(given.model(), levels, options, &limits)?;
-        given.warn_of_ignored(&limits)?;
+        given.warn_of_ignored(&limits, method_of)?;
         Ok(given.law(spec).add_subclass(PriorityVelocity))
     }
 }
@@ -196,6 +198,7 @@ impl PriorityAcceleration {
             ("limits", limits),
         ];
         let (levels, options, limits) = given.levels(NAME, tasks, method, eps, &limits)?;
+        let method_of = options.method;
         let damping = optional_number(NAME, "joint_damping", joint_damping)?.unwrap_or(JOINT_DAMPING);
         if let Some(value) = joint_damping {
             given.store("joint_damping", value);
@@ -205,7 +208,7 @@ impl PriorityAcceleration {
             spec = spec.with_torque_limits(per_joint(NAME, "tau_max", value, given.model().n())?)?;
             given.store_copy("tau_max", value)?;
         }
-        given.warn_of_ignored(&limits)?;
+        given.warn_of_ignored(&limits, method_of)?;
         Ok(given.law(spec).add_subclass(PriorityAcceleration))
     }
 }

@@ -1,11 +1,13 @@
-//! Tasks that control other quantities than the pose of a frame: posture, centre of mass, axis, relative pose, joint limits.
+//! Tasks that control other quantities than the pose of a frame: posture, centre of mass, axis, relative pose, distance, joint limits.
 
 use super::{Blueprint, Common, Task, names};
 use crate::arguments::axes_of;
-use crate::arrays::{number, text, vector};
+use crate::arrays::{Axis, Form, number, numbers, text, vector};
+use crate::constructor_call::{NamedValues, stored_form};
 use crate::errors::Failure;
 use armlet_core::error::Error;
 use armlet_core::kinematics::TaskFunction;
+use armlet_core::kinematics::task::Solid;
 use armlet_macros::entered;
 use pyo3::IntoPyObjectExt;
 use pyo3::prelude::*;
@@ -167,6 +169,84 @@ impl RelativeTask {
         let own = own.into_iter().map(|(name, value)| (name, value.clone().unbind())).collect();
         let task = Common { name: NAME, target, motion, gain, damping, lower, upper }.task(blueprint, own)?;
         Ok(PyClassInitializer::from(task).add_subclass(RelativeTask))
+    }
+}
+
+/// A task that keeps a distance between two spheres or capsules, such as a link and an obstacle.
+///
+/// A capsule has all points within its radius of a line segment, its axis. The distance `d` is negative if the solids overlap. Between
+/// `lower` and `upper`, the solids move freely. In `PriorityVelocity`, they approach a bound with the gain, `d_dot >= K (lower - d)`. In
+/// `PriorityAcceleration`, `d_ddot >= -D d_dot + K (lower - d)`.
+///
+/// A sphere has one row with any other solid. Two capsules have five rows: the four ends of the axes with the other capsule, and the
+/// nearest points of both axes. The smallest of them is the distance. So the solution does not jump where the axes are parallel.
+///
+/// Args:
+///     frame: name of the frame of the first solid; None: the world.
+///     other: name of the frame of the second solid; None: the world.
+///     lower, upper: bounds of the distance, m; at least one of them. None: no bound.
+///     gain: as for `Task`, a number or one per row.
+///     points: the centre of the first solid, `(3,)`, m, which is then a sphere; or the ends of the axis of a capsule, `(2, 3)`. They are in
+///         the axes of its frame (keyword only). None: the origin of the frame.
+///     radius: radius of the first solid, m, >= 0; 0 if None (keyword only).
+///     other_points, other_radius: the same for the second solid (keyword only).
+///     damping: as for `Task` (keyword only).
+///
+/// Raises:
+///     InputError: `lower` and `upper` are missing, a shape is wrong, a number is not finite, or a gain is negative. The law of the task
+///         raises it for an unknown frame, two equal frames, equal ends of an axis, and a negative radius.
+///
+/// Source: [kanoun2011priority], section VI; docs/methods/inequalities.md.
+///
+/// >>> import armlet as al
+/// >>> al.DistanceTask("link5", None, 0.05, points=[[0.0, 0.0, 0.0], [0.0, 0.0, 0.2]], radius=0.06, other_points=[0.5, 0.1, 0.4])
+/// DistanceTask(frame='link5', points=[[0.0, 0.0, 0.0], [0.0, 0.0, 0.2]], radius=0.06, other_points=[0.5, 0.1, 0.4], lower=0.05)
+#[pyclass(frozen, extends = Task, module = "armlet")]
+pub struct DistanceTask;
+
+/// Read the points of a solid. The default is the origin of its frame.
+fn solid(
+    function: &str,
+    [points, radius]: [(&'static str, Option<&Bound<'_, PyAny>>); 2],
+    own: &mut NamedValues,
+) -> Result<Solid, Failure> {
+    let mut solid = Solid { frame: None, points: vec![[0.0; 3]], radius: 0.0 };
+    if let (name, Some(value)) = points {
+        let (_, values) = numbers(function, name, value, &[Form(&[Axis::Is(3)]), Form(&[Axis::Is(2), Axis::Is(3)])])?;
+        solid.points = values.chunks_exact(3).map(|point| [point[0], point[1], point[2]]).collect();
+        own.push((name, stored_form(value)?));
+    }
+    if let (name, Some(value)) = radius {
+        solid.radius = number(function, name, value)?;
+        own.push((name, value.clone().unbind()));
+    }
+    Ok(solid)
+}
+
+#[entered]
+#[pymethods]
+impl DistanceTask {
+    #[new]
+    #[arguments(
+        frame, other=None, lower=None, gain=None, *, upper=None, points=None, radius=None, other_points=None, other_radius=None, damping=None
+    )]
+    fn new() -> Result<PyClassInitializer<Self>, Failure> {
+        let mut own = vec![("frame", frame.clone().unbind())];
+        own.extend(other.map(|other| ("other", other.clone().unbind())));
+        let of_frame = (!frame.is_none()).then(|| text(NAME, "frame", frame)).transpose()?;
+        let names = [of_frame, other.map(|other| text(NAME, "other", other)).transpose()?];
+        let first = solid(NAME, [("points", points), ("radius", radius)], &mut own)?;
+        let second = solid(NAME, [("other_points", other_points), ("other_radius", other_radius)], &mut own)?;
+        if lower.is_none() && upper.is_none() {
+            return Err(Error::input("lower", "is missing: expected lower or upper, got None").into());
+        }
+        let rows = if first.points.len() + second.points.len() == 4 { 5 } else { 1 };
+        let blueprint = Blueprint::new(Some(rows), move |arm| {
+            let [frame, other] = [&names[0], &names[1]].map(Option::as_deref);
+            TaskFunction::distance(arm, frame, first.clone(), other, second.clone())
+        });
+        let task = Common { name: NAME, target: None, motion: None, gain, damping, lower, upper }.task(blueprint, own)?;
+        Ok(PyClassInitializer::from(task).add_subclass(DistanceTask))
     }
 }
 

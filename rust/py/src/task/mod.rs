@@ -116,7 +116,7 @@ struct Raw {
 ///         `2 K^1/2`, critical damping.
 ///     lower, upper: bounds of the coordinates in place of a target, a number or `(rows,)`, m and rad (keyword only). None or infinite: no
 ///         bound. A coordinate `x` approaches a bound with the gain, `K (lower - x) <= x_dot <= K (upper - x)`, and moves freely between
-///         the bounds. For rx, ry, rz the coordinates are those of the rotation vector of the frame. In laws only.
+///         the bounds. For rx, ry, rz the coordinates are those of the rotation vector of the frame. In laws and `inverse_kinematics`.
 ///
 /// Raises:
 ///     InputError: a shape is wrong, a number is not finite, a gain is negative, or a task with bounds has a target.
@@ -255,11 +255,9 @@ impl Task {
         (self.blueprint.on)(arm)
     }
 
-    /// Make the task function for an arm, with the constant targets. A missing or moving target is an error.
+    /// Make the task function for an arm, with the constant targets. A task with bounds has its distance from them as its error. A missing or
+    /// moving target is an error.
     pub fn goals(&self, arm: &Arm) -> Result<Goals, Error> {
-        if self.bounds.is_some() {
-            return Err(Error::input("lower", "has no use here: expected a task with a target, got bounds"));
-        }
         if let Some(Aim::Rows(lead, values)) = &self.target {
             let (function, rows) = (self.function(arm)?, lead.iter().product::<usize>());
             let size = function.target_size();
@@ -270,8 +268,12 @@ impl Task {
             }
             return Ok(Goals { function, lead: lead.clone(), targets: values.clone() });
         }
-        let Level { function, target, .. } = self.level(arm)?;
+        let Level { function, target, bounds, .. } = self.level(arm)?;
         match target {
+            CoreMotion::Hold(target) if bounds.is_some() => {
+                let bounds = bounds.unwrap_or_default();
+                Ok(Goals { function: function.within(target, bounds)?, lead: Vec::new(), targets: Vec::new() })
+            }
             CoreMotion::Hold(targets) => Ok(Goals { function, lead: Vec::new(), targets }),
             _ => Err(Error::input("target", "moves: expected a constant, got a motion")),
         }

@@ -11,15 +11,19 @@
 //! | centre of mass | `c_d - c` | `sum m_b J_b / m_total` over the bodies `b` |
 //! | axis | rotation vector from `a` to `a_d`, along two directions `b` of the frame perpendicular to `a` | rows `b' R' J_w` |
 //! | relative | `x_d - x`, `log(R_d (R_r' R)')` | `R_r'(J_v - J_v,r + [p - p_r]x J_w,r)`, `R_r'(J_w - J_w,r)` |
+//! | distance | `d_d - d` between two spheres or capsules | `n'(J_a - J_b)` at the nearest points |
+//! | interval | nearest bound of another task, minus its coordinate | rows of the other task; zero within the bounds |
 //! | joint limits | nearest position within the narrowed limits, minus `q` | rows of the identity |
 //!
 //! `p` and `R` are the position and the rotation matrix of the frame, and `'` is the transpose. `x = R_r'(p - p_r)` is
-//! a relative position. The index `d` means the target, and `r` the reference frame. `J_v` and `J_w` are the linear and angular rows of the
+//! a relative position. `d` is a distance, and `n` its direction. The index `d` means the target, and `r` the reference frame. `J_v` and `J_w` are the linear and angular rows of the
 //! geometric Jacobian. `[p]x` is the cross-product matrix.
 
 mod axis;
 mod centre_of_mass;
+mod distance;
 mod frame;
+mod interval;
 mod joint_limits;
 mod kind;
 mod posture;
@@ -29,6 +33,8 @@ mod tests;
 
 pub use axis::Axis;
 pub use centre_of_mass::CentreOfMass;
+pub use distance::{Distance, Solid};
+pub use interval::Interval;
 pub use joint_limits::JointLimits;
 pub(crate) use kind::TaskKind;
 pub use posture::Posture;
@@ -118,6 +124,10 @@ tasks! {
     Axis(Axis),
     /// Rows of the pose of a frame relative to another frame.
     Relative(Relative),
+    /// The distance between two solids.
+    Distance(Distance),
+    /// Another task within bounds.
+    Interval(Interval),
     /// Chosen joints within narrowed limits.
     JointLimits(JointLimits),
 }

@@ -60,7 +60,7 @@ pub struct LimitOverrides {
     /// other than `Sns`, otherwise [`HORIZON`].
     pub horizon: Option<f64>,
     /// Whether the arm's own limits hold where no other limit is given. With `true`, velocity limits that are not positive and empty ranges
-    /// of positions are ignored. `None` means all limits of the arm for `Sns`, and none for other methods.
+    /// of positions are ignored. `None` means the limits of the arm that do not freeze a joint for `Sns`, and none for other methods.
     pub own: Option<bool>,
 }
 
@@ -95,15 +95,17 @@ impl LimitOverrides {
         Ok(Some(limits))
     }
 
-    /// Sentences on the arm's own limits that are missing, or that would not let a joint move. A law with `own = Some(true)` ignores them.
-    pub fn ignored(&self, model: &Model) -> Result<Vec<String>> {
+    /// Sentences on the arm's own limits that would not let a joint move, which a law ignores. With `own = Some(true)`, also sentences on
+    /// limits that are missing.
+    pub fn ignored(&self, model: &Model, method: PriorityMethod) -> Result<Vec<String>> {
+        let (all, some) = (self.own == Some(true), self.own.is_none() && method == PriorityMethod::Sns);
         let mut found = Vec::new();
-        for joint in model.tree("arm")?.independent().filter(|_| self.own == Some(true)) {
+        for joint in model.tree("arm")?.independent().filter(|joint| all || (some && movable(joint.limits) != joint.limits)) {
             let (name, limits) = (&joint.name, joint.limits);
             if self.v_min.is_none() && self.v_max.is_none() {
-                if limits.velocity == f64::INFINITY {
+                if limits.velocity == f64::INFINITY && all {
                     found.push(format!("joint {name} has no velocity limit"));
-                } else if sensible(limits).velocity != limits.velocity {
+                } else if limits.velocity != f64::INFINITY && sensible(limits).velocity != limits.velocity {
                     found.push(format!("joint {name} has the velocity limit {}", limits.velocity));
                 }
             }
@@ -116,6 +118,12 @@ impl LimitOverrides {
         }
         Ok(found)
     }
+}
+
+/// The limits of a joint without those that freeze it: a velocity limit of zero, or a range of positions from zero to zero.
+fn movable(limits: Limits) -> Limits {
+    let freezes = limits.velocity == 0.0 || (limits.lower == 0.0 && limits.upper == 0.0);
+    if freezes && !(limits.velocity < 0.0) { sensible(limits) } else { limits }
 }
 
 /// The limits of a joint without a velocity limit that is not positive, and without an empty range of positions.
@@ -165,7 +173,7 @@ impl MotionLimits {
             .tree("arm")?
             .independent()
             .map(|joint| match given.own {
-                None => joint.limits,
+                None => movable(joint.limits),
                 Some(true) => sensible(joint.limits),
                 Some(false) => Limits::default(),
             })

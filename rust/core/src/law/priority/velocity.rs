@@ -100,7 +100,9 @@ impl PriorityVelocitySpec {
 pub fn with_limits(model: &Model, mut options: PriorityOptions) -> Result<PriorityOptions> {
     let arm = model.tree("arm")?;
     if options.method == PriorityMethod::Sns && options.v_min.is_none() && options.v_max.is_none() {
-        let limits: Vec<f64> = arm.independent().map(|joint| joint.limits.velocity).collect();
+        // A limit of zero would freeze the joint.
+        let limit = |velocity: f64| if velocity == 0.0 { f64::INFINITY } else { velocity };
+        let limits: Vec<f64> = arm.independent().map(|joint| limit(joint.limits.velocity)).collect();
         if limits.iter().any(|limit| limit.is_finite()) {
             options.v_max = Some(limits);
         }
