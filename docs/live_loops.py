@@ -41,11 +41,62 @@ def _elastic() -> Loop:
     target = arm.position([0.3, 1.2], "link2")[:2]
     law = al.ElasticImpedance(arm, target, [300.0, 200.0], [40.0, 30.0], springs, motors, motors / 20, frame="link2", axes="xy")
     controls = {"law.stiffness[0]": (50.0, 600.0), "law.stiffness[1]": (50.0, 600.0)}
-    return al.ElasticArm(arm, springs, motors), law, {"q0": [0.3, 1.2], "dt": 5e-4}, controls, "Drag the target, and change its stiffness"
+    return al.ElasticArm(arm, springs, motors), law, {"q0": [0.1, 1.4], "dt": 5e-4}, controls, "Drag the target, and change its stiffness"
 
 
-#: For each page: its loop, and the text of the link.
-LOOPS: dict[str, Callable[[], Loop]] = {"adaptive": _adaptive, "impedance": _impedance, "elastic": _elastic}
+def _priority() -> Loop:
+    arm = al.planar_arm([1.0, 1.0, 0.25, 0.25])
+    tasks = [al.Task("link4", "xy", [1.7, 0.9], 4.0), al.Task("link2", "xy", [1.5, 0.6], 4.0)]
+    law = al.PriorityVelocity(arm, tasks, "clamp", eps=0.02)
+    controls = {"law.tasks.0.gain": (0.2, 20.0), "law.tasks.1.gain": (0.2, 20.0), "law.eps": (0.001, 0.5)}
+    text = "Drag a target out of reach, and see which task still reaches its target"
+    return al.VelocityArm(arm), law, {"q0": [0.9, -1.2, 0.6, 0.7]}, controls, text
+
+
+def _lift(q0: float, gravity_moment: float, tau_max: float, text: str) -> Loop:
+    """A link of 1 kg m^2 that a motor turns by half a turn, with the fastest of the symmetric profiles."""
+    start, mass = q0 + np.pi / 2, 1.0  # rad from the downward vertical, kg
+    com = gravity_moment / (mass * 9.81)
+    arm = al.planar_arm([0.5], masses=[mass], coms=[com], inertias=[1.0 - mass * com**2])
+    found = al.bang_bang_time(start, start + np.pi, 1.0, gravity_moment, tau_max)
+    law = al.ComputedTorque(arm, al.BangBang([q0], [q0 + np.pi], found.t_min), 100.0, 20.0)
+    options = {"q0": [q0], "tau_max": tau_max}
+    # arm.parameters[1] is the product of mass and distance of the centre of mass.
+    return al.RigidArm(arm), law, options, {"arm.parameters[1]": (0.0, 3.0 * tau_max / 9.81), "law.kp": (1.0, 400.0)}, text
+
+
+def _minimum_time() -> Loop:
+    text = "Increase arm.parameters[1], the mass times the distance of its centre from the joint, until the motor is too weak"
+    return _lift(-np.pi / 2, 1.0, 2.0, text)
+
+
+def _exercise_4() -> Loop:
+    text = "Increase arm.parameters[1], the gravity moment divided by 9.81 m/s^2, above the torque limit of 1 N m"
+    return _lift(-np.pi, 0.5, 1.0, text)
+
+
+def _friction() -> Loop:
+    arm = al.planar_arm([0.5], masses=[1.0], coms=[0.25], inertias=[0.4375], gravity=[0.0, 0.0])
+    bristles = al.LuGre(coulomb=1.0, static=2.0, stribeck_speed=0.05, stiffness=1e3, damping=20.0)
+    law = al.PID(arm, [1.0], kp=10.0, ki=10.0, kd=3.0)
+    controls = {"law.kp": (1.0, 100.0), "law.ki": (1.0, 50.0), "law.kd": (0.5, 30.0)}
+    text = "Wait for the swinging of a controller with an integral, and increase law.kd until it ends"
+    return al.RigidArm(arm, friction=bristles), law, {"q0": [0.0], "dt": 2e-4}, controls, text
+
+
+#: For each file: its loop, and the text of the link.
+LOOPS: dict[str, Callable[[], Loop]] = {
+    "adaptive": _adaptive,
+    "impedance": _impedance,
+    "elastic": _elastic,
+    "priority": _priority,
+    "minimum_time": _minimum_time,
+    "friction": _friction,
+    "exercise_4": _exercise_4,
+}
+
+#: The loops of the exercises of the exam, in their order.
+EXERCISES = ("adaptive", "priority", "elastic", "exercise_4")
 
 
 def write(folder: Path) -> None:
@@ -56,17 +107,26 @@ def write(folder: Path) -> None:
         al.export_web((plant, law), folder / f"{name}.html", controls, **options)
 
 
+def link(name: str) -> str:
+    """Return the paragraph with the link to a loop."""
+    return f'\n<p><a href="loops/{name}.html">Run this loop in the browser.</a> {LOOPS[name]()[-1]}.</p>\n'
+
+
 def linked(name: str, page: str) -> str:
-    """Return the text of a page with a link to its loop before its second heading."""
+    """Return the text of a page with a link to its loop before its second heading. In the exam, each exercise has a link."""
+    if name == "exam":
+        for k, loop in enumerate(EXERCISES, 1):
+            at = page.index("\n", page.index(f"\n## Exercise {k}:") + 1) + 1
+            page = page[:at] + link(loop) + page[at:]
+        return page
     first = page.find("\n## ")
     at = page.find("\n## ", first + 1)
-    link = f'\n<p><a href="loops/{name}.html">Run this loop in the browser.</a> {LOOPS[name]()[-1]}.</p>\n'
-    return page[:at] + link + page[at:]
+    return page[:at] + link(name) + page[at:]
 
 
 def setup(app: Any) -> dict[str, Any]:
     def add_link(_: Any, name: str, source: list[str]) -> None:
-        if name in LOOPS:
+        if name == "exam" or name in LOOPS:
             source[0] = linked(name, source[0])
 
     app.connect("source-read", add_link)

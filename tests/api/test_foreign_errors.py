@@ -162,6 +162,8 @@ CALLS: dict[str, Callable[[Any], Any]] = {
     "export_web(method)": lambda x: al.export_web((PLANT, LAW), "p.html", q0=[0.0, 0.0], method=x),
     "export_web(sample_time)": lambda x: al.export_web((PLANT, LAW), "p.html", q0=[0.0, 0.0], sample_time=x),
     "export_web(tau_max)": lambda x: al.export_web((PLANT, LAW), "p.html", q0=[0.0, 0.0], tau_max=x),
+    "export_web(force)": lambda x: al.export_web((PLANT, LAW), "p.html", q0=[0.0, 0.0], force=x, force_frame="link1"),
+    "export_web(force_frame)": lambda x: al.export_web((PLANT, LAW), "p.html", q0=[0.0, 0.0], force=[1.0, 0.0, 0.0], force_frame=x),
     "export_web(title)": lambda x: al.export_web((PLANT, LAW), "p.html", q0=[0.0, 0.0], title=x),
     "LoopProgram.at": lambda x: al.loop_program(PLANT, LAW, method="euler").at(x),
     "LoopProgram.plot": lambda x: al.loop_program(PLANT, LAW, method="euler").plot(x),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import json
 import re
 from html.parser import HTMLParser
@@ -11,6 +12,7 @@ from typing import Any
 import models
 import numpy as np
 import pytest
+from web_loops import WebRun
 
 import armlet as al
 from armlet import cli
@@ -57,7 +59,7 @@ def test_a_page_is_one_file_without_addresses(tmp_path: Path) -> None:
     assert [control["name"] for control in data["controls"]] == ["law.kp", "law.kd[1]"]
     for control, now in zip(data["controls"], (80.0, 12.0), strict=True):
         assert len(control["values"]) == 101 and control["values"][control["position"]] == now and control["slots"]
-    assert data["target"] == {"kind": "joints"} and data["desired"] is True and len(page) < 100_000
+    assert data["targets"] == [{"kind": "joints", "first": 0}] and data["desired"] is True and len(page) < 100_000
 
 
 def test_a_scenario_and_its_command(tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
@@ -113,9 +115,9 @@ TABLE = al.Table(0.1, np.zeros((3, 2)), np.zeros((3, 2)), np.zeros((3, 2)))
         (PLANT, lambda t, q, v: np.zeros(2), {}, "law is of the wrong type: .* got a function in Python"),
         (
             al.VelocityArm(SEVEN),
-            al.PriorityVelocity(SEVEN, [al.Task("tcp", "xyz", [0.3, 0.0, 0.6], 2.0)]),
+            al.PriorityVelocity(SEVEN, [al.Task("tcp", "xyz", [0.3, 0.0, 0.6], 2.0)], v_max=1.0),
             {},
-            "law branches in native code",
+            "law has limits or bounds, which are solved in native code: expected a law without limits, got PriorityVelocity",
         ),
         (PLANT, LAW, {"method": "dopri5"}, "method is unknown: expected one of rk4, euler, semi_implicit, got 'dopri5'"),
         (PLANT, LAW, {"method": "ros2"}, "method is unknown"),
@@ -123,6 +125,8 @@ TABLE = al.Table(0.1, np.zeros((3, 2)), np.zeros((3, 2)), np.zeros((3, 2)))
         (PLANT, LAW, {"sample_time": al.Sampling(1e-2, delay=5e-3)}, "sample_time has delays, noise or limits in native code"),
         (PLANT, al.ComputedTorque(ARM, TABLE, 100.0, 20.0), {}, "law has a motion that is not exported: .* got Table"),
         (PLANT, al.PDGravity(SEVEN, np.zeros(7), 10.0, 1.0), {}, "law"),
+        (PLANT, LAW, {"force": lambda t: np.zeros(3), "force_frame": "link2"}, "force changes in time: expected a constant force"),
+        (PLANT, LAW, {"force": [1.0, 2.0], "force_frame": "link2"}, "force has the wrong shape"),
         (PLANT, LAW, {"q0": None}, "q0 is missing"),
         (PLANT, LAW, {"q0": [0.0, float("nan")]}, "q0"),
         (PLANT, LAW, {"q0": [0.0, 0.0, 0.0]}, r"q0 has the wrong shape: expected \(2,\), got \(3,\)"),
@@ -147,3 +151,23 @@ def test_parts_without_webassembly_are_refused_by_name(
 def test_a_folder_that_cannot_be_written(tmp_path: Path) -> None:
     with pytest.raises(OSError, match="folder"):
         al.export_web((PLANT, LAW), tmp_path / "folder" / "a.html", q0=Q0)
+
+
+def test_the_pages_of_loops_run_and_are_linked(tmp_path: Path) -> None:
+    """The loops of the documentation are written, move, and are linked from their pages, in the exam from each exercise."""
+    docs = Path(__file__).parents[2] / "docs"
+    spec = importlib.util.spec_from_file_location("live_loops", docs / "live_loops.py")
+    assert spec is not None and spec.loader is not None
+    live = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(live)
+    live.write(tmp_path)
+    for name in live.LOOPS:
+        web = WebRun(data_of(tmp_path / f"{name}.html"))
+        start = web.group("state").copy()
+        for _ in range(200):
+            web.step()
+        assert np.isfinite(web.group("state")).all() and np.abs(web.group("state") - start).max() > 1e-3, name
+    for name in ("exam", "adaptive", "impedance", "elastic", "priority", "minimum_time", "friction"):
+        page = (docs / f"{name}.md").read_text(encoding="utf-8")
+        found = re.findall(r'href="loops/(\w+).html"', live.linked(name, page))
+        assert found == (list(live.EXERCISES) if name == "exam" else [name])

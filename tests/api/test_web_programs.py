@@ -57,6 +57,26 @@ def test_steps_have_the_bits_of_the_baseline(name: str, baseline: Any) -> None:
     assert np.abs(states[-1] - states[0]).max() > 1e-3  # the loop has moved
 
 
+@pytest.mark.parametrize("method", ["clamp", "damped"])
+def test_singular_stacks_have_the_bits_of_the_baseline(method: str, baseline: Any) -> None:
+    """The runs above end where a level has lost a direction, so that they compare the closed form of the native code."""
+    name = "4R priority" if method == "clamp" else "4R damped priority"
+    q, (_, law, _) = baseline[0][f"{name}/x"][-1], LOOPS[name]()
+    assert law.terms(0.0, q, np.zeros(4))["ranks"] == [2, 1]
+    assert any(export.startswith("step_cut") for export in WebRun(baseline[1][name]).names())
+
+
+def test_a_singular_stack_without_a_closed_form_stops_the_page() -> None:
+    """The method `exact` decides ranks by singular values, which a page does not have."""
+    plant, law, _ = LOOPS["4R priority"]()
+    for q4, is_number in ((0.7, True), (0.0, False)):
+        web = WebRun(
+            page_data(plant, law.replace(method="exact", eps=None), None, {"q0": [0.9, -1.2, 0.6, q4], "dt": 1e-3, "method": "rk4"})
+        )
+        web.step()
+        assert np.isfinite(web.group("state")).all() == is_number
+
+
 @pytest.mark.parametrize("name", LOOPS)
 def test_poses_are_those_of_the_arm(name: str) -> None:
     web, arm = WebRun(page(name)), LOOPS[name]()[0].arm

@@ -25,9 +25,11 @@ from armlet.web.export import page_data
 Array: TypeAlias = NDArray[np.float64]
 
 STEPS = 300
+FOUR = al.planar_arm([1.0, 1.0, 0.25, 0.25])
 PR, TWO, SEVEN = models.PR, models.TWO_LINKS, models.SEVEN_AXES
 #: A position within the limits of all joints.
 START = np.array([0.3, 0.5, -0.2, -0.9, 0.4, 1.6, 0.2])
+BENT = [0.9, -1.2, 0.6, 0.7]
 STIFF, MOTOR = [800.0, 500.0], [0.4, 0.25]
 
 
@@ -59,7 +61,31 @@ LOOPS: dict[str, Callable[[], tuple[Any, Any, dict[str, Any]]]] = {
         al.CartesianImpedance(SEVEN, [0.4, 0.1, 0.7], 300.0, 40.0, frame=SEVEN.tip_frame, nullspace=al.NullSpace(START, 20.0, 5.0)),
         {"q0": START},
     ),
+    # The second target is out of reach of the stretched links 3 and 4: the loop ends at a singularity of the stack.
+    "4R priority": lambda: (al.VelocityArm(FOUR), al.PriorityVelocity(FOUR, far_tasks(30.0), eps=0.05), {"q0": BENT}),
+    "4R damped priority": lambda: (al.VelocityArm(FOUR), al.PriorityVelocity(FOUR, far_tasks(30.0), "damped"), {"q0": BENT}),
+    "4R priority of accelerations": lambda: (
+        al.RigidArm(FOUR),
+        al.PriorityAcceleration(FOUR, [al.Task("link4", "xy", [1.8, 0.85], 100.0), al.Task("link2", "xy", [1.5, 0.6], 100.0)]),
+        {"q0": BENT, "sample_time": 2e-3},
+    ),
+    # Three rows have no closed form, and the arm is far from a singularity.
+    "7R priority": lambda: (al.VelocityArm(SEVEN), al.PriorityVelocity(SEVEN, [tip_task(), al.PostureTask(START, 1.0)], limits=False), {"q0": START}),
+    "2R elastic pushed": lambda: (
+        al.ElasticArm(TWO, STIFF, MOTOR),
+        al.JointImpedance(TWO, [0.3, 1.0], 50.0, [4.0, 2.0], STIFF, MOTOR, [0.02, 0.0125]),
+        {"q0": [0.0, 0.5], "dt": 5e-4, "force": [4.0, -3.0, 0.0], "force_frame": TWO.tip_frame},
+    ),
 }
+
+
+def tip_task() -> al.Task:
+    return al.Task(SEVEN.tip_frame, "xyz", [0.4, 0.1, 0.7], 2.0)
+
+
+def far_tasks(gain: float) -> list[Any]:
+    """The tip first, and the end of link 2 second, whose target is more than 0.5 m from that of the tip."""
+    return [al.Task("link4", "xy", [1.2, 0.9], gain), al.Task("link2", "xy", [1.9, 0.3], gain)]
 
 
 def run(name: str) -> Any:
@@ -83,7 +109,8 @@ class WebRun:
         self.data, self.step_number, self.referenced, self.passed = data, 0, False, 0
         self.breaks = sorted({t for motion in data["motions"] for t in motion["breaks"] or [] if t > 0.0})
         self.store = Store()
-        made = Instance(self.store, Module(self.store.engine, b64decode(data["wasm"])), [])
+        self.module = Module(self.store.engine, b64decode(data["wasm"]))
+        made = Instance(self.store, self.module, [])
         self.exports = made.exports(self.store)
         memory = self.exports["memory"]
         assert isinstance(memory, Memory)
@@ -91,6 +118,10 @@ class WebRun:
         address = ctypes.cast(memory.data_ptr(self.store), ctypes.POINTER(ctypes.c_double))
         self.frame: Array = np.ctypeslib.as_array(address, (len(start),))
         self.frame[:] = start
+
+    def names(self) -> list[str]:
+        """The names of the functions."""
+        return [export.name for export in self.module.exports]
 
     def call(self, name: str) -> None:
         function: Any = self.exports[name]
@@ -162,7 +193,8 @@ def main(records: str, pages: str) -> None:
     runs: dict[str, Any] = {}
     for name in LOOPS:
         done = run(name)
-        parts = [done.q, done.v, done.theta, done.theta_dot, done.estimate]
+        speeds = None if isinstance(LOOPS[name]()[0], al.VelocityArm) else done.v
+        parts = [done.q, speeds, done.theta, done.theta_dot, done.estimate]
         runs[f"{name}/x"] = np.hstack([part for part in parts if part is not None])
         runs[f"{name}/record"] = np.hstack([done.tau, np.stack(list(done.monitors.values()), axis=1)])
     np.savez(records, **runs)

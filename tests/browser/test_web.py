@@ -87,7 +87,7 @@ def test_the_target_is_dragged(opened: Any, tmp_path: Path) -> None:
     page = opened(seven_axes(tmp_path))
     at = page.evaluate("""() => {
         const canvas = document.querySelector("canvas.arm"), box = canvas.getBoundingClientRect();
-        const lines = armlet.loop.lines(), [x, y] = armlet.picture.pixel(armlet.picture.targetPoint(lines));
+        const lines = armlet.loop.lines(), [x, y] = armlet.picture.pixel(armlet.picture.targetPoint(lines, data.targets[0]));
         return [box.x + x, box.y + y];
     }""")
     page.mouse.move(*at)

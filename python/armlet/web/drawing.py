@@ -12,8 +12,8 @@ from ..figures.skeleton import Skeleton
 __all__ = ["drawing"]
 
 
-def drawing(arm: _core.Arm, frame: str | None) -> dict[str, Any]:
-    """Return what a page needs to draw an arm from the poses of its joints. `frame` is another frame that is drawn.
+def drawing(arm: _core.Arm, further: list[str]) -> dict[str, Any]:
+    """Return what a page needs to draw an arm from the poses of its joints. `further` are other frames that are drawn.
 
     `parents` and `places` are the parent and the place of each joint. `frames` are the indices of drawn frames, and `carriers` the joints
     that carry them. The last frame is the tip. `reach` is the size of the picture, m, around `centre`. `flat`
@@ -23,8 +23,8 @@ def drawing(arm: _core.Arm, frame: str | None) -> dict[str, Any]:
         # The slide of the planar PR arm moves along x. Its link has the angle q2 from the y axis, and a length for the picture alone.
         return {"kind": "PR", "frames": [], "reach": 1.6, "centre": [0.0, 0.0, 0.0], "flat": [0, 1]}
     skeleton = Skeleton("export_web", arm)
-    further = [] if frame is None or arm.frame_names.index(frame) in skeleton.frames else [arm.frame_names.index(frame)]
-    frames = [*further, *(k for k in skeleton.frames if k != skeleton.tip), skeleton.tip]
+    others = {arm.frame_names.index(frame) for frame in further} - set(skeleton.frames)
+    frames = [*sorted(others), *(k for k in skeleton.frames if k != skeleton.tip), skeleton.tip]
     random = np.random.default_rng(0)
     samples = random.uniform(-np.pi, np.pi, (64, arm.n))
     slides = [kind == "prismatic" for kind in arm.joint_types]

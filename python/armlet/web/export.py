@@ -35,6 +35,9 @@ IDENTITIES = {
     "lyapunov": ("Lyapunov function", "J"),
     "lyapunov_balance": ("Lyapunov balance", "J"),
     "passivity": ("passivity", "J"),
+    "error_1": ("error of level 1", "m, rad"),
+    "error_2": ("error of level 2", "m, rad"),
+    "error_3": ("error of level 3", "m, rad"),
 }
 
 #: Methods with fixed explicit steps.
@@ -59,13 +62,15 @@ def export_web(
     method: str | None = None,
     sample_time: float | None = None,
     tau_max: ArrayLike | None = None,
+    force: ArrayLike | None = None,
+    force_frame: str | None = None,
     title: str | None = None,
 ) -> Path:
     """Write a web page that runs a closed loop in the browser. The page is one HTML file without network.
 
     The page shows the arm, curves of the last 10 s, and a slider for each control. The loop is WebAssembly with the step `x_next = step(x,
-    u, dt)` of `simulate`. Its numbers have the bits of a run with the instruction set `baseline`. If the target of the law is constant,
-    it can be dragged. `Quintic`, `BangBang` and `Sinusoid` are the other motions that a page can have.
+    u, dt)` of `simulate`. Its numbers have the bits of a run with the instruction set `baseline`. Constant targets of the law can be
+    dragged. `Quintic`, `BangBang` and `Sinusoid` are the other motions that a page can have.
 
     Args:
         loop: a `Scenario`, or a pair `(plant, law)`.
@@ -78,14 +83,17 @@ def export_web(
         method: "rk4", "euler" or "semi_implicit"; None: the method of the scenario, or "rk4".
         sample_time: sample period of the law, s; None: continuous law.
         tau_max: limits of the input, as for `simulate`.
+        force: constant external force, (3,), N, or wrench (6,), as for `simulate`. The page has a slider for each of its numbers.
+        force_frame: frame at which the force acts; None: the frame of the law.
         title: title of the page; None: the title of the scenario, or the names of law and plant.
 
     Returns:
         The path of the page.
 
     Raises:
-        InputError: an argument is not valid, or a part of the loop has no WebAssembly. Such parts are laws in Python, laws with decisions
-            in native code, other motions and methods, forces, stick-slip friction, and samples with delays or noise.
+        InputError: an argument is not valid, or a part of the loop has no WebAssembly. Such parts are laws in Python, laws of task priority
+            with limits, and other motions and methods. Forces that vary, stick-slip friction, and samples with delays or noise have none
+            either.
         OSError: the file cannot be written.
 
     Source: docs/web.md.
@@ -100,7 +108,7 @@ def export_web(
     target = file_path("export_web", path)
     given = {
         "q0": q0, "v0": v0, "theta0": theta0, "theta_dot0": theta_dot0, "dt": dt, "method": method, "sample_time": sample_time,
-        "tau_max": tau_max,
+        "tau_max": tau_max, "force": force, "force_frame": force_frame,
     }  # fmt: skip
     plant, law, options, name = _parts(loop, given)
     data = page_data(plant, law, controls, options)
@@ -145,8 +153,8 @@ def page_data(
     n = plant.arm.n
     start = {name: _row(name, options[name], n) for name in START if options.get(name) is not None}
     chosen = controls_of(plant, law, start, controls)
-    frame, _ = _coordinates(law)
-    picture = drawing(plant.arm, frame)
+    coordinates = _coordinates(law)
+    picture = drawing(plant.arm, [frame for frame, _ in coordinates if frame is not None])
     plants, laws, starts = stacked((plant, law, start), chosen)
     q0 = starts.pop("q0")
     assert q0 is not None
@@ -162,13 +170,14 @@ def page_data(
         "wasm": b64encode(made["module"]).decode(),
         "frame": _packed(made["frame"].tolist()),
         **{name: made[name] for name in ("groups", "instants", "dt", "period", "motions")},
-        "monitors": [IDENTITIES.get(name) for name in made["monitors"]],
+        "monitors": [_monitor(name, coordinates) for name in made["monitors"]],
         "controls": [_described(control, *columns) for control, columns in zip(chosen, made["controls"], strict=True)],
         "joints": [{"name": name, "unit": _unit(kind)} for name, kind in zip(plant.arm.joint_names, plant.arm.joint_types, strict=True)],
         "input": "force" if made["has_speeds"] else "velocity",
         "picture": picture,
-        "desired": frame is None and [motion["dof"] for motion in made["motions"]] == [n],
-        "target": _target(law, n, made["motions"], picture, plant.arm),
+        "desired": coordinates == [(None, [])] and [motion["dof"] for motion in made["motions"]] == [n],
+        "targets": _targets(coordinates, n, made["motions"], picture, plant.arm),
+        "priority": "tasks" in law.__getnewargs_ex__()[1],
         "about": f"{n} joints, {options['method']}, step {made['dt']:g} s",
     }
 
@@ -195,25 +204,43 @@ def _described(control: Control, slots: list[int], values: list[float]) -> dict[
     }  # fmt: skip
 
 
-def _coordinates(law: Any) -> tuple[str | None, list[str]]:
-    """The frame and the axes of the target of a law; None and no axes for a target of the joints."""
+def _coordinates(law: Any) -> list[tuple[str | None, list[str]]]:
+    """The frame and the axes of each target of a law; None and no axes for a target of the joints, or of another kind."""
     arguments = law.__getnewargs_ex__()[1]
-    axes = arguments.get("axes", "xyz")
-    if "frame" not in arguments or not isinstance(axes, str | None):
+    # A level is a task, or a list of tasks and of pairs of a task and its weight.
+    levels = [level if isinstance(level, list) else [level] for level in arguments.get("tasks", ())]
+    tasks = [each[0] if isinstance(each, tuple) else each for level in levels for each in level]
+    return [_frame_and_axes(task.__getnewargs_ex__()[1]) for task in tasks] or [_frame_and_axes(arguments)]
+
+
+def _monitor(name: str, coordinates: list[tuple[str | None, list[str]]]) -> tuple[str, str] | None:
+    """The label and the unit of a monitor; None if it is not drawn."""
+    known = IDENTITIES.get(name)
+    is_position = all(axes and set(axes) <= set("xyz") for _, axes in coordinates)
+    return (known[0], "m") if known and known[1] == "m, rad" and is_position else known
+
+
+def _frame_and_axes(part: Mapping[str, Any]) -> tuple[str | None, list[str]]:
+    axes = part.get("axes", "xyz")
+    if "frame" not in part or not isinstance(axes, str | None):
         return None, []
-    return arguments["frame"], re.findall("r?[xyz]", axes or "xyz")
+    return part["frame"], re.findall("r?[xyz]", axes or "xyz")
 
 
-def _target(law: Any, n: int, motions: list[dict[str, Any]], picture: dict[str, Any], arm: Any) -> dict[str, Any] | None:
-    """Describe a constant target that can be dragged. None: there is no such target."""
-    frame, axes = _coordinates(law)
-    if not motions or motions[0]["breaks"] is not None:
-        return None
-    if frame is None:
-        return {"kind": "joints"} if motions[0]["dof"] == n else None
-    if len(axes) != motions[0]["dof"]:
-        return None
-    return {"kind": "frame", "axes": axes, "frame": picture["frames"].index(arm.frame_names.index(frame))}
+def _targets(
+    coordinates: list[tuple[str | None, list[str]]], n: int, motions: list[dict[str, Any]], picture: dict[str, Any], arm: Any
+) -> list[dict[str, Any]]:
+    """Describe the constant targets that can be dragged. `first` is the place of a target among the numbers of all motions."""
+    targets: list[dict[str, Any]] = []
+    first = 0
+    for (frame, axes), motion in zip(coordinates, motions, strict=False):
+        if motion["breaks"] is None and frame is None and motion["dof"] == n:
+            targets.append({"kind": "joints", "first": first})
+        elif motion["breaks"] is None and frame is not None and motion["dof"] == len(axes):
+            drawn = picture["frames"].index(arm.frame_names.index(frame))
+            targets.append({"kind": "frame", "first": first, "axes": axes, "frame": drawn, "name": frame})
+        first += 3 * motion["dof"]
+    return targets
 
 
 def document(data: Mapping[str, Any]) -> str:

@@ -101,7 +101,8 @@ class Loop {
   }
 
   isValid() {
-    if (!this.group("state").every(Number.isFinite)) this.fault = "the state is not a number";
+    const singular = data.priority ? ", or the tasks are too close to a singularity for this page" : "";
+    if (!this.group("state").every(Number.isFinite)) this.fault = `the state is not a number${singular}`;
     else if (!(this.group("angle")[0] < LARGEST_ANGLE)) this.fault = "an angle exceeds 10⁶ rad";
     return !this.fault;
   }

@@ -25,12 +25,13 @@ function panels() {
     all.push({ title: data.input === "velocity" ? "Commanded velocity" : "Input", unit: force(unit), curves });
   }
   const named = data.monitors.map((m, k) => [m, JOINTS + k]).filter(([m]) => m);
-  for (const balances of [false, true]) {
-    const chosen = named.filter(([[name]]) => name.endsWith("balance") === balances && name !== "passivity");
+  const kind = (name) => (name.endsWith("balance") ? "Balance, zero in theory" : name.startsWith("error") ? "Error of each task" : "");
+  for (const title of ["Error of each task", "", "Balance, zero in theory"]) {
+    const chosen = named.filter(([[name]]) => kind(name) === title && name !== "passivity");
     const curves = chosen.map(([[name], k], i) => ({ name, colour: COLOURS[i], of: (row) => row.r[k] }));
     if (!curves.length) continue;
-    const title = balances ? "Balance, zero in theory" : curves.map((c) => c.name).join(" and ");
-    all.push({ title: title[0].toUpperCase() + title.slice(1), unit: "J", curves });
+    const own = title || curves.map((c) => c.name).join(" and ");
+    all.push({ title: own[0].toUpperCase() + own.slice(1), unit: chosen[0][0][1], curves });
   }
   return all;
 }
@@ -138,15 +139,27 @@ function controls(loop) {
   });
 }
 
-// One slider for each coordinate of a constant target.
+// One slider for each coordinate of the constant targets, and for each number of the force.
 function targets(loop) {
-  if (!data.target) return [];
-  const coordinates = data.target.axes?.map((axis) => [axis, axis.startsWith("r") ? "rad" : "m"]) ?? data.joints.map((j) => [j.name, j.unit]);
-  return coordinates.map(([name, unit], i) => {
-    const [now, reach] = [loop.target(i), unit === "rad" ? Math.PI : data.picture.reach];
+  const all = [];
+  const add = (name, unit, i, reach) => {
+    const now = loop.target(i);
     const range = [now - reach, now + reach, reach / 100, now];
-    return { i, ...slider(`target ${name}`, unit, range, () => loop.target(i), (x) => loop.setTarget(i, x)) };
+    all.push({ i, ...slider(name, unit, range, () => loop.target(i), (x) => loop.setTarget(i, x)) });
+  };
+  for (const target of data.targets) {
+    const coordinates = target.axes?.map((axis) => [axis, axis.startsWith("r") ? "rad" : "m"]) ?? data.joints.map((j) => [j.name, j.unit]);
+    const of = data.targets.length > 1 ? `target of ${target.name ?? "joints"}` : "target";
+    coordinates.forEach(([name, unit], i) => add(`${of} ${name}`, unit, target.first + i, unit === "rad" ? Math.PI : data.picture.reach));
+  }
+  const [first, count] = data.groups.force;
+  const names = ["force x", "force y", "force z", "moment x", "moment y", "moment z"].slice(0, count);
+  const largest = Math.max(10, ...[...names.keys()].map((i) => 2 * Math.abs(loop.x[first + i])));
+  const inPlane = (i) => !data.picture.flat || (i < 3 ? data.picture.flat.includes(i) : !data.picture.flat.includes(i - 3));
+  names.forEach((name, i) => {
+    if (inPlane(i)) add(name, i < 3 ? "N" : "N m", first - data.groups.exogenous[0] + i, largest);
   });
+  return all;
 }
 
 async function main() {

@@ -1,5 +1,5 @@
 "use strict";
-// The arm and its target on a canvas. The view can be turned, and the target dragged.
+// The arm and its targets on a canvas. The view can be turned, and the targets dragged.
 
 const COLOURS = ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#b07d00", "#56b4e9", "#999933", "#aa4499"];
 
@@ -30,7 +30,7 @@ class Picture {
     this.loop = loop;
     this.view = [-0.98, 0.38]; // azimuth and elevation of the eye, rad
     const hints = [];
-    if (data.target) hints.push("drag the dashed target");
+    if (data.targets.length) hints.push(`drag the dashed target${data.targets.length > 1 ? "s" : ""}`);
     if (!data.picture.flat) hints.push("drag the background or press arrow keys to turn the view");
     this.canvas = make("canvas", { className: "arm", tabIndex: data.picture.flat ? -1 : 0 });
     this.canvas.setAttribute("role", "img");
@@ -71,22 +71,22 @@ class Picture {
   }
 
   // The point at a frame's target. Coordinates without a target are those of the frame.
-  targetPoint(lines) {
-    const point = [...lines.find((line) => line.frame === data.target.frame).ends[1]];
-    data.target.axes.forEach((axis, i) => {
-      if ("xyz".includes(axis)) point["xyz".indexOf(axis)] = this.loop.target(i);
+  targetPoint(lines, target) {
+    const point = [...lines.find((line) => line.frame === target.frame).ends[1]];
+    target.axes.forEach((axis, i) => {
+      if ("xyz".includes(axis)) point["xyz".indexOf(axis)] = this.loop.target(target.first + i);
     });
     return point;
   }
 
-  targetJoints() {
-    return data.joints.map((_, i) => this.loop.target(i));
+  targetJoints(target) {
+    return data.joints.map((_, i) => this.loop.target(target.first + i));
   }
 
   begin(event) {
     const at = [event.offsetX, event.offsetY];
     const distance = (p) => Math.hypot(p[0] - at[0], p[1] - at[1]);
-    const grip = data.target && this.grip(distance);
+    const grip = data.targets.map((target) => this.grip(target, distance)).find(Boolean);
     if (!grip && data.picture.flat) return;
     this.canvas.setPointerCapture(event.pointerId);
     let last = at;
@@ -98,34 +98,35 @@ class Picture {
     };
   }
 
-  // The function that moves the target near the pointer by a displacement on the picture, m; nothing if no target is near.
-  grip(distance) {
-    if (data.target.kind === "frame") {
-      if (distance(this.pixel(this.targetPoint(this.loop.lines()))) > 30) return null;
-      const columns = data.target.axes.map((a) => ("xyz".includes(a) ? this.project([..."xyz"].map((b) => (a === b ? 1 : 0))) : [0, 0]));
+  // The function that moves a target by a displacement on the picture, m; nothing if the target is not near the pointer.
+  grip(target, distance) {
+    const move = (i, by) => this.loop.setTarget(target.first + i, this.loop.target(target.first + i) + by);
+    if (target.kind === "frame") {
+      if (distance(this.pixel(this.targetPoint(this.loop.lines(), target))) > 30) return null;
+      const columns = target.axes.map((a) => ("xyz".includes(a) ? this.project([..."xyz"].map((b) => (a === b ? 1 : 0))) : [0, 0]));
       return (by) => {
         // The smallest change of the coordinates with this displacement.
         const sum = (i, j) => columns.reduce((s, c) => s + c[i] * c[j], i === j ? 1e-9 : 0);
         const [a, b, d] = [sum(0, 0), sum(0, 1), sum(1, 1)];
         const det = a * d - b * b;
         const w = [(d * by[0] - b * by[1]) / det, (a * by[1] - b * by[0]) / det];
-        columns.forEach((c, i) => this.loop.setTarget(i, this.loop.target(i) + c[0] * w[0] + c[1] * w[1]));
+        columns.forEach((c, i) => move(i, c[0] * w[0] + c[1] * w[1]));
       };
     }
-    const lines = this.loop.lines(this.targetJoints());
+    const lines = this.loop.lines(this.targetJoints(target));
     const near = lines.map((line, k) => [distance(this.pixel(line.ends[1])), k]).filter(([, k]) => lines[k].mover >= 0);
     const [pixels, k] = near.sort((a, b) => a[0] - b[0])[0] ?? [Infinity];
     const i = lines[k]?.mover;
     if (pixels > 30 || (data.picture.parents && data.picture.parents.length !== JOINTS)) return null;
     return (by) => {
       // The change of the joint whose motion on the picture is closest to the displacement.
-      const q = this.targetJoints();
+      const q = this.targetJoints(target);
       const end = () => this.project(this.loop.lines(q)[k].ends[1]);
       const from = end();
       q[i] += 1e-4;
       const slope = end().map((x, axis) => (x - from[axis]) / 1e-4);
       const square = slope[0] ** 2 + slope[1] ** 2;
-      if (square > 1e-6) this.loop.setTarget(i, this.loop.target(i) + (slope[0] * by[0] + slope[1] * by[1]) / square);
+      if (square > 1e-6) move(i, (slope[0] * by[0] + slope[1] * by[1]) / square);
     };
   }
 
@@ -154,12 +155,12 @@ class Picture {
     stroke(axes.map((end) => ({ ends: [[0, 0, 0], end] })), colour("--line"), 1);
     Object.assign(context, { font: "12px system-ui, sans-serif", fillStyle: text, textAlign: "center", textBaseline: "middle" });
     axes.forEach((end) => context.fillText("xyz"[end.findIndex((x) => x > 0)], ...this.pixel(end.map((x) => 1.15 * x))));
-    if (data.target?.kind === "joints") stroke(this.loop.lines(this.targetJoints()), accent, 2, [5, 5]);
+    for (const target of data.targets.filter((t) => t.kind === "joints")) stroke(this.loop.lines(this.targetJoints(target)), accent, 2, [5, 5]);
     stroke(lines, text, Math.max(3, width / 90));
     lines.forEach(({ ends }) => dot(ends[0], Math.max(3, width / 110), COLOURS[0]));
     dot(lines[lines.length - 1].ends[1], Math.max(3, width / 130), COLOURS[1]);
-    if (data.target?.kind === "frame") {
-      const [x, y] = this.pixel(this.targetPoint(lines));
+    for (const target of data.targets.filter((t) => t.kind === "frame")) {
+      const [x, y] = this.pixel(this.targetPoint(lines, target));
       context.setLineDash([4, 3]);
       Object.assign(context, { strokeStyle: accent, lineWidth: 2 });
       context.beginPath();
@@ -169,6 +170,8 @@ class Picture {
         context.lineTo(x + dx, y + dy);
       }
       context.stroke();
+      context.fillStyle = accent;
+      if (data.targets.length > 1) context.fillText(target.name, x, y - 24);
     }
   }
 }

@@ -7,7 +7,7 @@ use crate::loops::Loops;
 use armlet_core::simulate::web_loop;
 use armlet_core::trace::tape::Op;
 use armlet_core::trace::wasm::Module;
-use armlet_core::trace::{Part, SlotTable};
+use armlet_core::trace::{Part, Scratch, SlotTable};
 use armlet_macros::entered;
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict, PyList};
@@ -105,7 +105,8 @@ pub fn _wasm_of_operations<'py>() -> Result<Bound<'py, PyBytes>, Failure> {
         return Err(input_error(py, NAME, "outputs", "has an unknown operation").into());
     }
     let mut module = Module::default();
-    let added = module.function("f", Part { ops: &ops, start: 0, outputs: &outputs, places: &SlotTable::default() }, reach);
+    let part = Part { ops: &ops, start: 0, outputs: &outputs, places: &SlotTable::default() };
+    let added = module.function("f", part, Scratch { reach, free: 0 });
     debug_assert!(added, "these operations have no cut");
     Ok(PyBytes::new(py, &module.finish()))
 }

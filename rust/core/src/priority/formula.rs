@@ -3,13 +3,15 @@
 //! Near a singularity, and at a bound, a decomposition must branch on its numbers. So the formula has a decision
 //! ([`crate::trace::decision`]): native code with all algorithms of the module replaces the result of `regular`.
 
-use super::branch_free::{Regular, regular_ranks};
+use super::branch_free::{BranchFree, Regular, TwoRowLevels, regular_ranks};
 use super::method::{PriorityMethod, PriorityOptions};
 use super::solution::Solution;
 use super::solver::PrioritySolver;
 use crate::error::Result;
 use crate::scalar::Real;
 use crate::trace::decision::{Decision, kind};
+use crate::trace::function::{Recorded, recorded};
+use crate::trace::tape::Op;
 use crate::trace::{Sym, sym};
 
 /// The solution of stacks of one size as a formula, with its memory.
@@ -55,7 +57,7 @@ impl StackFormula {
         let flags = [solver.eps().is_some(), solver.settings.metric.is_some(), solver.bounds().is_some()].map(usize::from);
         let intervals: Vec<usize> = solver.given.intervals.iter().map(|interval| usize::from(*interval)).collect();
         let sizes = [&[n, solver.method() as usize], &flags[..], &[solver.settings.limit_levels, rows.len()], &rows, &intervals].concat();
-        let kind = kind("priority", sizes, |sizes| Box::new(NativeStack::new(sizes)));
+        let kind = kind("priority", sizes, |sizes| Box::new(NativeStack::new(sizes)), closed_form);
         let results = vec![Sym::zero(); n + rows.iter().sum::<usize>() + rows.len() + 1];
         let upper = vec![Sym::zero(); solver.given.upper.len()];
         StackFormula { n, rows, regular, always_native: !intervals.is_empty(), upper, kind, arguments: Vec::new(), results }
@@ -84,7 +86,7 @@ impl StackFormula {
         let valid = if *always_native { Sym::zero() } else { regular.solve(rounding, jacobian, command) };
         arguments.clear();
         arguments.extend([valid, rounding]);
-        arguments.extend(jacobian.iter().chain(command).chain(&*upper).chain(regular.parameters()));
+        arguments.extend(jacobian.iter().chain(command).chain(&*upper).chain(Regular::parameters(regular)));
         let ranks = regular_ranks(*n, rows).map(|rank| Sym::splat(rank as f64));
         let given = regular.v.iter().chain(&regular.residual).copied().chain(ranks).chain([Sym::zero()]);
         results.iter_mut().zip(given).for_each(|(to, given)| *to = given);
@@ -174,4 +176,38 @@ impl Decision for NativeStack {
         let found = v.iter().chain(residuals).copied().chain(ranks).chain([certificate]);
         results.iter_mut().zip(found).for_each(|(to, found)| *to = found);
     }
+}
+
+/// Record the closed form of [`TwoRowLevels`] as a formula of the arguments of [`NativeStack`]. Its results are those of native code. They are
+/// NaN where only `hierarchy` solves the stack. `None` for a stack with bounds.
+fn closed_form(sizes: &[usize]) -> Option<(Vec<Op>, Vec<u32>)> {
+    let NativeStack { solver, eps } = NativeStack::new(sizes);
+    if solver.is_bounded() {
+        return None;
+    }
+    let (n, rows, settings) = (solver.n(), solver.rows(), &solver.settings);
+    let (total, factor) = (rows.iter().sum::<usize>(), settings.metric.iter().map(|metric| metric.factor().len()).sum::<usize>());
+    let solve = |(), arguments: &[Sym]| {
+        let nan = Sym::splat(f64::NAN);
+        if !TwoRowLevels::<Sym>::applies(rows, settings.method) {
+            return vec![nan; n + total + rows.len() + 1];
+        }
+        let mut levels = TwoRowLevels::<Sym>::new(n, rows, settings);
+        let (stack, others) = arguments[2..].split_at(total * (n + 1));
+        let ((jacobian, command), (eps2, factor)) = (stack.split_at(total * n), others.split_at(eps.len()));
+        if !eps2.is_empty() {
+            // The native code receives thresholds, and squares them again.
+            let squared = |eps2: &Sym| {
+                let eps = eps2.sqrt();
+                eps * eps
+            };
+            levels.parameters().set_eps2(eps2.iter().map(squared).collect());
+        }
+        levels.parameters().metric.iter_mut().for_each(|metric| metric.set_factor(factor));
+        let valid = Sym::splat(0.5).lt(levels.solve(arguments[1], jacobian, command));
+        let found = levels.v.iter().chain(&levels.residual).chain(&levels.ranks).map(|&x| Sym::select(valid, x, nan));
+        found.chain([nan]).collect()
+    };
+    let Recorded { ops, answer, .. } = recorded(2 + total * (n + 1) + eps.len() + factor, || (), solve)?;
+    Some((ops, answer))
 }

@@ -3,6 +3,7 @@
 //! A formula computes results that are valid in most cases, and a number that is one if they are valid. Where they are not, the native code
 //! replaces them. A recording is divided at this place.
 
+use super::tape::Op;
 use std::fmt::Debug;
 use std::sync::{Mutex, PoisonError};
 
@@ -23,18 +24,33 @@ struct Kind {
 /// A function that allocates the memory of native code for some sizes.
 pub type Make = fn(&[usize]) -> Box<dyn Decision>;
 
-/// All kinds so far. The index of a kind is its number.
-static KINDS: Mutex<Vec<(Kind, Make)>> = Mutex::new(Vec::new());
+/// A function that records native code for some sizes as a formula, for exports without native code. It returns the operations, whose inputs
+/// are the arguments, and the indices of the results. The results are NaN where the formula is not valid. `None`: there is no formula.
+pub type ClosedForm = fn(&[usize]) -> Option<(Vec<Op>, Vec<u32>)>;
 
-/// Return the number of a kind of native code. `name` is unique for `make`.
-pub fn kind(name: &'static str, sizes: Vec<usize>, make: Make) -> u32 {
+/// All kinds so far. The index of a kind is its number.
+static KINDS: Mutex<Vec<(Kind, Make, ClosedForm)>> = Mutex::new(Vec::new());
+
+/// Return the number of a kind of native code. `name` is unique for `make` and `closed`.
+pub fn kind(name: &'static str, sizes: Vec<usize>, make: Make, closed: ClosedForm) -> u32 {
     let kind = Kind { name, sizes };
     let mut kinds = KINDS.lock().unwrap_or_else(PoisonError::into_inner);
-    let known = kinds.iter().position(|(known, _)| *known == kind);
+    let known = kinds.iter().position(|(known, ..)| *known == kind);
     known.unwrap_or_else(|| {
-        kinds.push((kind, make));
+        kinds.push((kind, make, closed));
         kinds.len() - 1
     }) as u32
+}
+
+/// Return what is known of the kind with this number.
+fn known(kind: u32) -> (Kind, Make, ClosedForm) {
+    KINDS.lock().unwrap_or_else(PoisonError::into_inner)[kind as usize].clone()
+}
+
+/// Record native code of a kind as a formula ([`ClosedForm`]).
+pub fn closed_form(kind: u32) -> Option<(Vec<Op>, Vec<u32>)> {
+    let (Kind { sizes, .. }, _, closed) = known(kind);
+    closed(&sizes)
 }
 
 /// The memory of native code in one run.
@@ -68,7 +84,7 @@ impl Decisions {
             known.results.resize(known.results.len().max(results), 0.0);
             return at;
         }
-        let (Kind { sizes, .. }, make) = KINDS.lock().unwrap_or_else(PoisonError::into_inner)[kind as usize].clone();
+        let (Kind { sizes, .. }, make, _) = known(kind);
         let decision = make(&sizes);
         self.0.push(Allocated { kind, decision, arguments: vec![0.0; arguments], results: vec![0.0; results] });
         self.0.len() - 1

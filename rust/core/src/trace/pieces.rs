@@ -4,10 +4,14 @@
 //! Before a cut, a piece writes the arguments and the results of the formula to slots of the frame. The native code replaces the results in
 //! these slots, and later pieces read them.
 
+use super::decision;
 use super::frame::Frame;
 use super::segments::{Cut, join_from};
 use super::straight::{Part, SlotTable};
 use super::tape::Op;
+
+/// Pairs of a slot and the entry whose value it receives.
+pub type Outputs = Vec<(u32, u32)>;
 
 /// A call of native code after a piece.
 #[derive(Clone, Debug)]
@@ -24,7 +28,7 @@ pub struct Call {
 /// A piece of a part: the entries from `start` on, its outputs `(slot, entry)`, and the call after it.
 pub struct Piece {
     pub start: u32,
-    pub outputs: Vec<(u32, u32)>,
+    pub outputs: Outputs,
     pub call: Option<Call>,
 }
 
@@ -95,6 +99,19 @@ fn arguments(ops: &[Op], mut list: u32) -> Vec<u32> {
 }
 
 impl Call {
+    /// The slot of the first argument, which is one if the results of the formula are valid.
+    pub fn validity(&self) -> usize {
+        self.first
+    }
+
+    /// Return the operations and the outputs of the native code as a formula on the slots of the frame, if it has one.
+    pub fn closed_form(&self) -> Option<(Vec<Op>, Outputs)> {
+        let (ops, answer) = decision::closed_form(self.kind)?;
+        let read = |op| if let Op::Input(k) = op { Op::Input(self.first as u32 + k) } else { op };
+        let outputs = self.results.iter().map(|&(k, slot)| (slot, answer[k as usize])).collect();
+        Some((ops.into_iter().map(read).collect(), outputs))
+    }
+
     /// Allocate the memory of the native code in a frame.
     pub fn prepare(&self, frame: &mut Frame) {
         frame.decisions().allocate(self.kind, self.sizes);
@@ -171,7 +188,7 @@ mod tests {
     }
 
     fn kind() -> u32 {
-        decision::kind("negative", vec![], |_| Box::new(Negative))
+        decision::kind("negative", vec![], |_| Box::new(Negative), |_| None)
     }
 
     /// The steps on plain numbers.

@@ -67,6 +67,11 @@ impl<S: Real> Parameters<S> {
         eps2.iter_mut().zip(eps).for_each(|(to, eps)| *to = S::varying(eps * eps));
     }
 
+    /// Set the squares of the thresholds of the levels.
+    pub fn set_eps2(&mut self, eps2: Vec<S>) {
+        self.eps2 = Some(eps2);
+    }
+
     /// Return the square of the threshold of level `i`. `row_norm2` is the square of the level's largest row norm.
     fn threshold2(&self, i: usize, row_norm2: S) -> S {
         self.eps2.as_deref().map_or(S::splat(DEFAULT_EPS * DEFAULT_EPS) * row_norm2, |eps2| eps2[i])

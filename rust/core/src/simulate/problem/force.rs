@@ -75,6 +75,14 @@ impl Force {
         }
     }
 
+    /// Return the wrench of a force that is constant from the start of a run.
+    pub fn constant(&self) -> Option<Wrench> {
+        match self {
+            Force::Steps { starts, values } if matches!(starts[..], [start] if start <= 0.0) => values.first().copied(),
+            Force::Steps { .. } | Force::Signal(_) => None,
+        }
+    }
+
     /// Return the wrench at time `t`, s. It is NaN if the function returned `None`.
     pub fn at(&self, t: f64) -> Wrench {
         match self {

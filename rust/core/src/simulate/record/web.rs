@@ -18,6 +18,7 @@ use crate::scalar::Real;
 use crate::simulate::assembly::start;
 use crate::simulate::monitors;
 use crate::simulate::problem::Problem;
+use crate::simulate::problem::force::Force;
 use crate::simulate::sampled::clock::Clock;
 use crate::trace::tape::{Moving, Op};
 use crate::trace::wasm::{Action, Input, Module};
@@ -129,7 +130,7 @@ pub fn web_loop(problem: &Problem, positions: &[usize], frames: &[usize]) -> Res
     let recorded = step::record_moving(problem, 0, common, Moving::These(moving.clone()), &mut |name, part, _, scratch, _| {
         // A page records with the function `notes`, at chosen steps.
         let is_used = !name.starts_with("noted_");
-        if is_used && !module.function(&name, part, scratch.reach) {
+        if is_used && !module.function(&name, part, scratch) {
             cut = Some(name);
         }
     });
@@ -156,6 +157,7 @@ pub fn web_loop(problem: &Problem, positions: &[usize], frames: &[usize]) -> Res
     }
     let groups = [
         ("exogenous", exogenous.slots),
+        ("force", exogenous.slots.part(exogenous.desired, exogenous.slots.count - exogenous.desired)),
         ("state", state),
         ("h", Slots { first: step, count: 1 }),
         ("tau", tau),
@@ -194,8 +196,11 @@ fn require_steps(problem: &Problem) -> Result<()> {
     let refused = |argument: &str, problem: String| Err(Error::input(argument, problem));
     match law.route() {
         Route::Outside => return refused("law", "is a function in Python: expected a law of armlet such as Adaptive".into()),
-        route if !route.is_recordable() => return refused("law", format!("is not recorded: expected another law, got {}", law.name())),
-        _ => {}
+        Route::Deciding => {
+            let problem = "has limits or bounds, which are solved in native code: expected a law without limits";
+            return refused("law", format!("{problem}, got {}", law.name()));
+        }
+        Route::Straight | Route::Guarded => {}
     }
     if !matches!(o.method.kind(), MethodKind::ExplicitSteps(_)) {
         return refused("method", format!("has no fixed explicit steps: expected rk4, euler or semi_implicit, got {}", o.method.name()));
@@ -203,8 +208,8 @@ fn require_steps(problem: &Problem) -> Result<()> {
     if problem.plant(0).sticks() {
         return refused("plant", "has stick-slip friction, whose modes change in native code: expected another model of friction".into());
     }
-    if !problem.forces.is_empty() {
-        return refused("force", "is not exported: expected None".into());
+    if problem.forces.iter().any(|force| force.constant().is_none()) {
+        return refused("force", "changes in time: expected a constant force, or None".into());
     }
     if o.sampling.as_ref().is_some_and(|sampling| !sampling.is_plain()) {
         return refused("sample_time", "has delays, noise or limits in native code: expected a period in seconds".into());
@@ -249,7 +254,7 @@ fn varying(problem: &Problem, common: Common, positions: &[usize]) -> Result<Vec
     Ok(moving)
 }
 
-/// The numbers of run `run` with their slots: loop parameters, initial state, and constant desired positions at the first instant.
+/// The numbers of run `run` with their slots: loop parameters, initial state, constant desired positions and the force at the first instant.
 /// `base` is the set-up of run 0 with the varying parameters `moving`.
 fn numbers(
     problem: &Problem,
@@ -278,6 +283,7 @@ fn numbers(
         all.extend((at..).zip(row));
         at += count;
     }
+    all.extend((at..).zip(problem.force(run).and_then(Force::constant).into_iter().flatten()));
     Ok(all)
 }
 

@@ -1,6 +1,7 @@
 //! The encoding of WebAssembly: integers in LEB128, names, sections, and the opcodes that programs use (WebAssembly Core Specification,
 //! chapter 5).
 
+pub const IF: u8 = 0x04;
 pub const END: u8 = 0x0b;
 pub const CALL: u8 = 0x10;
 pub const SELECT: u8 = 0x1b;
@@ -13,6 +14,7 @@ pub const I32_CONST: u8 = 0x41;
 pub const I64_CONST: u8 = 0x42;
 pub const F64_CONST: u8 = 0x44;
 pub const I64_LESS: u8 = 0x53;
+pub const F64_NOT_EQUAL: u8 = 0x62;
 pub const F64_LESS: u8 = 0x63;
 pub const I64_AND: u8 = 0x83;
 pub const I64_XOR: u8 = 0x85;
@@ -28,6 +30,9 @@ pub const F64_DIV: u8 = 0xa3;
 pub const I64_FROM_I32: u8 = 0xad;
 pub const I64_FROM_BITS: u8 = 0xbd;
 pub const F64_FROM_BITS: u8 = 0xbf;
+
+/// The type of a block without results.
+pub const EMPTY: u8 = 0x40;
 
 /// Append an unsigned integer.
 pub fn unsigned(bytes: &mut Vec<u8>, mut x: u64) {

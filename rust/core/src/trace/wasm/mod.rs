@@ -4,18 +4,19 @@
 //! results. They read and write slots, as programs do ([`super::program`]).
 //!
 //! WebAssembly has no fused multiply-add. So the results have the bits of programs of the baseline instruction set, except for the
-//! payloads of NaN. Native code at a cut ([`super::decision`]) cannot be exported, and [`Module::function`] reports it.
+//! payloads of NaN. At a cut ([`super::decision`]), a function executes the closed form of the native code where the results of the formula
+//! are not valid. Native code without a closed form cannot be exported, and [`Module::function`] reports it.
 
 mod body;
 mod encode;
 
 use super::lower::lower;
-use super::pieces;
+use super::pieces::{self, Piece, Pieces};
 use super::signature::Slots;
-use super::straight::{Part, SlotTable};
+use super::straight::{Part, Scratch, SlotTable};
 use super::tape::Op;
 use body::body;
-use encode::{CALL, END, F64_LOAD, F64_STORE, I32_CONST, access, name, section, unsigned};
+use encode::{CALL, EMPTY, END, F64_CONST, F64_LOAD, F64_NOT_EQUAL, F64_STORE, I32_CONST, IF, access, name, section, unsigned};
 
 /// The size of a page of WebAssembly memory, in bytes.
 const PAGE: usize = 1 << 16;
@@ -25,6 +26,8 @@ const PAGE: usize = 1 << 16;
 pub enum Action {
     /// Call the function of this name, which the module already contains.
     Call(String),
+    /// Call the function of this name if the number in slot `valid` is not one.
+    CallUnless { valid: usize, called: String },
     /// Copy these slots to the slots from `to` on.
     Copy { from: Slots, to: usize },
 }
@@ -33,7 +36,7 @@ pub enum Action {
 ///
 /// ```
 /// use armlet_core::trace::wasm::Module;
-/// use armlet_core::trace::{Part, SlotTable, sym};
+/// use armlet_core::trace::{Part, Scratch, SlotTable, sym};
 ///
 /// // y = x + x, from slot 0 to slot 1.
 /// sym::begin();
@@ -43,7 +46,7 @@ pub enum Action {
 /// let recording = sym::finish();
 /// let part = Part { ops: &recording.ops, start: 0, outputs: &[(1, y)], places: &SlotTable::default() };
 /// let mut module = Module::default();
-/// assert!(module.function("twice", part, 2));
+/// assert!(module.function("twice", part, Scratch { reach: 2, free: 3 }));
 /// assert_eq!(module.slots(), 2);
 /// assert_eq!(&module.finish()[..8], b"\0asm\x01\0\0\0");
 /// ```
@@ -55,17 +58,37 @@ pub struct Module {
 }
 
 impl Module {
-    /// Add a function that computes a part of a recording. `reach` is the slot of the largest magnitude of all angles. Return false, and
-    /// add nothing, if the part has a cut.
+    /// Add a function that computes a part of a recording. `scratch` has the slot of the largest magnitude of all angles. Return false, and
+    /// add nothing, if the part has a cut whose native code has no closed form.
     #[must_use]
-    pub fn function(&mut self, name: &str, part: Part, reach: u32) -> bool {
-        if pieces::divide(part, 0).is_some() {
+    pub fn function(&mut self, name: &str, part: Part, scratch: Scratch) -> bool {
+        let Some(Pieces { all, places, .. }) = pieces::divide(part, scratch.free) else {
+            self.straight(name, part, scratch.reach);
+            return true;
+        };
+        let calls = all.iter().filter_map(|piece| piece.call.as_ref());
+        let Some(forms) = calls.map(|call| Some((call.validity(), call.closed_form()?))).collect::<Option<Vec<_>>>() else {
             return false;
+        };
+        let (mut actions, mut forms) = (Vec::new(), forms.into_iter());
+        for (k, Piece { start, outputs, .. }) in all.into_iter().enumerate() {
+            let piece = format!("{name}_{k}");
+            self.straight(&piece, Part { ops: part.ops, start, outputs: &outputs, places: &places }, scratch.reach);
+            actions.push(Action::Call(piece));
+            if let Some((valid, (ops, outputs))) = forms.next() {
+                let called = format!("{name}_cut{k}");
+                self.straight(&called, Part { ops: &ops, start: 0, outputs: &outputs, places: &SlotTable::default() }, scratch.reach);
+                actions.push(Action::CallUnless { valid, called });
+            }
         }
-        let straight = lower(part, reach, false);
-        let (code, slots) = body(&straight);
-        self.add(name, code, slots);
+        self.sequence(name, &actions);
         true
+    }
+
+    /// Add a function that computes a part without cuts.
+    fn straight(&mut self, name: &str, part: Part, reach: u32) {
+        let (code, slots) = body(&lower(part, reach, false));
+        self.add(name, code, slots);
     }
 
     /// Add a function that computes `answer` from the inputs of a recording. `inputs` has the slot of each input, or its value if it is
@@ -74,18 +97,31 @@ impl Module {
     pub fn formula(&mut self, name: &str, ops: &[Op], inputs: &[Input], (answer, first, reach): (&[u32], usize, u32)) -> bool {
         let ops: Vec<Op> = ops.iter().map(|&op| if let Op::Input(k) = op { inputs[k as usize].op() } else { op }).collect();
         let outputs = Slots { first, count: answer.len() }.outputs(answer);
-        self.function(name, Part { ops: &ops, start: 0, outputs: &outputs, places: &SlotTable::default() }, reach)
+        let part = Part { ops: &ops, start: 0, outputs: &outputs, places: &SlotTable::default() };
+        self.function(name, part, Scratch { reach, free: first + answer.len() })
     }
 
     /// Add a function that performs actions in their order.
     pub fn sequence(&mut self, name: &str, actions: &[Action]) {
         let (mut code, mut slots) = (vec![0], 0);
+        let call = |called: &String| {
+            let index = self.functions.iter().position(|(known, _)| known == called)?;
+            let mut bytes = vec![CALL];
+            unsigned(&mut bytes, index as u64);
+            Some(bytes)
+        };
         for action in actions {
             match action {
-                Action::Call(called) => {
-                    let Some(index) = self.functions.iter().position(|(known, _)| known == called) else { continue };
-                    code.push(CALL);
-                    unsigned(&mut code, index as u64);
+                Action::Call(called) => code.extend(call(called).into_iter().flatten()),
+                Action::CallUnless { valid, called } => {
+                    let Some(call) = call(called) else { continue };
+                    code.extend([I32_CONST, 0]);
+                    access(&mut code, F64_LOAD, *valid);
+                    code.push(F64_CONST);
+                    code.extend(1.0f64.to_le_bytes());
+                    code.extend([F64_NOT_EQUAL, IF, EMPTY]);
+                    code.extend(call);
+                    code.push(END);
                 }
                 Action::Copy { from, to } => {
                     slots = slots.max(from.end()).max(to + from.count);
