@@ -87,7 +87,7 @@ def plot_fit(fit: Any, fig: Figure | None = None) -> NDArray[Any]:
             lines = [ax.plot(fit.t, fit.measured[:, i], color="0.6", label="measured")[0]]
             lines += ax.plot(fit.t, fit.measured[:, i] - fit.residual[:, i], color=COLOURS[0], linewidth=1.0, label="model")
             lines += ax.plot(fit.t, fit.residual[:, i], color=COLOURS[1], linewidth=0.8, label="residual")
-            unit = "N" if fit.model.joint_types[i] == "prismatic" else "N m"
+            unit = "N" if fit.arm.joint_types[i] == "prismatic" else "N m"
             ax.set_ylabel(f"torque ({unit})" if unit == "N m" else f"force ({unit})")
             ax.set_title(literal(fit.joints[i]))
         axes[-1, 0].set_xlabel("time (s)")

@@ -13,12 +13,13 @@ from numpy.typing import NDArray
 from ..border import bordered
 from ..logs.log import Log
 from ..pickling import sealed
-from .refuted import Refuted, refuted_of
+from .refuted import Refuted, refuted_by, refuted_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from .._core import Arm
+    from .evidence import Evidence
 
 __all__ = ["LogFit"]
 
@@ -34,7 +35,7 @@ STILL = 0.01
 @sealed
 @dataclass(frozen=True, eq=False)
 class LogFit:
-    """The parameters of an arm that fit the torques of a log, with their accuracy. `print(fit)` shows them."""
+    """The parameters of an arm or of a plant that fit a log, with their accuracy. `print(fit)` shows them."""
 
     #: Names of the b fitted parameters: sums of parameters of bodies, and parameters of joints.
     names: tuple[str, ...]
@@ -48,28 +49,33 @@ class LogFit:
     condition: float
     #: Root mean square of the torque that the model does not explain, (n,), N m or N.
     residuals: _Array
-    #: The arm with the fitted parameters of bodies, rotors and friction.
-    model: Arm
+    #: The model with the fitted parameters: an arm, a plant, a pair `(plant, law)` or a `Scenario`, as `fit_log` received it.
+    model: Any
+    #: The arm of the model, with the fitted parameters of bodies, and of rotors and friction unless the joints are elastic.
+    arm: Arm
     #: The kinds of parameters that were fitted, and the names of the joints.
     kinds: tuple[str, ...]
     joints: tuple[str, ...]
-    #: Times of the K filtered samples, s, their torques, and the torques that the model does not explain, (K, n), N m or N.
+    #: Times of the K filtered samples, s, their torques, and the torques that the model does not explain, (K, n), N m or N. For a plant,
+    #: the samples are means over blocks, and the last torques are computed from the errors of the predictions.
     t: _Array
     measured: _Array
     residual: _Array
     #: Range of each joint's positions, (n,), rad or m, and the cutoff of the filter, Hz.
     ranges: _Array
     cutoff: float
-    #: The log, the speed of Stribeck friction, rad/s or m/s, and the delay of the torques, s, as `fit_log` received them.
+    #: The log, the speed of Stribeck friction, rad/s or m/s, and the given or fitted delay of the torques, s.
     log: Log
     stribeck_speed: float
     delay: float
     #: With `consistent=True`: the fit before the projection, which has the inertial parameters.
     before: LogFit | None = None
+    #: For a plant: the samples of the tests of assumptions.
+    evidence: Evidence | None = None
 
     def _of_joints(self, kind: str) -> _Array:
         found = dict(zip(self.names, self.values, strict=True))
-        return np.array([found.get(f"{kind}[{joint}]", 0.0) for joint in self.model.joint_names])
+        return np.array([found.get(f"{kind}[{joint}]", 0.0) for joint in self.arm.joint_names])
 
     @property
     def offsets(self) -> _Array:
@@ -85,7 +91,9 @@ class LogFit:
     def _verdict(self) -> tuple[tuple[Refuted, ...], tuple[str, ...]]:
         if self.before is not None:
             return self.before._verdict
-        return refuted_of(self.model, self.log, self.kinds, self.stribeck_speed, self.cutoff, self.delay, self.residual)
+        if self.evidence is not None:
+            return refuted_by(self.evidence, self.log, self.kinds, self.stribeck_speed, self.delay, self.residual)
+        return refuted_of(self.arm, self.log, self.kinds, self.stribeck_speed, self.cutoff, self.delay, self.residual)
 
     @property
     def refuted(self) -> tuple[Refuted, ...]:

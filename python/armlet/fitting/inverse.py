@@ -1,4 +1,4 @@
-"""`fit_log`: the parameters of an arm from the torques of a log (inverse fit).
+"""The inverse fit: the parameters of an arm from the torques of a log.
 
     F[tau] = W beta + e,   W = base columns of [Y, diag(a), diag(v), sign v, exp(-(v/v_s)^2) sign v, 1],   F = low-pass filter
 
@@ -19,15 +19,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .. import _core
-from ..arguments import choice, entries, instance, number, positive
-from ..border import border
 from ..errors import InputError
 from ..logs.log import Log
-from .columns import KINDS, columns_of, known_torque
+from .columns import columns_of, known_torque
 from .fit import LogFit
 from .samples import NAME, Samples, samples_of
 
-__all__ = ["fit_log"]
+__all__ = ["inverse_fit"]
 
 Array = NDArray[np.float64]
 
@@ -37,70 +35,17 @@ LAGS = 8
 RANK = 1e-6
 
 
-@border
-def fit_log(
-    model: _core.Arm,
-    log: Log,
-    names: Sequence[str] = ("inertia", "rotors", "viscous", "coulomb", "offsets"),
-    *,
-    cutoff: float | None = None,
-    stribeck_speed: float = 0.1,
-    consistent: bool = False,
-    delay: float = 0.0,
+def inverse_fit(
+    arm: _core.Arm, log: Log, kinds: Sequence[str], cutoff: float | None, speed: float, consistent: bool, delay: float
 ) -> LogFit:
-    """Fit the parameters of an arm to the measured torques of a log.
-
-    Positions and torques pass the same filter without phase, and velocities and accelerations are derivatives of the filtered positions. So
-    the log requires only positions and torques. Gaps of the log, and both ends, are omitted.
-
-    Args:
-        model: the arm. Parameters that are not fitted keep its values.
-        log: the log, with torques.
-        names: kinds of parameters: "inertia" (base parameters), "rotors", "viscous", "coulomb" and "stribeck" friction, and "offsets" of
-            the torques.
-        cutoff: cutoff frequency of the filter, Hz; the smaller of 10 Hz and a tenth of the sample rate if None (keyword only).
-        stribeck_speed: `v_s` of "stribeck", rad/s or m/s (keyword only).
-        consistent: whether the inertial parameters of `fit.model` are projected on physically possible ones (keyword only). Then the other
-            parameters are fitted again.
-        delay: time from the record of a torque to its effect, s (keyword only).
-
-    Returns:
-        A `LogFit`: `.values`, `.deviations`, `.refuted`, `.unidentifiable`, `.correlated`, `.model`, `.residuals`.
-
-    Raises:
-        InputError: an argument is not valid, the log has no torques, or it is too short.
-
-    Source: [gautier1992exciting]; docs/fit.md.
-
-    >>> import numpy as np
-    >>> import armlet as al
-    >>> arm = al.planar_arm([0.5, 0.4])
-    >>> t = np.arange(0.0, 20.0, 0.005)
-    >>> q, v, a = al.Sinusoid([0.0, 0.0], [1.0, 1.2], [1.3, 2.1], [0.0, 1.0])(t)
-    >>> tau = arm.with_drives(damping=[0.8, 0.5]).inverse_dynamics(q, v, a, friction=True)
-    >>> fit = al.fit_log(arm, al.Log(t, q, tau=tau, names=arm.joint_names), ("inertia", "viscous"))
-    >>> fit.model.limits["damping"].round(3)
-    array([0.8, 0.5])
-    """
-    arm, record = instance(NAME, "model", model, _core.Arm, "an arm"), instance(NAME, "log", log, Log, "an armlet.Log")
-    kinds = tuple(choice(NAME, "names", each, KINDS) for each in entries(NAME, "names", names, 100))
-    if not kinds or len(set(kinds)) < len(kinds):
-        raise InputError(f"{NAME}: names are not different: expected at least one kind, each once, got {list(kinds)}")
-    if record.tau is None or record.n != arm.n:
-        found = "no torques" if record.tau is None else f"{record.n} joints"
-        raise InputError(f"{NAME}: log does not fit the model: expected torques of {arm.n} joints, got {found}")
-    speed = positive(NAME, "stribeck_speed", stribeck_speed)
-    instance(NAME, "consistent", consistent, bool, "True or False")
-    late = number(NAME, "delay", delay)
-    if not math.isfinite(late):
-        raise InputError(f"{NAME}: delay is not finite: expected a finite number, got {late}")
-    samples = samples_of(record, None if cutoff is None else positive(NAME, "cutoff", cutoff), late)
-    fit = _fitted(arm, samples, kinds, speed, record, late)
+    """Fit the `kinds` of parameters of an arm to the torques of a log, as `fit_log` describes."""
+    samples = samples_of(log, cutoff, delay)
+    fit = _fitted(arm, samples, kinds, speed, log, delay)
     if not consistent or "inertia" not in kinds:
         return fit
-    possible = fit.model.with_parameters(fit.model.project_parameters(fit.model.parameters))
+    possible = fit.arm.with_parameters(fit.arm.project_parameters(fit.arm.parameters))
     others = tuple(kind for kind in kinds if kind != "inertia")
-    return _fitted(possible, samples, others, speed, record, late, fit) if others else _at(possible, samples, fit)
+    return _fitted(possible, samples, others, speed, log, delay, fit) if others else _at(possible, samples, fit)
 
 
 def _fitted(
@@ -139,8 +84,8 @@ def _fitted(
     moves = np.ptp(samples.q, axis=0)
     return LogFit(
         names=labels, values=values, deviations=deviations, covariance=covariance, rank=rank, condition=condition,
-        residuals=np.sqrt(np.mean(error**2, axis=0)), model=made, kinds=tuple(kinds), joints=log.names, t=samples.t, measured=samples.tau,
-        residual=error, ranges=moves, cutoff=samples.cutoff, log=log, stribeck_speed=speed, delay=delay,
+        residuals=np.sqrt(np.mean(error**2, axis=0)), model=made, arm=made, kinds=tuple(kinds), joints=log.names, t=samples.t,
+        measured=samples.tau, residual=error, ranges=moves, cutoff=samples.cutoff, log=log, stribeck_speed=speed, delay=delay,
         before=before,
     )  # fmt: skip
 
@@ -148,7 +93,7 @@ def _fitted(
 def _at(arm: _core.Arm, samples: Samples, fit: LogFit) -> LogFit:
     """The fit with the projected model, whose residuals are computed again."""
     error = samples.tau - known_torque(arm, samples, ("projected",))
-    return replace(fit, model=arm, residual=error, residuals=np.sqrt(np.mean(error**2, axis=0)))
+    return replace(fit, model=arm, arm=arm, residual=error, residuals=np.sqrt(np.mean(error**2, axis=0)))
 
 
 def _model(arm: _core.Arm, base: Any, chosen: list[int], kinds: Sequence[str], values: Array, labels: Sequence[str]) -> _core.Arm:

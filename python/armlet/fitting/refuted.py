@@ -13,12 +13,13 @@ from numpy.typing import NDArray
 from .. import _core
 from ..logs.log import Log
 from ..pickling import sealed
-from .assumptions import assumptions
+from .assumptions import Assumption, assumptions
 from .columns import columns_of
+from .evidence import Evidence
 from .refutation import Finding, Residual, refute
-from .samples import samples_of
+from .samples import Samples, samples_of
 
-__all__ = ["Refuted", "refuted_of"]
+__all__ = ["Refuted", "refuted_by", "refuted_of"]
 
 Array = NDArray[np.float64]
 
@@ -75,9 +76,27 @@ def refuted_of(
     if len(residual) < 8:
         return (), ()
     W = columns_of(model, samples, kinds, speed)[0]
+    candidates = list(assumptions(model, samples, kinds, speed, samples.tau - residual))
+    return _judged(model, samples, W, residual, candidates, log, delay)
+
+
+def refuted_by(
+    evidence: Evidence, log: Log, kinds: Sequence[str], speed: float, delay: float, residual: Array
+) -> tuple[tuple[Refuted, ...], tuple[str, ...]]:
+    """The same for a prediction fit."""
+    if len(residual) < 8:
+        return (), ()
+    model, blocks = evidence.arm, evidence.blocks
+    found = assumptions(model, blocks, kinds, speed, evidence.explained)
+    candidates = [each for each in found if each.name not in evidence.untested]
+    return _judged(model, blocks, evidence.columns, residual, candidates, log, delay)
+
+
+def _judged(
+    model: _core.Arm, samples: Samples, W: Array, residual: Array, candidates: Sequence[Assumption], log: Log, delay: float
+) -> tuple[tuple[Refuted, ...], tuple[str, ...]]:
     noise = np.sqrt(np.mean(residual**2, axis=0))
     torque = np.sqrt(np.mean(samples.tau**2, axis=0))
-    candidates = list(assumptions(model, samples, kinds, speed, samples.tau - residual))
     floor = EXACT * max(float(torque.max(initial=0.0)), 1e-300)
     findings, hidden = refute(Residual(W, residual, np.maximum(noise, floor)), candidates, samples.v)
     if np.all(noise <= floor):
