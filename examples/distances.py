@@ -33,7 +33,7 @@ tasks = [
     al.PostureTask(q0, 4.0),
 ]
 law = al.PriorityAcceleration(arm, tasks, limits=True, a_max=20.0, tau_max=tau_max)
-run = al.simulate(al.RigidArm(arm), law, q0, t_end=4.0, dt=1e-3, sample_time=1e-3)
+run = al.simulate(al.RigidArm(arm), law, q0, t_end=4.0, dt=1e-3, sample_time=1e-3, record_every=10)
 
 gaps = {
     name: np.hypot(*(arm.position(run.q, frame)[:, :2] - post[0][:2]).T) - radius - 0.05
