@@ -70,7 +70,11 @@ LOOPS: dict[str, Callable[[], tuple[Any, Any, dict[str, Any]]]] = {
         {"q0": BENT, "sample_time": 2e-3},
     ),
     # Three rows have no closed form, and the arm is far from a singularity.
-    "7R priority": lambda: (al.VelocityArm(SEVEN), al.PriorityVelocity(SEVEN, [tip_task(), al.PostureTask(START, 1.0)], limits=False), {"q0": START}),
+    "7R priority": lambda: (
+        al.VelocityArm(SEVEN),
+        al.PriorityVelocity(SEVEN, [tip_task(), al.PostureTask(START, 1.0)], limits=False),
+        {"q0": START},
+    ),
     "2R elastic pushed": lambda: (
         al.ElasticArm(TWO, STIFF, MOTOR),
         al.JointImpedance(TWO, [0.3, 1.0], 50.0, [4.0, 2.0], STIFF, MOTOR, [0.02, 0.0125]),
