@@ -72,7 +72,8 @@ def export_c(
 
     Other Args:
         method: integration method of the law's state: "rk4", "euler" or "semi_implicit", as for `simulate`. Only for laws with a state.
-        sample_time: time between calls, s, of a `Guarded` law, whose observer depends on it. None: `dt`.
+        sample_time: time between calls, s, of a `Guarded` law, whose observer depends on it, and of a law with limits that has no
+            `horizon`. None: `dt`.
         tau_max: limits of the torque (or velocity), as for `simulate`: a number > 0 or (n,). None: no limits. The observer of a `Guarded`
             law receives limited torques.
         friction: whether functions of an arm include friction, as with the argument `friction` of the methods of `Arm`. At least one of the
@@ -85,7 +86,7 @@ def export_c(
         The paths of the files, in the order header, source, `CMakeLists.txt`.
 
     Raises:
-        InputError: the law is a Python function or branches on its data, or a function or a frame is unknown. It is also raised if a
+        InputError: the law is a Python function or has scaled commands, or a function or a frame is unknown. It is also raised if a
             file exists that armlet did not write, or if another argument is not valid.
         OSError: a file cannot be written.
 

@@ -178,7 +178,7 @@ def _with(thing: Any, path: Sequence[str], value: Array) -> Any:
     if isinstance(thing, _core.Arm):
         return thing.with_drives(**{name: value}) if name in DRIVES else thing.with_parameters(value)
     if isinstance(thing, list | tuple):
-        return [_with(each, rest, value) if str(i) == name else each for i, each in enumerate(thing)]
+        return type(thing)((_with(each, rest, value) if rest else value) if str(i) == name else each for i, each in enumerate(thing))
     if isinstance(thing, JointStops):
         return replace(thing, **{name: value})  # type: ignore[arg-type]  # the constructor also accepts arrays
     places, arguments = thing.__getnewargs_ex__()

@@ -9,7 +9,7 @@ use crate::law::Law;
 use crate::observer::MomentumObserver;
 use armlet_core::dynamics::{CFunction, Quantity, Query};
 use armlet_core::integrate::{Method, MethodKind};
-use armlet_core::law::{CLoop, LawSpec};
+use armlet_core::law::CLoop;
 use armlet_core::trace::c::{CFile, COptions};
 use armlet_macros::entered;
 use pyo3::prelude::*;
@@ -46,7 +46,7 @@ pub fn _c_of_law<'py>(
 ) -> Result<Vec<(String, String)>, Failure> {
     const NAME: &str = EXPORT;
     let law = object::<Law>(NAME, "law", "an arm or a law such as Adaptive", law)?;
-    let (state, guarded) = (!law.get().spec.initial_state().is_empty(), matches!(law.get().spec, LawSpec::Guarded(_)));
+    let (state, samples) = (!law.get().spec.initial_state().is_empty(), law.get().spec.samples());
     let given_dt = dt;
     let (options, dt, given) = (options(prefix, fused)?, optional_number(NAME, "dt", dt)?, name(NAME, "method", method)?);
     let fixed: Vec<Method> = Method::ALL.iter().copied().filter(|method| matches!(method.kind(), MethodKind::ExplicitSteps(_))).collect();
@@ -65,7 +65,7 @@ pub fn _c_of_law<'py>(
     // The core refuses invalid times.
     let invalid = |time: Option<f64>| time.is_some_and(|time| !(time > 0.0 && time.is_finite()));
     require_partner(NAME, "dt", given_dt, "a law with a state", state || invalid(dt))?;
-    require_partner(NAME, "sample_time", sample_time, "a Guarded law", guarded || invalid(period))?;
+    require_partner(NAME, "sample_time", sample_time, "a Guarded law or limits", samples || invalid(period))?;
     let timing = CLoop { dt, sample_time: period, rk4: chosen.name() == "rk4", tau_max: tau_max.map(limits).transpose()? };
     Ok(pairs(long(py, || spec.export_c(&options, &timing))?))
 }

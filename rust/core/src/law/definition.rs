@@ -203,7 +203,9 @@ pub enum Route {
     Straight,
     /// The law is a formula with a decision near singularities ([`crate::trace::decision`]). It has derivatives away from them.
     Guarded,
-    /// The law is a formula with a decision near singularities and at bounds. It has no derivatives of runs.
+    /// The law is a formula with a decision near singularities and at bounds. It has derivatives with the active set of each evaluation.
+    Bounded,
+    /// As `Bounded`, and the decision scales commands. It has no derivatives of runs.
     Deciding,
     /// The law is a function of the caller, evaluated only at samples.
     Outside,
@@ -222,6 +224,6 @@ impl Route {
 
     /// Whether runs of the law have derivatives.
     pub fn is_differentiable(self) -> bool {
-        matches!(self, Route::Straight | Route::Guarded)
+        matches!(self, Route::Straight | Route::Guarded | Route::Bounded)
     }
 }

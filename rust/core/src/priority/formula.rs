@@ -3,13 +3,15 @@
 //! Near a singularity, and at a bound, a decomposition must branch on its numbers. So the formula has a decision
 //! ([`crate::trace::decision`]): native code with all algorithms of the module replaces the result of `regular`.
 
+use super::bounded_stack_in_c::bounded_stack_in_c;
 use super::branch_free::{BranchFree, Regular, TwoRowLevels, regular_ranks};
+use super::derivative::{NativeSlopes, SymStack};
 use super::method::{PriorityMethod, PriorityOptions};
 use super::solution::Solution;
 use super::solver::PrioritySolver;
 use crate::error::Result;
 use crate::scalar::Real;
-use crate::trace::decision::{Decision, kind};
+use crate::trace::decision::{Decision, Print, kind, kind_with_c};
 use crate::trace::function::{Recorded, recorded};
 use crate::trace::tape::Op;
 use crate::trace::{Sym, sym};
@@ -44,6 +46,8 @@ pub struct StackFormula {
     always_native: bool,
     /// The number of the kind of native code.
     kind: u32,
+    /// The number of the kind of native code with derivatives, if the solution has active bounds.
+    kind_of_slopes: Option<u32>,
     arguments: Vec<Sym>,
     /// The joint velocities, the residuals, the ranks, and the certificate.
     results: Vec<Sym>,
@@ -57,10 +61,14 @@ impl StackFormula {
         let flags = [solver.eps().is_some(), solver.settings.metric.is_some(), solver.bounds().is_some()].map(usize::from);
         let intervals: Vec<usize> = solver.given.intervals.iter().map(|interval| usize::from(*interval)).collect();
         let sizes = [&[n, solver.method() as usize], &flags[..], &[solver.settings.limit_levels, rows.len()], &rows, &intervals].concat();
-        let kind = kind("priority", sizes, |sizes| Box::new(NativeStack::new(sizes)), closed_form);
+        let differs = (solver.bounds().is_some() || !intervals.is_empty()) && !solver.settings.scales;
+        let kind_of_slopes =
+            differs.then(|| kind("slopes of priority", sizes.clone(), |sizes| Box::new(NativeSlopes::new(sizes)), |_| None));
+        let print: Option<Print> = if differs && solver.settings.metric.is_none() { Some(bounded_stack_in_c) } else { None };
+        let kind = kind_with_c("priority", sizes, |sizes| Box::new(NativeStack::new(sizes)), closed_form, print);
         let results = vec![Sym::zero(); n + rows.iter().sum::<usize>() + rows.len() + 1];
         let upper = vec![Sym::zero(); solver.given.upper.len()];
-        StackFormula { n, rows, regular, always_native: !intervals.is_empty(), upper, kind, arguments: Vec::new(), results }
+        StackFormula { n, rows, regular, always_native: !intervals.is_empty(), upper, kind, kind_of_slopes, arguments: Vec::new(), results }
     }
 
     /// Let native code compute every result, so that there is a certificate.
@@ -82,7 +90,10 @@ impl StackFormula {
     /// Solve the stack `jacobian`, shape `(sum rows, n)`, for the command `command`. `rounding` is the relative error of the entries of
     /// `jacobian`. The results are NaN if the solver has none.
     pub fn solve(&mut self, rounding: Sym, jacobian: &[Sym], command: &[Sym]) {
-        let StackFormula { n, rows, regular, upper, always_native, kind, arguments, results } = self;
+        if let Some(kind) = self.kind_of_slopes.filter(|_| sym::differentiates()) {
+            return self.solve_with_slopes(kind, rounding, jacobian, command);
+        }
+        let StackFormula { n, rows, regular, upper, always_native, kind, arguments, results, .. } = self;
         let valid = if *always_native { Sym::zero() } else { regular.solve(rounding, jacobian, command) };
         arguments.clear();
         arguments.extend([valid, rounding]);
@@ -91,6 +102,21 @@ impl StackFormula {
         let given = regular.v.iter().chain(&regular.residual).copied().chain(ranks).chain([Sym::zero()]);
         results.iter_mut().zip(given).for_each(|(to, given)| *to = given);
         sym::decide(*kind, arguments, results);
+        if self.kind_of_slopes.is_some() {
+            // A certificate is at most 1, and infinite if the C code reaches its limit of changes.
+            let found = self.certificate().lt(Sym::splat(2.0));
+            sym::require(Sym::select(found, Sym::splat(1.0), Sym::zero()));
+        }
+    }
+
+    /// Solve a stack by native code, with derivatives at the active set of the solution (`derivative`).
+    fn solve_with_slopes(&mut self, kind: u32, rounding: Sym, jacobian: &[Sym], command: &[Sym]) {
+        let StackFormula { n, rows, regular, upper, results, .. } = self;
+        let arguments = [Sym::zero(), rounding].into_iter().chain([jacobian, command, upper].into_iter().flatten().copied());
+        let arguments: Vec<Sym> = arguments.chain(Regular::parameters(regular).copied()).collect();
+        let (metric, bounds) = (regular.metric(), regular.bounds());
+        let stack = SymStack { n: *n, levels: rows.len(), jacobian, command, upper, metric, bounds };
+        *results = stack.solve(kind, &arguments);
     }
 
     /// The joint velocities, shape `(n,)`, rad/s or m/s.
@@ -118,8 +144,8 @@ impl StackFormula {
 
 /// The native code of a stack.
 #[derive(Debug)]
-struct NativeStack {
-    solver: PrioritySolver,
+pub(super) struct NativeStack {
+    pub solver: PrioritySolver,
     eps: Vec<f64>,
 }
 
@@ -127,7 +153,7 @@ impl NativeStack {
     /// Allocate the memory for `sizes`. These are `n`, the method, and whether there are thresholds, a metric and bounds of the joint
     /// velocities. The numbers of limit levels and of all levels, and the rows of the levels, follow. If a level has bounds, a flag for each
     /// level is at the end.
-    fn new(sizes: &[usize]) -> Self {
+    pub fn new(sizes: &[usize]) -> Self {
         let &[n, method, has_eps, has_metric, has_bounds, limit_levels, levels, ref others @ ..] = sizes else {
             unreachable!("the sizes of `StackFormula::of`")
         };
@@ -145,7 +171,7 @@ impl NativeStack {
         NativeStack { solver, eps: vec![1.0; has_eps * rows.len()] }
     }
 
-    fn solve(&mut self, arguments: &[f64]) -> Result<&Solution> {
+    pub fn solve(&mut self, arguments: &[f64]) -> Result<&Solution> {
         let (n, total) = (self.solver.n(), self.solver.rows().iter().sum::<usize>());
         let (stack, parameters) = arguments[2..].split_at(total * (n + 1));
         let (jacobian, command) = self.solver.inputs();

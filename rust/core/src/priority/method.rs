@@ -141,6 +141,11 @@ pub struct PriorityOptions {
 }
 
 impl PriorityOptions {
+    /// Whether commands are scaled, so that levels keep their directions.
+    pub fn scales_commands(&self) -> bool {
+        self.keep_direction || self.method == PriorityMethod::Sns
+    }
+
     /// Return default options with this method.
     pub fn new(method: PriorityMethod) -> Self {
         PriorityOptions { method, ..PriorityOptions::default() }

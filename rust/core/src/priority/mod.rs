@@ -16,9 +16,11 @@
 
 #[doc(hidden)]
 mod batch;
+mod bounded_stack_in_c;
 mod bounds;
 #[doc(hidden)]
 mod branch_free;
+mod derivative;
 mod diagnose;
 mod formula;
 mod hierarchy;

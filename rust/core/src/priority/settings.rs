@@ -36,7 +36,7 @@ impl Settings {
             let problem = format!("is wrong: expected clamp, damped, exact or sns for a stack with bounds, got {}", options.method.name());
             return Err(Error::input("method", problem));
         }
-        let scales = options.keep_direction || options.method == PriorityMethod::Sns;
+        let scales = options.scales_commands();
         if scales && !options.method.keeps_direction() {
             let problem = format!("has no use: expected the methods exact and sns for a kept direction, got {}", options.method.name());
             return Err(Error::input("scale", problem));

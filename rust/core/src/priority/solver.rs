@@ -7,7 +7,7 @@
 
 use super::branch_free::{BranchFree, Compiled, Regular, TwoRowLevels, regular_ranks};
 use super::hierarchy::Hierarchy;
-use super::inequality::Inequalities;
+use super::inequality::{Inequalities, Slopes};
 use super::method::{PriorityMethod, PriorityOptions};
 use super::settings::Settings;
 use super::solution::{Bounded, LevelSolution, Solution};
@@ -177,6 +177,15 @@ impl PrioritySolver {
     /// Forget the active set of the last solve, so that the next result does not depend on earlier solves.
     pub fn clear_active_set(&mut self) {
         self.inequalities.iter_mut().for_each(|inequalities| inequalities.clear_active_set());
+    }
+
+    /// Return the derivative of the last solution of a stack with bounds, and the solution in the coordinates of the metric. The third result
+    /// is the sign of the bound that acts in each row. The result is `None` if the solution has no derivative.
+    pub(super) fn slopes(&self) -> Option<(Slopes, &[f64], Vec<i8>)> {
+        let inequalities = self.inequalities.as_ref()?;
+        let slopes = inequalities.slopes(&self.settings)?;
+        let sides = (0..slopes.by_bound.ncols()).map(|i| inequalities.acting_side(i)).collect();
+        Some((slopes, inequalities.coordinates(), sides))
     }
 
     /// The solution of a failed solve: all numbers are NaN.

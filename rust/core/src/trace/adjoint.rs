@@ -65,6 +65,8 @@ fn finite(ops: &[Op], outputs: &[u32]) -> Vec<bool> {
             Op::Less(a, b) => [a, b].iter().for_each(|&a| needed[a as usize] = true),
             Op::Select(mask, ..) if needed[i] => needed[mask as usize] = true,
             Op::Select(..) => {}
+            // Native code may read infinite arguments.
+            Op::Decided(_, given, _) if needed[i] => needed[given as usize] = true,
             op if needed[i] => op.operands().for_each(|a| needed[a as usize] = true),
             _ => {}
         }

@@ -28,29 +28,52 @@ pub type Make = fn(&[usize]) -> Box<dyn Decision>;
 /// are the arguments, and the indices of the results. The results are NaN where the formula is not valid. `None`: there is no formula.
 pub type ClosedForm = fn(&[usize]) -> Option<(Vec<Op>, Vec<u32>)>;
 
+/// A function that prints native code for some sizes as a C function with this name. Its arguments are the arrays of the arguments and of
+/// the results.
+pub type Print = fn(&[usize], &str) -> String;
+
+/// All that is known of a kind.
+type Known = (Kind, Make, ClosedForm, Option<Print>);
+
 /// All kinds so far. The index of a kind is its number.
-static KINDS: Mutex<Vec<(Kind, Make, ClosedForm)>> = Mutex::new(Vec::new());
+static KINDS: Mutex<Vec<Known>> = Mutex::new(Vec::new());
 
 /// Return the number of a kind of native code. `name` is unique for `make` and `closed`.
 pub fn kind(name: &'static str, sizes: Vec<usize>, make: Make, closed: ClosedForm) -> u32 {
+    kind_with_c(name, sizes, make, closed, None)
+}
+
+/// Return the number of a kind of native code as [`kind`]. With `print`, the native code exists in C too.
+pub fn kind_with_c(name: &'static str, sizes: Vec<usize>, make: Make, closed: ClosedForm, print: Option<Print>) -> u32 {
     let kind = Kind { name, sizes };
     let mut kinds = KINDS.lock().unwrap_or_else(PoisonError::into_inner);
     let known = kinds.iter().position(|(known, ..)| *known == kind);
     known.unwrap_or_else(|| {
-        kinds.push((kind, make, closed));
+        kinds.push((kind, make, closed, print));
         kinds.len() - 1
     }) as u32
 }
 
 /// Return what is known of the kind with this number.
-fn known(kind: u32) -> (Kind, Make, ClosedForm) {
+fn known(kind: u32) -> Known {
     KINDS.lock().unwrap_or_else(PoisonError::into_inner)[kind as usize].clone()
 }
 
 /// Record native code of a kind as a formula ([`ClosedForm`]).
 pub fn closed_form(kind: u32) -> Option<(Vec<Op>, Vec<u32>)> {
-    let (Kind { sizes, .. }, _, closed) = known(kind);
+    let (Kind { sizes, .. }, _, closed, _) = known(kind);
     closed(&sizes)
+}
+
+/// Whether native code of this kind exists in C.
+pub fn has_c(kind: u32) -> bool {
+    KINDS.lock().unwrap_or_else(PoisonError::into_inner)[kind as usize].3.is_some()
+}
+
+/// Print native code of this kind as a C function with this name. The result is empty if it does not exist in C.
+pub fn printed(kind: u32, name: &str) -> String {
+    let (Kind { sizes, .. }, _, _, print) = known(kind);
+    print.map_or_else(String::new, |print| print(&sizes, name))
 }
 
 /// The memory of native code in one run.
@@ -84,7 +107,7 @@ impl Decisions {
             known.results.resize(known.results.len().max(results), 0.0);
             return at;
         }
-        let (Kind { sizes, .. }, make, _) = known(kind);
+        let (Kind { sizes, .. }, make, ..) = known(kind);
         let decision = make(&sizes);
         self.0.push(Allocated { kind, decision, arguments: vec![0.0; arguments], results: vec![0.0; results] });
         self.0.len() - 1

@@ -108,6 +108,26 @@ fn with_contraction<T>(contracts: bool, f: impl FnOnce() -> T) -> T {
     made
 }
 
+/// Record for derivatives from now on: formulas may compute more, so that they have derivatives ([`differentiates`]).
+pub fn differentiate() {
+    on_tape(|tape| tape.differentiates = true);
+}
+
+/// Whether the recording is for derivatives.
+pub fn differentiates() -> bool {
+    on_tape(|tape| tape.differentiates)
+}
+
+/// Whether a value is a constant of the recording.
+pub fn is_constant(value: Sym) -> bool {
+    on_tape(|tape| tape.known(value.0).is_some())
+}
+
+/// Require that `valid` is one where the results of native code are valid ([`validity`]).
+pub fn require(valid: Sym) {
+    on_tape(|tape| tape.conditions.push(valid.0));
+}
+
 /// Return a number that is one if the results of all cuts so far are valid without native code, otherwise zero. It is `None` without a cut.
 pub fn validity() -> Option<Sym> {
     on_tape(|tape| tape.validities()).into_iter().map(Sym).reduce(Sym::min)

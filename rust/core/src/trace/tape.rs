@@ -6,6 +6,7 @@
 //! `x + 0`, `-(-x)` and `a + (-b)`. It does not regroup sums or products. A tape without folding records every operation, for comparisons
 //! with the folded tape.
 
+use super::decision::has_c;
 use super::label::Labels;
 use super::memo::Memo;
 pub use super::operation::Op;
@@ -41,6 +42,10 @@ pub(super) struct Tape {
     /// For each entry, whether it was recorded while `contracts` was true. Only such products are contracted.
     fusible: Vec<bool>,
     folds: bool,
+    /// Whether the recording is for derivatives.
+    pub differentiates: bool,
+    /// Entries that are one where the results of native code are valid.
+    pub conditions: Vec<u32>,
 }
 
 impl Tape {
@@ -66,6 +71,8 @@ impl Tape {
             contracts: false,
             fusible: Vec::new(),
             folds,
+            differentiates: false,
+            conditions: Vec::new(),
         };
         for x in [0.0, 1.0, -1.0] {
             tape.constant(x);
@@ -336,7 +343,8 @@ impl Tape {
         given.iter().zip(0..).map(|(&given, k)| self.push(Op::Decided(cut, given, k))).collect()
     }
 
-    /// The entries that are one if the results of a cut are valid, for all cuts so far.
+    /// The entries that are one if the results of a cut are valid, for all cuts so far. Native code with derivatives, or with C code, has its
+    /// conditions in place of the validity of the formula.
     pub fn validities(&self) -> Vec<u32> {
         let first = |mut list: u32| {
             while let Op::Argument(before, x) = self.ops[list as usize] {
@@ -347,7 +355,9 @@ impl Tape {
             }
             list
         };
-        self.ops.iter().filter_map(|op| if let Op::Decide(list, _) = *op { Some(first(list)) } else { None }).collect()
+        let without_c = |op: &Op| if let Op::Decide(list, kind) = *op { (!has_c(kind)).then(|| first(list)) } else { None };
+        let cuts = self.ops.iter().filter_map(without_c);
+        cuts.filter(|entry| self.known(*entry) != Some(0.0)).chain(self.conditions.iter().copied()).collect()
     }
 
     pub fn select(&mut self, mask: u32, yes: u32, no: u32) -> u32 {

@@ -54,6 +54,10 @@ impl CLoop {
         }
         match self.sample_time.or(self.dt) {
             _ if !law.samples() => Ok((None, limits)),
+            None if law.initial_state().is_empty() => Err(Error::input(
+                "sample_time",
+                format!("is missing: expected the time between calls, which {} needs, got None", law.name()),
+            )),
             None => Err(Error::input("dt", format!("is missing: expected the sample time, which {} needs, got None", law.name()))),
             period => Ok((period, limits)),
         }

@@ -64,10 +64,8 @@ impl LawSpec {
             |why: &str| Err(Error::input("law", format!("has no C: expected a law that is straight-line code, got {} {why}", self.name())));
         match self.route() {
             Route::Outside => return refused("of a function in Python"),
-            Route::Deciding => {
-                return refused("with a map that branches on its data: limits of joint velocities and accelerations, and bounds of tasks");
-            }
-            Route::Straight | Route::Guarded => {}
+            Route::Deciding => return refused("with a map that branches on its data: scaled commands"),
+            Route::Straight | Route::Guarded | Route::Bounded => {}
         }
         let (period, limits) = timing.checked(self)?;
         self.require_short()?;

@@ -28,7 +28,11 @@ macro_rules! prioritised {
         }
         fn route(&self) -> Route {
             let bounded = self.limits.is_some() || !self.limit_rows().is_empty() || self.levels.iter().any(|level| level.bounds.is_some());
-            if bounded { Route::Deciding } else { Route::Guarded }
+            match bounded {
+                true if self.options.scales_commands() => Route::Deciding,
+                true => Route::Bounded,
+                false => Route::Guarded,
+            }
         }
         fn samples(&self) -> bool {
             self.limits.as_ref().is_some_and(|limits| limits.sampled)

@@ -81,6 +81,16 @@ impl<S: Real> Regular<S> {
         &mut self.bounds
     }
 
+    /// The bounds of the joint velocities; empty without bounds.
+    pub(in crate::priority) fn bounds(&self) -> [&[S]; 2] {
+        if self.is_bounded { [&self.bounds[0], &self.bounds[1]] } else { [&[], &[]] }
+    }
+
+    /// The metric of the joint velocities.
+    pub(in crate::priority) fn metric(&self) -> Option<&Metric<S>> {
+        self.parameters.metric.as_ref()
+    }
+
     /// The numbers that differ between runs: the squares of the thresholds, the factor of the metric, and the bounds of the joint
     /// velocities.
     pub(in crate::priority) fn parameters(&self) -> impl Iterator<Item = &S> {

@@ -33,6 +33,7 @@ impl Inequalities {
         let Inequalities { frame, face, pulled, .. } = self;
         face.decompose(frame, pulled, from)?;
         let s = face.svd.s();
+        self.last[level].damps = s.iter().any(|s| *s < eps);
         if s.iter().all(|s| *s >= eps) {
             return Ok(());
         }

@@ -7,11 +7,13 @@ pub struct LastSet {
     pub violated: Vec<(usize, i8)>,
     /// Whether a bound was active in this or an earlier problem.
     pub touched: bool,
+    /// Whether a direction was damped or clamped.
+    pub damps: bool,
 }
 
 impl LastSet {
     /// Allocate memory for a number of rows.
     pub fn new(rows: usize) -> Self {
-        LastSet { held: Vec::with_capacity(rows), violated: Vec::with_capacity(rows), touched: false }
+        LastSet { held: Vec::with_capacity(rows), violated: Vec::with_capacity(rows), touched: false, damps: false }
     }
 }

@@ -26,6 +26,7 @@ mod projected_command;
 mod rows;
 mod scale;
 mod search;
+mod slopes;
 mod unbounded;
 mod vertex;
 mod warm;
@@ -42,6 +43,7 @@ use frame::Frame;
 use last_set::LastSet;
 use projected_command::Scaling;
 use rows::Rows;
+pub(super) use slopes::Slopes;
 use unbounded::Damping;
 
 /// The rounding error of `a x`, divided by `|a|` and the largest norm of `x` in the solve.
@@ -116,6 +118,8 @@ pub(super) struct Inequalities {
     known: bool,
     warm: bool,
     keeps: bool,
+    /// Whether the last solve ended before the limit of changes.
+    complete: bool,
     /// Whether a bound was active so far.
     touched: bool,
     changes: usize,
@@ -156,6 +160,7 @@ impl Inequalities {
             known: false,
             warm: false,
             keeps: false,
+            complete: false,
             touched: false,
             changes: 0,
             certificate: 0.0,
@@ -168,6 +173,7 @@ impl Inequalities {
     /// Solve a stack. Errors: `Input` for numbers that are not finite and for bounds out of order, `Solve` without convergence of a singular
     /// value decomposition.
     pub fn solve(&mut self, given: &Stack, settings: &Settings, solution: &mut Solution) -> Result<()> {
+        self.complete = false;
         self.rows.load(given, settings)?;
         self.warm = std::mem::replace(&mut self.known, false);
         let accepted = self.warm && self.solve_levels(given, settings, solution)?;
@@ -175,7 +181,7 @@ impl Inequalities {
             self.warm = false;
         }
         let complete = accepted || self.solve_levels(given, settings, solution)?;
-        self.known = complete && self.keeps;
+        (self.complete, self.known) = (complete, complete && self.keeps);
         self.check_bounds();
         self.write(settings, solution);
         solution.status = match solution.levels.iter().any(|level| level.singular || level.scale < 1.0) || self.is_limited() {

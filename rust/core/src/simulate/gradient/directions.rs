@@ -45,7 +45,8 @@ pub struct Directions<'a> {
 /// runs do not differ.
 fn weighted_differences(base: &[f64], others: &[(&[f64], f64)], mut put: impl FnMut(usize, f64)) {
     for (k, &f_0) in base.iter().enumerate() {
-        put(k, others.iter().map(|(f_i, w_i)| w_i * (f_i[k] - f_0)).sum());
+        // Infinite limits are equal, but have no difference.
+        put(k, others.iter().filter(|(f_i, _)| f_i[k] != f_0).map(|(f_i, w_i)| w_i * (f_i[k] - f_0)).sum());
     }
 }
 

@@ -68,7 +68,7 @@ impl Sizes {
             answer: n + p,
             torque_states: problem.law(0).torque_states().filter(|_| sampling.is_some_and(Sampling::changes_output)),
             sampled: problem.options.sampling.is_some(),
-            guards: usize::from(problem.law(0).route() == Route::Guarded),
+            guards: usize::from(matches!(problem.law(0).route(), Route::Guarded | Route::Bounded)),
             groups: directions.count.div_ceil(form(true).lanes()).min(GROUPS_PER_BLOCK),
             moved: directions.moved,
             drives: directions.drives(),
@@ -201,6 +201,7 @@ impl LoopRecorder<'_> {
     ) -> Option<Function> {
         let LoopRecorder { problem, run, directions, sizes } = *self;
         sym::begin_moving(Moving::These(directions.moving.clone()));
+        sym::differentiate();
         let mut closed = assemble(problem, run, false);
         let exogenous = [sizes.desired, sizes.width - sizes.desired];
         let arguments = Arguments::new(sym::end_set_up(), exogenous, [sizes.states, if held { sizes.answer } else { 0 }, modes]);

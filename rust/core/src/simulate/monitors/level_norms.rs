@@ -38,7 +38,7 @@ fn is_certified(law: &LawSpec) -> bool {
         LawSpec::PriorityAcceleration(law) => law.options.method,
         _ => return false,
     };
-    law.route() == Route::Deciding && method != PriorityMethod::Sns
+    matches!(law.route(), Route::Bounded | Route::Deciding) && method != PriorityMethod::Sns
 }
 
 /// Whether torque limits of a law can contradict its joint limits, which are then violated.

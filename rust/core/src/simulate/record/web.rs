@@ -196,7 +196,7 @@ fn require_steps(problem: &Problem) -> Result<()> {
     let refused = |argument: &str, problem: String| Err(Error::input(argument, problem));
     match law.route() {
         Route::Outside => return refused("law", "is a function in Python: expected a law of armlet such as Adaptive".into()),
-        Route::Deciding => {
+        Route::Bounded | Route::Deciding => {
             let problem = "has limits or bounds, which are solved in native code: expected a law without limits";
             return refused("law", format!("{problem}, got {}", law.name()));
         }

@@ -1,6 +1,7 @@
 //! Constant folding for C code. An *entry* is the index of a recorded operation. Entries whose operands are known numbers, except sines and
 //! cosines, are computed before the routine is written. Their rounding is that of the C code.
 
+use super::super::decision::has_c;
 use super::super::tape::Op;
 
 /// The known values of entries, and the entries that equal other entries.
@@ -23,8 +24,10 @@ impl Folded {
                 folded.value[i] = folded.at(folded.same[i]);
                 continue;
             }
-            // The code has no cut: where its results are not valid, the caller reports it.
-            if let Op::Decided(_, given, _) = op {
+            // Native code without C is left out: where the results of the formula are not valid, the caller reports it.
+            if let Op::Decided(cut, given, _) = op
+                && !matches!(ops[cut as usize], Op::Decide(_, kind) if has_c(kind))
+            {
                 folded.same[i] = folded.same[given as usize];
                 folded.value[i] = folded.at(folded.same[i]);
                 continue;

@@ -4,6 +4,7 @@
 //! Inputs are in an array `x`, and results in an array `y`. The array `w` has the values that a later function reads. If `fused` is true,
 //! the code calls `fma` for each recorded multiply-add. The compiler must not fuse other operations.
 
+use super::super::decision::{has_c, printed};
 use super::super::tape::Op;
 use super::fold::Folded;
 use crate::scalar::hex::hex;
@@ -66,6 +67,8 @@ struct Printer<'a> {
     lives: Vec<Life>,
     /// For each entry that is a result, its indices in `y`.
     answers: HashMap<u32, Vec<usize>>,
+    /// The C functions of native code, by the number of its kind.
+    natives: HashMap<u32, String>,
 }
 
 impl Routine<'_> {
@@ -82,18 +85,37 @@ impl Routine<'_> {
         for (k, &entry) in self.answer.iter().enumerate() {
             answers.entry(folded.same[entry as usize]).or_default().push(k);
         }
+        let (natives, mut functions) = self.natives(name);
         let lives = vec![Life { part: NONE, last: NONE, slot: NONE }; self.ops.len()];
-        let mut printer = Printer { routine: self, folded, inputs, statements: Vec::new(), length: 0, lives, answers };
+        let mut printer = Printer { routine: self, folded, inputs, statements: Vec::new(), length: 0, lives, answers, natives };
         printer.order();
         let slots = printer.divide();
         let parts = printer.statements.len().div_ceil(printer.length).max(1);
-        let (mut functions, mut calls) = (String::new(), Vec::new());
+        let mut calls = Vec::new();
         for part in 0..parts {
             let (text, call) = printer.part(&format!("{name}_{}", part + 1), prefix, part);
             functions += &text;
             calls.push(call);
         }
         Printed { functions, calls, slots, statements: printer.statements.len() }
+    }
+}
+
+impl Routine<'_> {
+    /// The C functions of native code with their names by the number of its kind, and their text.
+    fn natives(&self, name: &str) -> (HashMap<u32, String>, String) {
+        let (mut names, mut text) = (HashMap::new(), String::new());
+        for op in self.ops {
+            if let Op::Decide(_, kind) = *op
+                && has_c(kind)
+                && !names.contains_key(&kind)
+            {
+                let name = format!("{name}_stack{}", if names.is_empty() { String::new() } else { format!("_{}", names.len() + 1) });
+                text += &printed(kind, &name);
+                names.insert(kind, name);
+            }
+        }
+        (names, text)
     }
 }
 
@@ -116,8 +138,22 @@ impl Printer<'_> {
                 Op::Less(a, b) => vec![same(a), same(b), same(yes), same(no)],
                 _ => vec![same(mask), same(yes), same(no)],
             },
+            Op::Decided(cut, given, _) => self.arguments(cut).into_iter().chain([same(given)]).collect(),
             op => of(op),
         }
+    }
+
+    /// The arguments of a cut.
+    fn arguments(&self, cut: u32) -> Vec<u32> {
+        let mut all = Vec::new();
+        if let Op::Decide(mut list, _) = self.op(cut) {
+            while let Op::Argument(before, x) = self.op(list) {
+                all.push(self.folded.same[x as usize]);
+                list = before;
+            }
+        }
+        all.reverse();
+        all
     }
 
     /// List the statements that the results require, in the order of the recording.
@@ -135,12 +171,17 @@ impl Printer<'_> {
             if !self.is_computed(i) {
                 continue;
             }
+            // One statement has both sine and cosine of an angle, or all results of a cut.
             let turn = match self.op(i) {
                 Op::Sin(a) | Op::Cos(a) => Some(self.folded.same[a as usize]),
+                Op::Decided(cut, ..) => Some(cut),
                 _ => None,
             };
             if let Some(&at) = turn.and_then(|turn| turns.get(&turn)) {
-                self.statements[at].makes.push(i);
+                let reads: Vec<u32> = self.reads(i).into_iter().filter(|&a| self.is_computed(a)).collect();
+                let statement = &mut self.statements[at];
+                statement.makes.push(i);
+                statement.reads.extend(reads);
                 continue;
             }
             if let Some(turn) = turn {
@@ -245,8 +286,9 @@ impl Printer<'_> {
         let value = match self.op(entry) {
             Op::Sin(a) | Op::Cos(a) => return self.turn(statement, &at(a), prefix, used),
             Op::Const(_) | Op::Input(_) => return,
-            // Folding replaces the results of cuts, so that nothing reads a cut.
-            Op::Argument(..) | Op::Decide(..) | Op::Decided(..) => return,
+            Op::Decided(cut, ..) => return self.cut(statement, cut, used),
+            // Only results of cuts are read.
+            Op::Argument(..) | Op::Decide(..) => return,
             Op::Add(a, b) => format!("{} + {}", at(a), at(b)),
             Op::Sub(a, b) => format!("{} - {}", at(a), at(b)),
             Op::Mul(a, b) => format!("{} * {}", at(a), at(b)),
@@ -270,6 +312,28 @@ impl Printer<'_> {
             }
         };
         used.line(format_args!("const double t{entry} = {value};"));
+    }
+
+    /// Write a call of native code, which replaces the results of the formula where they are not valid.
+    fn cut(&self, statement: &Statement, cut: u32, used: &mut Used) {
+        let Op::Decide(_, kind) = self.op(cut) else { return };
+        let all = self.routine.ops.iter().filter(|op| matches!(op, Op::Decided(of, ..) if *of == cut)).count();
+        let arguments: Vec<String> = self.arguments(cut).into_iter().map(|a| self.operand(a)).collect();
+        used.line(format_args!("double d{cut}[{all}];"));
+        for &entry in &statement.makes {
+            if let Op::Decided(_, given, k) = self.op(entry) {
+                used.line(format_args!("d{cut}[{k}] = {};", self.operand(given)));
+            }
+        }
+        used.line(format_args!("if (!({} == 1.0)) {{", arguments[0]));
+        used.line(format_args!("    const double a{cut}[{}] = {{{}}};", arguments.len(), arguments.join(", ")));
+        used.line(format_args!("    {}(a{cut}, d{cut});", self.natives[&kind]));
+        used.line(format_args!("}}"));
+        for &entry in &statement.makes {
+            if let Op::Decided(_, _, k) = self.op(entry) {
+                used.line(format_args!("const double t{entry} = d{cut}[{k}];"));
+            }
+        }
     }
 
     /// Write a call that computes sine and cosine of an angle.

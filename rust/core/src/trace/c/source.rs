@@ -107,7 +107,11 @@ pub const STATUSES: [(&str, u32, &str); 6] = [
     ("OK", 0, "the answer is right"),
     ("NOT_FINITE", 1, "an argument is infinite or not a number"),
     ("ANGLE", 2, "an angle has a magnitude of 1e6 rad or more"),
-    ("UNDECIDED", 3, "the tasks are close to a singularity, where ranks have to be decided"),
+    (
+        "UNDECIDED",
+        3,
+        "the tasks are close to a singularity, where ranks have to be decided, or a search for active bounds reached its limit",
+    ),
     ("RESULT", 4, "a number of the answer is infinite or not a number"),
     ("TIME", 5, "the time is before that of the last call"),
 ];
