@@ -6,6 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import models
 import numpy as np
 import pytest
 from compiled_c import COMPILERS, Controller
@@ -14,7 +15,7 @@ import armlet as al
 
 pytestmark = pytest.mark.compile
 
-SEVEN = al.load_urdf(al.example_urdf("seven_axis"))
+SEVEN = models.SEVEN_AXES
 TIP = str(SEVEN.tip_frame)
 ELBOW = str(SEVEN.frame_names[4])
 FAST = {"v_max": [2.0, 1.0, 1.0, 1.5, 2.0, 2.0, 3.0]}

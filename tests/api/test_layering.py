@@ -262,7 +262,7 @@ def test_unit_test_rule_sees_planted_violations(tmp_path: Path) -> None:
 
 def long_files(tops: list[Path]) -> dict[str, int]:
     """Source files with more than 400 lines. `test_source_rules` counts those of stubs, which have copies of docstrings."""
-    paths = [p for top in tops for pattern in ("*.rs", "*.py") for p in top.rglob(pattern) if "target" not in p.parts]
+    paths = [p for top in tops for pattern in ("*.rs", "*.py", "*.c", "*.js") for p in top.rglob(pattern) if "target" not in p.parts]
     assert paths
     lengths = {str(p): p.read_text().count("\n") for p in paths}
     return {path: lines for path, lines in lengths.items() if lines > LINES}

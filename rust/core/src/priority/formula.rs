@@ -3,7 +3,7 @@
 //! Near a singularity, and at a bound, a decomposition must branch on its numbers. So the formula has a decision
 //! ([`crate::trace::decision`]): native code with all algorithms of the module replaces the result of `regular`.
 
-use super::bounded_stack_in_c::bounded_stack_in_c;
+use super::bounded_c::stack_in_c;
 use super::branch_free::{BranchFree, Regular, TwoRowLevels, regular_ranks};
 use super::derivative::{NativeSlopes, SymStack};
 use super::method::{PriorityMethod, PriorityOptions};
@@ -64,7 +64,7 @@ impl StackFormula {
         let differs = (solver.bounds().is_some() || !intervals.is_empty()) && !solver.settings.scales;
         let kind_of_slopes =
             differs.then(|| kind("slopes of priority", sizes.clone(), |sizes| Box::new(NativeSlopes::new(sizes)), |_| None));
-        let print: Option<Print> = if differs && solver.settings.metric.is_none() { Some(bounded_stack_in_c) } else { None };
+        let print: Option<Print> = if differs && solver.settings.metric.is_none() { Some(stack_in_c) } else { None };
         let kind = kind_with_c("priority", sizes, |sizes| Box::new(NativeStack::new(sizes)), closed_form, print);
         let results = vec![Sym::zero(); n + rows.iter().sum::<usize>() + rows.len() + 1];
         let upper = vec![Sym::zero(); solver.given.upper.len()];

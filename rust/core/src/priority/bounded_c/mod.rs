@@ -1,10 +1,18 @@
 //! The active-set method of stacks with bounds as C code of fixed size, for exported laws.
 
-use super::method::{DEFAULT_EPS, PriorityMethod};
+use crate::priority::method::{DEFAULT_EPS, PriorityMethod};
 use crate::scalar::hex::hex;
 
+const SOURCE: &str = concat!(
+    include_str!("vectors.c"),
+    include_str!("faces.c"),
+    include_str!("search.c"),
+    include_str!("vertices.c"),
+    include_str!("levels.c")
+);
+
 /// Print the solver for the sizes of `StackFormula::of` as a C function with the name `name`. It has no metric.
-pub(super) fn bounded_stack_in_c(sizes: &[usize], name: &str) -> String {
+pub(super) fn stack_in_c(sizes: &[usize], name: &str) -> String {
     let &[n, method, has_eps, _, has_bounds, limit_levels, levels, ref others @ ..] = sizes else { return String::new() };
     let (rows, intervals) = others.split_at(levels);
     let method = match PriorityMethod::ALL[method] {
@@ -28,7 +36,6 @@ pub(super) fn bounded_stack_in_c(sizes: &[usize], name: &str) -> String {
         flags.len(),
         list(&flags)
     );
-    let source = include_str!("bounded_stack.c");
-    let (comment, code) = source.split_once("*/\n").unwrap_or_default();
+    let (comment, code) = SOURCE.split_once("*/\n").unwrap_or_default();
     format!("{comment}*/\n{head}{code}").replace("@_", &format!("{name}_")).replace("@(", &format!("{name}("))
 }
