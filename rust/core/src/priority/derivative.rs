@@ -6,8 +6,8 @@
 //!
 //! Its value is that of the native code, and its derivative is exact while the active set remains.
 
-use super::formula::NativeStack;
 use super::metric::Metric;
+use super::native_stack::NativeStack;
 use crate::scalar::Real;
 use crate::trace::decision::Decision;
 use crate::trace::{Sym, sym};

@@ -12,7 +12,8 @@
 //! also at singularities. `hierarchy` is the general recursion over levels with singular values.
 //! `inequality` solves stacks with bounds, and scales commands. `bounded_c` is the same search as C code, and `derivative` has the
 //! derivatives of solutions with bounds. `solver` owns the memory and selects the algorithm. `batch` solves many stacks with a program: the
-//! recorded and compiled algorithm `regular`. `formula` is the solution within a recorded law.
+//! recorded and compiled algorithm `regular`. `formula` is the solution within a recorded law, and `native_stack` the native code at its
+//! cuts.
 
 #[doc(hidden)]
 mod batch;
@@ -27,6 +28,7 @@ mod hierarchy;
 mod inequality;
 mod method;
 mod metric;
+mod native_stack;
 mod reasons;
 mod settings;
 mod solution;
