@@ -137,6 +137,8 @@ def test_bad_arguments() -> None:
     bare = al.Log(log.t, log.q, names=log.names)
     for call, message in (
         (lambda: al.fit_log("arm", log), "model is of the wrong type"),
+        (lambda: al.fit_log(models.PR, log), "model has no links: expected an arm of joints and links"),
+        (lambda: al.fit_log(al.RigidArm(models.PR), log), "model has no links"),
         (lambda: al.fit_log(ARM, log.q), "log is of the wrong type"),
         (lambda: al.fit_log(ARM, bare), "log does not fit the model: expected torques of 2 joints, got no torques"),
         (lambda: al.fit_log(models.THREE_LINKS, log), "log does not fit the model: expected torques of 3 joints, got 2 joints"),

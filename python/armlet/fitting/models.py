@@ -73,7 +73,7 @@ def fit_log(
         A `LogFit`: `.values`, `.deviations`, `.refuted`, `.unidentifiable`, `.correlated`, `.model`, `.residuals`.
 
     Raises:
-        InputError: an argument is not valid, the log has no torques, or it is too short.
+        InputError: an argument is not valid, the arm has no links, the log has no torques, or it is too short.
 
     Source: [gautier1992exciting] for arms, [Ljung1999] for plants; docs/fit.md.
 
@@ -92,6 +92,9 @@ def fit_log(
     """
     plant, loop = _parts(model)
     arm = model if isinstance(model, _core.Arm) else plant.arm
+    if not arm.frame_names:
+        expected = 'an arm of joints and links, such as al.load_urdf(al.example_urdf("planar_pr"))'
+        raise InputError(f"{NAME}: model has no links: expected {expected}, got an arm of planar_pr")
     record = instance(NAME, "log", log, Log, "an armlet.Log")
     known = KINDS if plant is None else PLANT_KINDS
     kinds = tuple(choice(NAME, "names", each, known) for each in entries(NAME, "names", names, 100))
