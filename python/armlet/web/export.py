@@ -78,10 +78,12 @@ def export_web(
         controls: a range (low, high) for each number with a slider, by name. The names are those of `simulate(sensitivity=)`, such as
             "law.kp", "arm.parameters[0]" or "q0[1]". A name without an index requires equal entries. A slider has 101 positions.
         q0: initial position, (n,), rad or m. Required for a pair, optional for a scenario.
-        v0, theta0, theta_dot0: as for `simulate`.
         dt: step, s; None: the step of the scenario, the sample time, or 1e-3.
         method: "rk4", "euler" or "semi_implicit"; None: the method of the scenario, or "rk4".
         sample_time: sample period of the law, s; None: continuous law.
+
+    Other Args:
+        v0, theta0, theta_dot0: as for `simulate`.
         tau_max: limits of the input, as for `simulate`.
         force: constant external force, (3,), N, or wrench (6,), as for `simulate`. The page has a slider for each of its numbers.
         force_frame: frame at which the force acts; None: the frame of the law.
