@@ -182,9 +182,9 @@ def test_wrong_limits_are_refused(kind: Any) -> None:
         kind(free, [al.Task("link2", "x", [0.3])], limits=True)
 
 
-def test_a_law_with_limits_has_no_derivatives_and_no_c(tmp_path: Any) -> None:
-    law = al.PriorityVelocity(SEVEN, [al.Task(TOOL, "x", [0.3])], limits=True)
+def test_a_law_with_scaled_commands_has_no_derivatives_and_no_c(tmp_path: Any) -> None:
+    law = al.PriorityVelocity(SEVEN, [al.Task(TOOL, "x", [0.3])], limits=True, method="sns")
     with pytest.raises(al.InputError, match="PriorityVelocity"):
         simulate(PLANT, law, np.zeros(7), t_end=0.1, dt=0.01, sensitivity=["q0"], check_limits=False)
-    with pytest.raises(al.InputError, match="limits of joint velocities"):
+    with pytest.raises(al.InputError, match="PriorityVelocity with a map that branches on its data: scaled commands"):
         al.export_c(law, tmp_path)

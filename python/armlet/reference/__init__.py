@@ -15,6 +15,7 @@ from .cartesian_path import cartesian_path
 from .cartesian_path import curve as cartesian_curve
 from .contact import JointStops, Wall
 from .diagnosis import diagnose_priority
+from .distance_task import DistanceTask
 from .edit import from_dh, locked, with_frame, with_payload
 from .elastic import ElasticLimits, damping_from_ratio, elastic_limits, smallest_reduced_inertia, stiffness_limit
 from .events import Event
@@ -49,7 +50,7 @@ from .spline import Spline
 from .static_equilibrium import Equilibrium, equilibrium
 from .stick_slip import StickSlip, stick_slip_run
 from .suggested_gains import SuggestedGains, suggest_gains
-from .tasks import AxisTask, CentreOfMassTask, DistanceTask, JointLimitTask, PostureTask, RelativeTask, Task
+from .tasks import AxisTask, CentreOfMassTask, JointLimitTask, PostureTask, RelativeTask, Task
 from .time_path import Timing, time_path
 from .timed_path import TimedPath
 from .velocity import PriorityAcceleration, PriorityVelocity, VelocityArm
