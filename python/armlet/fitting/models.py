@@ -157,8 +157,6 @@ def _scenario(scenario: Scenario, plant: Any, delay: float | None) -> Scenario:
 
 
 def _arm_table(arm: _core.Arm) -> dict[str, Any]:
-    if not arm.frame_names:
-        return {"kind": "planar_pr"} | dict(zip("ABC", arm.parameters.tolist(), strict=True))
     gravity: Any = arm.gravity_vector
     return {"kind": "urdf", "xml": arm.to_urdf()[0], "gravity": [0.0, 0.0, 0.0] if gravity is None else list(map(float, gravity))}
 
@@ -168,7 +166,7 @@ def _possible(arm: _core.Arm) -> _core.Arm:
 
     Projections on the possible parameters and on those with these base parameters alternate.
     """
-    if not arm.frame_names or arm.check_parameters().consistent:
+    if arm.check_parameters().consistent:
         return arm
     rows = arm.base_parameters().projection
     target, back, pi = rows @ arm.parameters, np.linalg.pinv(rows), arm.parameters

@@ -141,14 +141,12 @@ def _blocks(at: Prediction, record: PredictedLog, numbers: PlantNumbers, size: i
 
 def _rigid(at: Prediction, numbers: PlantNumbers) -> _core.Arm:
     """The arm with the rotors and the friction of the plant, as if its joints were rigid."""
-    if not numbers.arm.frame_names:
-        return numbers.arm_of(at.motion.all)
     of = at.motion.of
     return numbers.arm_of(at.motion.all).with_drives(armature=of["rotors"], damping=of["viscous"], friction=of["coulomb"])
 
 
 def _untested(numbers: PlantNumbers) -> tuple[str, ...]:
     """The assumptions that the fit replaces by values, or that the plant does not have."""
-    late = ("delay",) if {"delay", "clock_offset"} & set(numbers.kinds) else ()
+    late = ("delay",) if numbers.time else ()
     scaled = ("torque_constant",) if "torque_constants" in numbers.kinds else ()
     return (*late, *scaled, *(("elasticity",) if numbers.elastic else ()))

@@ -29,6 +29,8 @@ JOINTS = {
     "rotors": "armature", "viscous": "damping", "coulomb": "friction", "offsets": "offset", "torque_constants": "torque_constant",
     "stiffness": "stiffness", "joint_damping": "joint_damping", "encoder_offsets": "encoder_offset",
 }  # fmt: skip
+#: The kinds of numbers of joints that belong to the drives of an arm.
+DRIVES = ("rotors", "viscous", "coulomb")
 TIMES = ("delay", "clock_offset")
 KINDS = ("inertia", *JOINTS, *TIMES)
 #: Kinds that only elastic joints have.
@@ -42,6 +44,8 @@ class PlantNumbers:
 
     def __init__(self, plant: Any, kinds: Sequence[str], delay: float) -> None:
         self.plant, self.kinds = plant, tuple(kinds)
+        #: The kind of the delay that the fit varies: "delay", "clock_offset" or None.
+        self.time = next((kind for kind in TIMES if kind in self.kinds), None)
         self.arm: _core.Arm = plant.arm
         self.elastic = isinstance(plant, _core.ElasticArm)
         self.n, self.p = self.arm.n, self.arm.parameters.size
@@ -91,11 +95,11 @@ class PlantNumbers:
         elif self.elastic and friction is not None:
             given["viscous"] = friction
         elif not self.elastic and friction:
-            given |= {"viscous": limits.get("damping", 0.0), "coulomb": limits.get("friction", 0.0)}
+            given |= {"viscous": limits["damping"], "coulomb": limits["friction"]}
         if self.elastic:
             given |= {name: self.arguments.get(name, 0.0) for name in ELASTIC} | {"rotors": self.arguments["motor_inertia"]}
         else:
-            given["rotors"] = limits.get("armature", 0.0)
+            given["rotors"] = limits["armature"]
         arrays = {name: np.asarray(0.0 if value is None else value, dtype=np.float64) for name, value in given.items()}
         return {name: np.array(np.broadcast_to(np.diag(x) if x.ndim == 2 else x, (self.n,))) for name, x in arrays.items()}
 
@@ -157,9 +161,9 @@ class PlantNumbers:
         """The values of the fit that the arm with its drives and the torque offsets have. Other values are those of the start."""
         numbers = self.start.copy()
         numbers[: self.p] = arm.parameters
-        for kind, drive in (("rotors", "armature"), ("viscous", "damping"), ("coulomb", "friction")):
+        for kind in DRIVES:
             if kind in self.kinds:
-                numbers[self.places[kind]] = arm.limits[drive]
+                numbers[self.places[kind]] = arm.limits[JOINTS[kind]]
         if "offsets" in self.kinds:
             numbers[self.places["offsets"]] = offsets
         # The directions are independent, so their pseudo-inverse returns the values.
@@ -171,10 +175,10 @@ class PlantNumbers:
     def arm_of(self, numbers: Array) -> _core.Arm:
         """The arm with the bodies and, if it is rigid, the drives of `numbers`."""
         arm = self.arm if np.array_equal(numbers[: self.p], self.arm.parameters) else self.arm.with_parameters(numbers[: self.p])
-        if self.elastic or not set(self.kinds) & {"rotors", "viscous", "coulomb"}:
+        fitted = [kind for kind in DRIVES if kind in self.kinds]
+        if self.elastic or not fitted:
             return arm
-        drives = {"rotors": "armature", "viscous": "damping", "coulomb": "friction"}
-        return arm.with_drives(**{drive: numbers[self.places[kind]] for kind, drive in drives.items() if kind in self.kinds})
+        return arm.with_drives(**{JOINTS[kind]: numbers[self.places[kind]] for kind in fitted})
 
     def plant_of(self, numbers: Array) -> _core.Plant:
         """The plant with `numbers`. Negative friction, which noise can cause, becomes zero in the models that refuse it."""

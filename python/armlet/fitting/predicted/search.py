@@ -12,7 +12,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -68,13 +67,23 @@ class _Search:
 
     def __init__(self, log: PredictedLog, numbers: PlantNumbers) -> None:
         self.log, self.numbers = log, numbers
-        self.moving = any(kind in numbers.kinds for kind in ("delay", "clock_offset"))
+        self.moving = numbers.time is not None
 
     def delay(self, beta: Array) -> float:
         return float(self.numbers.all_of(beta)[self.numbers.late])
 
     def observer(self, beta: Array) -> Observer:
         return Observer(self.log, Motion(self.numbers, beta), self.delay(beta))
+
+    def restarted(self, steps: Transitions) -> Transitions:
+        """The transitions, with the filtered state after each interval at which the observer starts again."""
+        steps.F[self.log.restarts] = self.log.states[self.log.restarts + 1]
+        return steps
+
+    def offset(self, motion: Motion) -> tuple[Array, Array]:
+        """The offset of the measurements, (y,), and its derivative by the values, (y, P)."""
+        place, others = self.numbers.places["encoder_offsets"], self.log.y.shape[1] - self.numbers.n
+        return np.pad(motion.all[place], (0, others)), np.pad(self.numbers.D[place], ((0, others), (0, 0)))
 
     def evaluate(self, beta: Array, states: Array, observer: Observer, L: Array, whiten: Array | None) -> Prediction:
         """The innovations at `beta`, about `states` (K, d)."""
@@ -86,12 +95,8 @@ class _Search:
         smooth = transitions(motion, log.states[:-1], [log.smooth_piece(motion)], log.sign).G
         if exact:
             smooth[:, :, motion.late != 0.0] = steps.G[:, :, motion.late != 0.0]
-        steps = Transitions(steps.F, steps.Phi, smooth)
-        if len(log.restarts):
-            steps.F[log.restarts] = log.states[log.restarts + 1]
-        place = numbers.places["encoder_offsets"]
-        offset, by = np.zeros(log.y.shape[1]), np.zeros((log.y.shape[1], len(beta)))
-        offset[: numbers.n], by[: numbers.n] = motion.all[place], numbers.D[place]
+        steps = self.restarted(Transitions(steps.F, steps.Phi, smooth))
+        offset, by = self.offset(motion)
         found = innovations(steps, states[:-1], log.y, log.C, L, states[0], offset, by, log.restarts)
         used = log.used(observer.memory(L))
         if np.count_nonzero(used) * log.y.shape[1] <= 2 * len(beta) + 20:
@@ -203,15 +208,14 @@ def predict(log: PredictedLog, numbers: PlantNumbers, starts: Sequence[Array]) -
 
 
 def _with_delays(starts: Sequence[Array], numbers: PlantNumbers, period: float) -> list[Array]:
-    name: Any = next((kind for kind in ("delay", "clock_offset") if kind in numbers.kinds), None)
-    if name is None:
+    if numbers.time is None:
         return list(starts)
-    place = numbers.names.index(name)
+    place = numbers.names.index(numbers.time)
     made = []
     for beta in starts:
         for periods in DELAYS:
             other = beta.copy()
-            other[place] += periods * period * (1.0 if name == "delay" else -1.0)
+            other[place] += periods * period * (1.0 if numbers.time == "delay" else -1.0)
             made.append(other)
     return made
 
@@ -221,12 +225,9 @@ def _indices(search: _Search, beta: Array, observer: Observer, index: Array) -> 
     log, n = search.log, search.numbers.n
     about = search.evaluate(beta, log.states, observer, observer.gain(index), None)
     states = about.found.states
-    motion = about.motion
-    bare = transitions(Motion(search.numbers, beta, False), states[:-1], log.pieces(search.delay(beta), False), log.sign)
-    if len(log.restarts):
-        bare.F[log.restarts] = log.states[log.restarts + 1]
-    offset = np.zeros(log.y.shape[1])
-    offset[:n] = motion.all[search.numbers.places["encoder_offsets"]]
+    pieces = log.pieces(search.delay(beta), False)
+    bare = search.restarted(transitions(Motion(search.numbers, beta, False), states[:-1], pieces, log.sign))
+    offset, _ = search.offset(about.motion)
     used = log.used(1.0 / 7.0 * min(0.1 * len(log.t), SLOWEST / log.period))
 
     def spread(logs: Array) -> Array:
