@@ -73,6 +73,15 @@ impl PriorityMethod {
         self != PriorityMethod::Chiaverini
     }
 
+    /// Require a method that accepts bounds, which the argument `name` gives. Error: `Input`.
+    pub(crate) fn require_bounds(self, name: &str) -> Result<()> {
+        if self.accepts_bounds() {
+            return Ok(());
+        }
+        let problem = format!("bounds nothing: expected clamp, damped, exact or sns, got {}, which accepts no bounds", self.name());
+        Err(Error::input(name, problem))
+    }
+
     /// Whether the method can keep the direction of commands by scaling. Damping changes the direction.
     pub fn keeps_direction(self) -> bool {
         matches!(self, PriorityMethod::Exact | PriorityMethod::Sns)

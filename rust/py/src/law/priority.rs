@@ -96,8 +96,8 @@ impl<'py> Arguments<'py> {
 ///     horizon: the time `h`, s (keyword only). None: the sample period of a sampled loop, otherwise 0.1; "sns": 0.1. It must be at least the
 ///         step or the sample time. A joint outside of its limits returns within this time, at most with its velocity bound.
 ///     limits: whether the arm's own limits of velocity and position hold where no other limit is given (keyword only). None: only with
-///         "sns", except limits of zero; with other methods, `simulate` and calls of the law warn if commands pass them. True ignores velocity limits that are not positive, and empty
-///         ranges of positions, with a warning. False: they do not hold, without a warning.
+///         "sns", except limits of zero; with other methods, `simulate` and calls of the law warn if commands pass them. True ignores
+///         velocity limits that are not positive, and empty ranges of positions, with a warning. False: they do not hold, without a warning.
 ///
 /// Raises:
 ///     InputError: a shape is wrong, a number is out of its range, a task has no target, or a name or the method is unknown. It is also

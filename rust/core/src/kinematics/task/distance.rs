@@ -2,9 +2,9 @@
 //! `d = |r| - r_a - r_b` with `r = p_a - p_b`. `p_a` and `p_b` are the nearest points of both axes, and `r_a` and `r_b` the radii. With
 //! `n = r/|r|`, the Jacobian is `n'(J_a - J_b)`, where `J_a` and `J_b` are the linear Jacobians of the bodies at these points.
 //!
-//! The nearest points of two capsules jump where their axes are parallel. So two capsules have five rows. Each of the four ends
-//! of the axes has one, with the nearest point of the other axis. The last row has the nearest points of both axes. The smallest row is the distance. The first four rows do
-//! not jump. Where the last one jumps, it is a mean of two of them, so that it changes no solution.
+//! The nearest points of two capsules jump where their axes are parallel. So two capsules have five rows. Each of the four ends of the axes
+//! has one, with the nearest point of the other axis. The last row has the nearest points of both axes. The smallest row is the distance.
+//! The first four rows do not jump. Where the last one jumps, it is a mean of two of them, so that it changes no solution.
 //!
 //! A point `p = start + s along` of an axis has the place `s`. The nearest points are `r' along_a = 0` and `r' along_b = 0`, unless the place
 //! is at an end, 0 or 1. The time derivatives of these equations are the rates of the places, which the rate of the Jacobian needs.

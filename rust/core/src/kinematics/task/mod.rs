@@ -15,9 +15,9 @@
 //! | interval | nearest bound of another task, minus its coordinate | rows of the other task; zero within the bounds |
 //! | joint limits | nearest position within the narrowed limits, minus `q` | rows of the identity |
 //!
-//! `p` and `R` are the position and the rotation matrix of the frame, and `'` is the transpose. `x = R_r'(p - p_r)` is
-//! a relative position. `d` is a distance, and `n` its direction. The index `d` means the target, and `r` the reference frame. `J_v` and `J_w` are the linear and angular rows of the
-//! geometric Jacobian. `[p]x` is the cross-product matrix.
+//! `p` and `R` are the position and the rotation matrix of the frame, and `'` is the transpose. `x = R_r'(p - p_r)` is a relative position.
+//! `d` is a distance, and `n` its direction. The index `d` means the target, and `r` the reference frame. `J_v` and `J_w` are the linear and
+//! angular rows of the geometric Jacobian. `[p]x` is the cross-product matrix.
 
 mod axis;
 mod centre_of_mass;

@@ -78,11 +78,7 @@ impl LimitOverrides {
         let first = self.names().next().or((self.own == Some(true)).then_some("limits"));
         let horizon = self.horizon.map(|_| "horizon");
         if !method.accepts_bounds() {
-            return first.or(horizon).map_or(Ok(None), |name| {
-                let problem =
-                    format!("bounds nothing: expected clamp, damped, exact or sns, got {}, which accepts no bounds", method.name());
-                Err(Error::input(name, problem))
-            });
+            return first.or(horizon).map_or(Ok(()), |name| method.require_bounds(name)).map(|()| None);
         }
         if method != PriorityMethod::Sns && first.is_none() {
             return horizon.map_or(Ok(None), |name| {

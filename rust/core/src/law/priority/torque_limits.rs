@@ -28,10 +28,7 @@ impl TorqueLimits {
         if let Some(i) = tau_max.iter().position(|limit| !(*limit > 0.0)) {
             return Err(Error::input("tau_max", format!("is not positive: expected tau_max > 0, got {}", tau_max[i])).at([i]));
         }
-        if !method.accepts_bounds() {
-            let problem = format!("bounds nothing: expected clamp, damped, exact or sns, got {}, which accepts no bounds", method.name());
-            return Err(Error::input("tau_max", problem));
-        }
+        method.require_bounds("tau_max")?;
         Ok(TorqueLimits { tau_max, bounds_accelerations })
     }
 
