@@ -169,7 +169,8 @@ mod tests {
         let arm = Arm::planar(&[0.3; 40], None, None, None, [0.0, -9.81]).unwrap();
         let cached = called(&arm, Quantity::MassMatrix);
         assert!(cached.operations > SHORT && cached.decided);
-        assert!(cached.spent.as_secs_f64() >= MAKING * cached.operations && cached.fastest < cached.spent);
+        // A single call that is interrupted can take as long as the program takes to make.
+        assert!(cached.spent.as_secs_f64() >= MAKING * cached.operations && cached.fastest <= cached.spent);
         let cached = called(&arm, Quantity::Gravity);
         assert!(cached.operations <= SHORT && cached.program.is_some() && cached.calls == CALLS && cached.spent.is_zero());
     }
