@@ -142,4 +142,4 @@ def test_the_figure_marks_the_excess() -> None:
         for line, joint in zip(lines, np.flatnonzero(beyond.any(axis=0)), strict=True):
             np.testing.assert_array_equal(np.isfinite(line.get_ydata()), beyond[:, joint])
         labels = [text.get_text() for legend in figure.legends for text in legend.get_texts()]
-        assert ("above limit" in labels) == marked and ("limit" in labels or not marked)
+        assert ("beyond limit" in labels) == marked and ("limit" in labels or not marked)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from ..run.speeds import excess, speed_limits
+from ..run.speeds import excess, positive
 from .style import COLOURS, literal
 
 if TYPE_CHECKING:
@@ -38,6 +38,8 @@ Panel: TypeAlias = Callable[["Axes", "Recorded"], None]
 
 #: The largest number of joints in a panel. There are more colours, so each joint of a panel has a different colour.
 MOST = 7
+#: A position beyond a limit by less than this number, rad or m, is at the limit, up to the error of a run.
+SLACK = 1e-6
 #: The style of values beyond a limit.
 EXCESS: dict[str, Any] = {"color": "red", "linewidth": 4.0, "marker": ".", "alpha": 0.3}
 
@@ -113,15 +115,17 @@ def draw_limits(ax: Axes, run: Recorded, joints: Joints, upper: str, lower: str 
         ax.set_title(f"limits not drawn: {', '.join(notes)}".replace("-", "\N{MINUS SIGN}"), loc="right", fontsize=7, color="0.35")
 
 
-def draw_excess(ax: Axes, run: Recorded, speeds: NDArray[Any], joints: Joints) -> None:
-    """Mark the records at which a speed, a column of `speeds`, (K, n), passes the arm's limit."""
-    limits = speed_limits(run)
-    if limits is None:
+def draw_excess(ax: Axes, run: Recorded, values: NDArray[Any], joints: Joints, upper: str, lower: str | None = None) -> None:
+    """Mark the records at which a column of `values`, (K, n), passes a limit of the arm. Without `lower`, the limits are symmetric."""
+    if run.limits is None:
         return
-    beyond = excess(speeds, limits)
+    if lower is None:
+        beyond = excess(values, positive(run.limits[upper]))
+    else:
+        beyond = (values > run.limits[upper] + SLACK) | (values < run.limits[lower] - SLACK)
     for i in joints:
         if beyond[:, i].any():
-            ax.plot(run.t, np.where(beyond[:, i], speeds[:, i], np.nan), zorder=1.5, gid="excess", **EXCESS)
+            ax.plot(run.t, np.where(beyond[:, i], values[:, i], np.nan), zorder=1.5, gid="excess", **EXCESS)
 
 
 def legend_beside(ax: Axes) -> None:

@@ -81,7 +81,7 @@ def _legend_of_joints(figure: Figure, run: Recorded) -> None:
     if any(line.get_gid() == "limit" for ax in figure.axes for line in ax.get_lines()):
         entries.append(Line2D([], [], color="0.4", linestyle=":", linewidth=1.0, label="limit"))
     if any(line.get_gid() == "excess" for ax in figure.axes for line in ax.get_lines()):
-        entries.append(Line2D([], [], label="above limit", **EXCESS))
+        entries.append(Line2D([], [], label="beyond limit", **EXCESS))
     legend_below(figure, entries, title="joint")
 
 
@@ -91,6 +91,7 @@ def _position(ax: Axes, run: Recorded, joints: Joints) -> None:
     if desired is not None:
         draw_lines(ax, run, desired[0], joints, linestyle="--", linewidth=1.0, alpha=0.8)
     draw_limits(ax, run, joints, "q_max", "q_min")
+    draw_excess(ax, run, run.q, joints, "q_max", "q_min")
     ax.set_ylabel(f"position ({literal(run.units[joints[0]])})")
     ax.set_title("Joint positions")
 
@@ -134,7 +135,7 @@ def _contact(ax: Axes, run: Recorded) -> None:
 def _velocity(ax: Axes, run: Recorded, joints: Joints) -> None:
     draw_lines(ax, run, run.v, joints)
     draw_limits(ax, run, joints, "v_max")
-    draw_excess(ax, run, run.v, joints)
+    draw_excess(ax, run, run.v, joints, "v_max")
     ax.set_ylabel(f"velocity ({literal(run.units[joints[0]])}/s)")
     ax.set_title("Joint velocities")
 
@@ -144,9 +145,9 @@ def _torque(ax: Axes, run: Recorded, joints: Joints) -> None:
     unit = run.input_units[joints[0]]
     commanded = unit not in ("N", "N m")
     draw_lines(ax, run, run.tau, joints)
-    draw_limits(ax, run, joints, "v_max" if commanded else "effort")
-    if commanded:
-        draw_excess(ax, run, run.tau, joints)
+    limit = "v_max" if commanded else "effort"
+    draw_limits(ax, run, joints, limit)
+    draw_excess(ax, run, run.tau, joints, limit)
     ax.set_ylabel(f"input ({literal(unit)})")
     ax.set_title("Commanded velocities" if commanded else "Joint forces" if unit == "N" else "Joint torques")
 

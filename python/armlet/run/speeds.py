@@ -18,7 +18,7 @@ from ..callers import level_of_caller
 from .balances import is_quiet
 from .recorded import Array, Recorded
 
-__all__ = ["commands_speeds", "excess", "input_ratio", "speed_limits", "speed_ratio", "warn_of_speeds"]
+__all__ = ["commands_speeds", "excess", "input_ratio", "positive", "speed_limits", "speed_ratio", "warn_of_speeds"]
 
 #: A speed passes its limit if it exceeds the limit by more than this fraction. Rounding of a command at its bound is smaller.
 MARGIN = 1e-6
@@ -26,7 +26,7 @@ MARGIN = 1e-6
 
 def speed_limits(run: Recorded) -> Array | None:
     """The speed limits of the joints, (n,) or (B, n), rad/s or m/s, infinite for joints without a limit; None for an unknown arm."""
-    return None if run.limits is None else _positive(run.limits["v_max"])
+    return None if run.limits is None else positive(run.limits["v_max"])
 
 
 def excess(speeds: Array, limits: Array) -> NDArray[np.bool_]:
@@ -38,7 +38,7 @@ def input_ratio(run: Recorded, tau_peak: Array) -> Array:
     """The largest input `tau_peak` (.., n) of a joint divided by the arm's limit of it, (..); NaN without a finite limit above zero."""
     if run.limits is None:
         return np.full(tau_peak.shape[:-1], np.nan)
-    limits = np.broadcast_to(_positive(run.limits["v_max" if commands_speeds(run) else "effort"]), tau_peak.shape)
+    limits = np.broadcast_to(positive(run.limits["v_max" if commands_speeds(run) else "effort"]), tau_peak.shape)
     # An infinite limit has the ratio zero.
     result: Array = np.where(np.isfinite(limits).any(axis=-1), (tau_peak / limits).max(axis=-1), np.nan)
     return result
@@ -92,6 +92,7 @@ def _ignores_limits(run: Recorded) -> bool:
     return bool(laws) and all(law.__getnewargs_ex__()[1].get("limits") is False for law in laws)
 
 
-def _positive(limits: Array) -> Array:
+def positive(limits: Array) -> Array:
+    """The limits that are finite and above zero; the others are infinite."""
     result: Array = np.where((limits > 0.0) & np.isfinite(limits), limits, np.inf)
     return result
