@@ -66,22 +66,22 @@ def _lift(q0: float, gravity_moment: float, tau_max: float, text: str) -> Loop:
 
 
 def _minimum_time() -> Loop:
-    text = "Increase arm.parameters[1], the mass times the distance of its centre from the joint, until the motor is too weak"
+    text = "Increase the first moment, the mass times the distance of its centre from the joint, until the motor is too weak"
     return _lift(-np.pi / 2, 1.0, 2.0, text)
 
 
 def _exercise_4() -> Loop:
-    text = "Increase arm.parameters[1], the gravity moment divided by 9.81 m/s^2, above the torque limit of 1 N m"
+    text = "Increase the first moment, the gravity moment divided by 9.81 m/s^2, above the torque limit of 1 N m"
     return _lift(-np.pi, 0.5, 1.0, text)
 
 
 def _friction() -> Loop:
     arm = al.planar_arm([0.5], masses=[1.0], coms=[0.25], inertias=[0.4375], gravity=[0.0, 0.0])
-    bristles = al.LuGre(coulomb=1.0, static=2.0, stribeck_speed=0.05, stiffness=1e3, damping=20.0)
+    friction = al.StickSlip(coulomb=1.0, static=2.0, stribeck_speed=0.05)
     law = al.PID(arm, [1.0], kp=10.0, ki=10.0, kd=3.0)
-    controls = {"law.kp": (1.0, 100.0), "law.ki": (1.0, 50.0), "law.kd": (0.5, 30.0)}
-    text = "Wait for the swinging of a controller with an integral, and increase law.kd until it ends"
-    return al.RigidArm(arm, friction=bristles), law, {"q0": [0.0], "dt": 2e-4}, controls, text
+    controls = {"law.kp": (5.0, 50.0), "law.ki": (1.0, 30.0), "law.kd": (1.0, 30.0), "plant.friction.static": (1.1, 3.0)}
+    text = "The integral pulls the joint past its target again and again. Decrease the static friction until this ends"
+    return al.RigidArm(arm, friction=friction), law, {"q0": [0.0]}, controls, text
 
 
 #: For each file: its loop, and the text of the link.

@@ -16,6 +16,7 @@ from web_loops import WebRun
 
 import armlet as al
 from armlet import cli
+from armlet.web.labels import labelled
 
 ARM = models.TWO_LINKS
 PLANT = al.RigidArm(ARM)
@@ -83,6 +84,62 @@ def test_a_scenario_and_its_command(tmp_path: Path, capsys: pytest.CaptureFixtur
         assert problem in capsys.readouterr().err
 
 
+def test_sliders_have_words_and_units(tmp_path: Path) -> None:
+    """A name in Python has a label in the words of the field, unless the number has none."""
+    friction = al.StickSlip(coulomb=1.0, static=2.0, stribeck_speed=0.1)
+    pr, seven = models.PR, models.SEVEN_AXES
+    slide = al.Sinusoid([0.0, 0.5], [[0.5], [0.8]], [[1.5], [2.0]], [[0.0], [0.0]])
+    q = np.array([0.3, 0.5, -0.2, -0.9, 0.4, 1.6, 0.2])
+    impedance = al.CartesianImpedance(
+        seven, [0.4, 0.1, 0.7, 0.0], [300.0, 300.0, 300.0, 20.0], 40.0, frame="tcp", axes="xyz rx", nullspace=al.NullSpace(q, 20.0, 5.0)
+    )
+    tasks = [al.Task("tcp", "xyz", [0.4, 0.1, 0.7], 2.0)]
+    expected: list[tuple[Any, Any, dict[str, tuple[str, str]]]] = [
+        (
+            al.RigidArm(ARM, friction=friction),
+            LAW,
+            {
+                "law.kp": ("position gain", "N m/rad"),
+                "law.kd[1]": ("velocity gain of joint2", "N m s/rad"),
+                "q0[1]": ("initial position of joint2", "rad"),
+                "arm.parameters[10]": ("mass of link 2", "kg"),
+                "arm.parameters[1]": ("first moment m c_x of link 1", "kg m"),
+                "law.arm.parameters[11]": ("first moment m c_x of link 2 in the law's model", "kg m"),
+                "friction.static": ("", ""),
+                "plant.friction.static": ("static friction", "N m"),
+            },
+        ),
+        (
+            al.RigidArm(pr),
+            al.Adaptive(pr, slide, 40.0, 20.0, 5.0),
+            {
+                "law.kp": ("position gain", ""),  # one joint slides, and one turns
+                "law.gamma": ("adaptation gain", ""),
+                "arm.parameters[1]": ("first moment B", "kg m"),
+                "v0[0]": ("initial velocity of p1", "m/s"),
+            },
+        ),
+        (
+            al.RigidArm(seven),
+            impedance,
+            {
+                "law.stiffness[3]": ("stiffness along rx", "N m/rad"),
+                "law.damping": ("damping", ""),
+                "law.nullspace.stiffness": ("stiffness of the posture", "N m/rad"),
+            },
+        ),
+        (al.RigidArm(ARM), al.ComputedTorque(ARM, al.Hold([0.1, 0.2]), 100.0, 20.0), {"law.kp": ("position gain", "1/s²")}),
+        (al.VelocityArm(seven), al.PriorityVelocity(seven, tasks), {"law.tasks.0.gain": ("gain of task 1", "1/s")}),
+    ]
+    for plant, law, names in expected:
+        for name, label in names.items():
+            base, _, index = name.rstrip("]").partition("[")
+            assert labelled(plant, law, base, (int(index),) if index else None) == label, name
+    mass = float(ARM.parameters[0])
+    path = al.export_web((PLANT, LAW), tmp_path / "a.html", {"law.kp": (20.0, 200.0), "arm.parameters[0]": (0.5 * mass, 2.0 * mass)}, q0=Q0)
+    assert [(each["label"], each["unit"]) for each in data_of(path)["controls"]] == [("position gain", "N m/rad"), ("mass of link 1", "kg")]
+
+
 @pytest.mark.parametrize(
     ("controls", "problem"),
     [
@@ -122,7 +179,9 @@ TABLE = al.Table(0.1, np.zeros((3, 2)), np.zeros((3, 2)), np.zeros((3, 2)))
         (PLANT, LAW, {"method": "dopri5"}, "method is unknown: expected one of rk4, euler, semi_implicit, got 'dopri5'"),
         (PLANT, LAW, {"method": "ros2"}, "method is unknown"),
         (PLANT, LAW, {"dt": -1e-3}, "dt"),
-        (PLANT, LAW, {"sample_time": al.Sampling(1e-2, delay=5e-3)}, "sample_time has delays, noise or limits in native code"),
+        (PLANT, LAW, {"sample_time": al.Sampling(1e-2, noise={"q": 1e-3})}, "sample_time has noise, which native code computes"),
+        (PLANT, LAW, {"sample_time": al.Sampling(1e-2, resolution={"v": 1e-3})}, "sample_time has resolution"),
+        (PLANT, LAW, {"sample_time": al.Sampling(1e-2, jitter=2e-3, delay=1e-3)}, "sample_time has jitter"),
         (PLANT, al.ComputedTorque(ARM, TABLE, 100.0, 20.0), {}, "law has a motion that is not exported: .* got Table"),
         (PLANT, al.PDGravity(SEVEN, np.zeros(7), 10.0, 1.0), {}, "law"),
         (PLANT, LAW, {"force": lambda t: np.zeros(3), "force_frame": "link2"}, "force changes in time: expected a constant force"),
@@ -131,12 +190,6 @@ TABLE = al.Table(0.1, np.zeros((3, 2)), np.zeros((3, 2)), np.zeros((3, 2)))
         (PLANT, LAW, {"q0": [0.0, float("nan")]}, "q0"),
         (PLANT, LAW, {"q0": [0.0, 0.0, 0.0]}, r"q0 has the wrong shape: expected \(2,\), got \(3,\)"),
         (PLANT, LAW, {"tau_max": [1.0, -1.0]}, "tau_max"),
-        (
-            al.RigidArm(ARM, friction=al.StickSlip(coulomb=1.0, static=1.2, stribeck_speed=0.01, viscous=0.1)),
-            LAW,
-            {},
-            "plant has stick-slip friction",
-        ),
     ],
 )
 def test_parts_without_webassembly_are_refused_by_name(

@@ -75,6 +75,32 @@ LOOPS: dict[str, Callable[[], tuple[Any, Any, dict[str, Any]]]] = {
         al.PriorityVelocity(SEVEN, [tip_task(), al.PostureTask(START, 1.0)], limits=False),
         {"q0": START},
     ),
+    # The integral part drives the joint through several changes between sticking and sliding.
+    "2R stick-slip": lambda: (
+        al.RigidArm(TWO, friction=al.StickSlip(coulomb=[2.0, 1.0], static=[4.0, 1.5], stribeck_speed=0.05, viscous=0.3, load_ratio=0.05)),
+        al.PID(TWO, al.Sinusoid([0.2, 0.1], [[0.1], [0.1]], [[20.0], [30.0]], [[0.0], [0.5]]), 100.0, 50.0, 10.0),
+        {"q0": [0.2, 0.1], "v0": [0.0, -0.5]},
+    ),
+    "2R elastic stick-slip, sampled": lambda: (
+        al.ElasticArm(TWO, STIFF, MOTOR, motor_friction=al.StickSlip(coulomb=1.0, static=2.0)),
+        al.MotorPD(TWO, quintic(), 60.0, [6.0, 3.0], STIFF),
+        {"q0": [0.0, 0.0], "dt": 5e-4, "sample_time": 2e-3},
+    ),
+    "pendulum with delays": lambda: (
+        al.RigidArm(al.pendulum(2.0, 9.0)),
+        al.PDGravity(al.pendulum(1.9, 8.5), [1.0], 60.0, 15.0),
+        {"q0": [0.2], "sample_time": al.Sampling(4e-3, delay=7e-3, sensor_delay=2, rate_limit=3000.0)},
+    ),
+    "PR adaptive with a limited rate": lambda: (
+        al.RigidArm(PR),
+        al.Adaptive(PR, quintic(), 40.0, 20.0, 5.0),
+        {"q0": [0.1, -0.2], "sample_time": al.Sampling(2e-3, rate_limit=500.0)},
+    ),
+    "7R impedance with a delay": lambda: (
+        al.RigidArm(SEVEN),
+        al.CartesianImpedance(SEVEN, [0.4, 0.1, 0.7], 300.0, 40.0, frame=SEVEN.tip_frame, nullspace=al.NullSpace(START, 20.0, 5.0)),
+        {"q0": START, "sample_time": al.Sampling(2e-3, delay=3e-3)},
+    ),
     "2R elastic pushed": lambda: (
         al.ElasticArm(TWO, STIFF, MOTOR),
         al.JointImpedance(TWO, [0.3, 1.0], 50.0, [4.0, 2.0], STIFF, MOTOR, [0.02, 0.0125]),
@@ -111,6 +137,8 @@ class WebRun:
         from wasmtime import Instance, Memory, Module, Store
 
         self.data, self.step_number, self.referenced, self.passed = data, 0, False, 0
+        self.outputs: dict[int, Array] = {}
+        self.readings: dict[int, Array] = {}
         self.breaks = sorted({t for motion in data["motions"] for t in motion["breaks"] or [] if t > 0.0})
         self.store = Store()
         self.module = Module(self.store.engine, b64decode(data["wasm"]))
@@ -152,8 +180,27 @@ class WebRun:
     def is_sampled(self) -> bool:
         return bool(self.data["period"]) and self.step_number % self.data["period"] == 0
 
+    def prepare(self) -> None:
+        """Prepare the sampled controller: the output that acts, and what the law reads."""
+        sampling = self.data["sampling"]
+        if sampling is None:
+            return
+        period, number = sampling["period"], self.step_number // self.data["period"]
+        if sampling["delay"]:
+            self.group("tau")[:] = self.outputs.get((self.step_number - sampling["delay"]) // self.data["period"], 0.0)
+        if not self.is_sampled:
+            return
+        if sampling["rate_limit"] is not None:
+            self.group("output")[:] = self.outputs.get(number - 1, 0.0)
+            since = number * period - (number - 1) * period if number else period
+            self.group("change")[:] = sampling["rate_limit"] * since
+        measured = self.group("measured")
+        self.readings[number] = self.group("state")[: len(measured)].copy()
+        measured[:] = self.readings[max(0, number - sampling["sensor_delay"])]
+
     def record(self) -> Array:
         """The input and the monitors."""
+        self.prepare()
         h = self.data["dt"]
         self.sample(self.after_jump(self.step_number * h), h, (self.step_number + 1) * h)
         if self.is_sampled or not self.data["period"]:
@@ -170,6 +217,7 @@ class WebRun:
 
     def step(self) -> None:
         """Advance by one step. It is divided at the jumps of the motion, as in `simulate`."""
+        self.prepare()
         dt, k, function = self.data["dt"], self.step_number, "sampled_step" if self.is_sampled else "step"
         t, h, end = k * dt, dt, (k + 1) * dt
         while True:
@@ -190,6 +238,8 @@ class WebRun:
             h = end - t
             if abs(t - end) <= 1e-9 * dt:
                 break
+        if self.data["sampling"] and self.is_sampled:
+            self.outputs[k // self.data["period"]] = self.group("output").copy()
         self.step_number += 1
 
 

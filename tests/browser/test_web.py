@@ -65,7 +65,7 @@ def test_a_slider_changes_the_curve(opened: Any, tmp_path: Path) -> None:
     run = al.simulate(al.RigidArm(TWO), law, [0.0, 0.1], t_end=max(rows[-1][0], 1e-3), dt=1e-3)
     for t, *q in rows:
         np.testing.assert_allclose(q, run.q[round(t / 1e-3)], rtol=1e-9, atol=1e-12)
-    slider = page.get_by_label("law.kp")
+    slider = page.get_by_label("position gain")
     slider.focus()
     page.keyboard.press("Home")
     assert slider.get_attribute("aria-valuetext") == "1"
@@ -77,7 +77,7 @@ def test_a_slider_changes_the_curve(opened: Any, tmp_path: Path) -> None:
     page.evaluate("document.querySelector('input').value = 100; document.querySelector('input').oninput()")
     page.wait_for_function(f"armlet.loop.t > {before} + 3")
     assert slow < 1.2 and abs(state(page)[0] - 1.5) < 0.1
-    page.get_by_label("q0[0]").fill("100")
+    page.get_by_label("initial position of joint1").fill("100")
     page.get_by_role("button", name="Pause").click()
     page.get_by_role("button", name="Reset").click()
     assert state(page)[:2] == [1.0, 0.1] and page.evaluate("armlet.loop.t") == 0.0

@@ -18,6 +18,7 @@ from .. import _core
 from ..arguments import number, shown
 from ..errors import InputError
 from ..run.named_numbers import START, Loop, loop_with, named_numbers
+from .labels import labelled
 
 __all__ = ["POSITIONS", "Control", "controls_of", "stacked"]
 
@@ -35,13 +36,15 @@ class Control:
 
     Attributes:
         name: name of the number, with the index of an entry such as "q0[1]".
-        unit: unit of the number; empty if it depends on the loop.
+        label: what the number is; empty if that is not known.
+        unit: unit of the number; empty if it is not known, or if the number has no unit.
         values: the number at each position, (POSITIONS,).
         position: the position at the start of the page.
         loops: the loop at each position.
     """
 
     name: str
+    label: str
     unit: str
     values: Array
     position: int
@@ -90,7 +93,7 @@ def _control(loop: Loop, known: Mapping[str, Array], name: object, limits: objec
             loops.append(loop_with(*loop, base, entries))
         except InputError as error:
             raise InputError(f"{label} has a value that the loop refuses: {x:g}: {error}") from None
-    return Control(str(name), _unit(loop[0], base, index), values, position, loops)
+    return Control(str(name), *labelled(*loop[:2], base, index), values, position, loops)
 
 
 def _limits(label: str, limits: object) -> tuple[float, float]:
@@ -100,15 +103,6 @@ def _limits(label: str, limits: object) -> tuple[float, float]:
     if not (np.isfinite(low) and np.isfinite(high) and low < high):
         raise InputError(f"{label} is not a range: expected finite numbers low < high, got {shown(limits)}")
     return low, high
-
-
-def _unit(plant: Any, base: str, index: tuple[int, ...] | None) -> str:
-    """The unit of a number of the start, which is the unit of its joint."""
-    units = {"m" if kind == "prismatic" else "rad" for kind in plant.arm.joint_types}
-    if base not in START or (index is None and len(units) > 1):
-        return ""
-    unit = "m" if plant.arm.joint_types[index[0] if index else 0] == "prismatic" else "rad"
-    return unit + ("/s" if base in ("v0", "theta_dot0") else "")
 
 
 def stacked(loop: Loop, controls: Sequence[Control]) -> tuple[list[_core.Plant], list[_core.Law], dict[str, Array | None]]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import re
 import struct
 from base64 import b64encode
@@ -94,8 +95,8 @@ def export_web(
 
     Raises:
         InputError: an argument is not valid, or a part of the loop has no WebAssembly. Such parts are laws in Python, laws of task priority
-            with limits, and other motions and methods. Forces that vary, stick-slip friction, and samples with delays or noise have none
-            either.
+            with limits, and other motions and methods. Forces that vary, and samples with jitter, noise, a resolution or torque sensors
+            have none either.
         OSError: the file cannot be written.
 
     Source: docs/web.md.
@@ -168,20 +169,34 @@ def page_data(
         if not slots:
             problem = "expected a number on which it depends"
             raise InputError(f"export_web: controls[{shown(control.name)}] has no effect on the loop: {problem}, got {control.name}")
+    labels = [control.label for control in chosen]
     return {
         "wasm": b64encode(made["module"]).decode(),
         "frame": _packed(made["frame"].tolist()),
         **{name: made[name] for name in ("groups", "instants", "dt", "period", "motions")},
+        "sampling": _sampling(made["sampling"]),
         "monitors": [_monitor(name, coordinates) for name in made["monitors"]],
-        "controls": [_described(control, *columns) for control, columns in zip(chosen, made["controls"], strict=True)],
+        "controls": [
+            _described(control, control.label if labels.count(control.label) == 1 else "", *columns)
+            for control, columns in zip(chosen, made["controls"], strict=True)
+        ],
         "joints": [{"name": name, "unit": _unit(kind)} for name, kind in zip(plant.arm.joint_names, plant.arm.joint_types, strict=True)],
         "input": "force" if made["has_speeds"] else "velocity",
         "picture": picture,
         "desired": coordinates == [(None, [])] and [motion["dof"] for motion in made["motions"]] == [n],
         "targets": _targets(coordinates, n, made["motions"], picture, plant.arm),
         "priority": "tasks" in law.__getnewargs_ex__()[1],
-        "about": f"{n} joints, {options['method']}, step {made['dt']:g} s",
+        "about": f"{n} joint{'s' if n > 1 else ''}, {options['method']}, step {made['dt']:g} s",
     }
+
+
+def _sampling(made: tuple[float, int, int, float] | None) -> dict[str, Any] | None:
+    """Describe a sampled controller with delays or a limited rate: the period, s, the delay in steps, the sensor delay in samples."""
+    if made is None:
+        return None
+    period, delay, sensor_delay, rate_limit = made
+    limit = rate_limit if math.isfinite(rate_limit) else None
+    return {"period": period, "delay": delay, "sensor_delay": sensor_delay, "rate_limit": limit}
 
 
 def _row(name: str, value: Any, n: int) -> Any:
@@ -199,10 +214,10 @@ def _packed(values: list[float]) -> str:
     return b64encode(struct.pack(f"<{len(values)}d", *values)).decode()
 
 
-def _described(control: Control, slots: list[int], values: list[float]) -> dict[str, Any]:
+def _described(control: Control, label: str, slots: list[int], values: list[float]) -> dict[str, Any]:
     return {
-        "name": control.name, "unit": control.unit, "position": control.position, "values": control.values.tolist(), "slots": slots,
-        "numbers": _packed(values),
+        "name": control.name, "label": label, "unit": control.unit, "position": control.position, "values": control.values.tolist(),
+        "slots": slots, "numbers": _packed(values),
     }  # fmt: skip
 
 

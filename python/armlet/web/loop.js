@@ -31,7 +31,7 @@ class Loop {
 
   reset() {
     this.x.set(this.start);
-    Object.assign(this, { k: 0, passed: 0, referenced: false, fault: "" });
+    Object.assign(this, { k: 0, passed: 0, referenced: false, fault: "", samples: [] });
   }
 
   get t() {
@@ -63,8 +63,34 @@ class Loop {
     return data.period > 0 && this.k % data.period === 0;
   }
 
+  // Prepare the sampled controller for step `k`: the output that acts, and what the law reads. The list `samples` has the measurement and
+  // the output of each of the last samples.
+  prepare() {
+    const sampling = data.sampling;
+    if (!sampling) return;
+    const [last, acting] = [this.k, this.k - sampling.delay].map((k) => Math.floor(k / data.period));
+    if (sampling.delay) this.recall(acting, this.group("tau"));
+    if (!this.isSampled) return;
+    if (sampling.rate_limit !== null) {
+      this.recall(last - 1, this.group("output"));
+      const since = last ? last * sampling.period - (last - 1) * sampling.period : sampling.period;
+      this.group("change")[0] = sampling.rate_limit * since;
+    }
+    const measured = this.group("measured");
+    this.samples[last] = { state: this.group("state").slice(0, measured.length) };
+    measured.set(this.samples[Math.max(0, last - sampling.sensor_delay)].state);
+    delete this.samples[last - 2 - sampling.sensor_delay - Math.ceil(sampling.delay / data.period)];
+  }
+
+  // Write the output of sample `i` to the group `to`. Before the first sample, the output is zero.
+  recall(i, to) {
+    if (i < 0) to.fill(0);
+    else to.set(this.samples[i].output);
+  }
+
   // Advance by one step. It is divided at the jumps of the motion, as in `armlet.simulate`.
   step() {
+    this.prepare();
     const end = (this.k + 1) * data.dt;
     let [t, h, name] = [this.t, data.dt, this.isSampled ? "sampled_step" : "step"];
     for (;;) {
@@ -84,11 +110,13 @@ class Loop {
       h = end - t;
       if (Math.abs(t - end) <= 1e-9 * data.dt) break;
     }
+    if (data.sampling && this.isSampled) this.samples[this.k / data.period].output = this.group("output").slice();
     this.k += 1;
   }
 
   // The input and the monitors at the present state.
   record() {
+    this.prepare();
     this.sample(this.afterJump(this.t), data.dt, (this.k + 1) * data.dt);
     if (this.isSampled || !data.period) this.f.law();
     this.f.notes();

@@ -106,8 +106,9 @@ function label(value, step) {
   return small ? value.toExponential(Math.max(0, Math.floor(Math.log10(Math.abs(value) / step) + 0.01))) : value.toFixed(Math.max(0, -Math.floor(Math.log10(step) + 0.01)));
 }
 
-// A slider with a name and an output. `value(position)` returns the number at a position, and `set` receives the position.
-function slider(name, unit, [min, max, step, position], value, set) {
+// A slider with a label and an output. `value(position)` returns the number at a position, and `set` receives the position. The name in
+// Python is shown when the pointer rests on the label.
+function slider(text, name, unit, [min, max, step, position], value, set) {
   const id = `slider-${slider.count++}`;
   const output = make("output", { htmlFor: id });
   const input = make("input", { id, type: "range", min, max, step, value: position });
@@ -120,7 +121,7 @@ function slider(name, unit, [min, max, step, position], value, set) {
     show();
   };
   show();
-  const element = make("div", { className: "control" }, make("label", { htmlFor: id, textContent: name }), output, input);
+  const element = make("div", { className: "control" }, make("label", { htmlFor: id, textContent: text, title: name }), output, input);
   // Show a number that was changed in another way.
   const refresh = (x) => {
     if (document.activeElement !== input || Math.abs(Number(input.value) - x) > step) input.value = x;
@@ -135,7 +136,7 @@ function controls(loop) {
     const columns = numbers(control.numbers);
     const set = (position) => control.slots.forEach((slot, j) => loop.set(slot, columns[position * control.slots.length + j]));
     const range = [0, control.values.length - 1, 1, control.position];
-    return slider(control.name, control.unit, range, (position) => control.values[position], set).element;
+    return slider(control.label || control.name, control.name, control.unit, range, (position) => control.values[position], set).element;
   });
 }
 
@@ -145,7 +146,7 @@ function targets(loop) {
   const add = (name, unit, i, reach) => {
     const now = loop.target(i);
     const range = [now - reach, now + reach, reach / 100, now];
-    all.push({ i, ...slider(name, unit, range, () => loop.target(i), (x) => loop.setTarget(i, x)) });
+    all.push({ i, ...slider(name, "", unit, range, () => loop.target(i), (x) => loop.setTarget(i, x)) });
   };
   for (const target of data.targets) {
     const coordinates = target.axes?.map((axis) => [axis, axis.startsWith("r") ? "rad" : "m"]) ?? data.joints.map((j) => [j.name, j.unit]);

@@ -12,7 +12,7 @@
 
 use super::friction_curve::{FrictionCurve, LoopCurve};
 use crate::linalg::cholesky;
-use crate::scalar::{Real, labelled_numbers};
+use crate::scalar::{Real, labelled_numbers, sign};
 use nalgebra::{DMatrix, DVector};
 
 /// Stick-slip friction of all joints.
@@ -90,7 +90,6 @@ pub struct LoopStickSlip<S> {
     pub(super) drive: Vec<S>,
     pub(super) loads: Vec<Load<S>>,
     torque: Vec<S>,
-    resting: Vec<bool>,
     /// Memory for accelerations.
     rates: Vec<S>,
     margins: Vec<S>,
@@ -113,7 +112,6 @@ impl<S: Real> LoopStickSlip<S> {
             drive: zeros(n),
             loads: vec![if drives { Load::Driven(S::zero()) } else { Load::Known(S::zero()) }; n],
             torque: zeros(n),
-            resting: vec![false; n],
             rates: zeros(n),
             margins: zeros(n),
         }
@@ -205,9 +203,14 @@ impl<S: Real> LoopStickSlip<S> {
         self.sliding(i, self.signs[i], self.curve.unloaded(i, v), self.curve.viscous[i] * v)
     }
 
-    /// The friction torque at which joint `i` starts to slide to `side`. Its sign is the sign of `side`.
-    fn limit(&self, i: usize, side: i8) -> S {
-        self.sliding(i, S::splat(f64::from(side)), self.breakaway[i], S::zero())
+    /// The friction torque at which joint `i` starts to slide to `side`, which is 1 or -1. Its sign is the sign of `side`.
+    fn limit(&self, i: usize, side: S) -> S {
+        self.sliding(i, side, self.breakaway[i], S::zero())
+    }
+
+    /// The limits of the friction torque of joint `i` at rest.
+    fn limits(&self, i: usize) -> [S; 2] {
+        [1.0, -1.0].map(|side| self.limit(i, S::splat(side)))
     }
 
     /// Compute the friction torques of sliding joints at the speeds `v`. The torque of stuck joints is set to zero.
@@ -254,7 +257,8 @@ impl<S: Real> LoopStickSlip<S> {
             self.rates = rates;
         }
         for (i, &v) in v.iter().enumerate() {
-            let held = (self.limit(i, 1) - self.torque[i]).min(self.torque[i] - self.limit(i, -1));
+            let [up, down] = self.limits(i);
+            let held = (up - self.torque[i]).min(self.torque[i] - down);
             self.margins[i] = S::select(self.slides(i), self.signs[i] * v, held);
         }
         &self.margins
@@ -264,65 +268,83 @@ impl<S: Real> LoopStickSlip<S> {
     pub fn arrest(&mut self, v: &mut [S]) -> bool {
         let mut any = false;
         for (i, v) in v.iter_mut().enumerate() {
-            let side = self.sides[i];
-            // The rounding error of the speed of a stuck joint is removed too.
-            if side == 0 || f64::from(side) * v.lane(0) < 0.0 {
-                any |= v.lane(0) != 0.0;
-                *v = S::zero();
-                self.set(i, 0);
-            }
+            let before = v.lane(0);
+            *v = self.stop(i, *v);
+            any |= v.lane(0) != before;
         }
+        self.read_sides();
         any
+    }
+
+    /// Stop joint `i` if its velocity `v` is opposite to its direction of slip. Return its velocity. The function has no branch on the
+    /// numbers.
+    pub fn stop(&mut self, i: usize, v: S) -> S {
+        self.signs[i] = S::select((self.signs[i] * v).lt(S::zero()), S::zero(), self.signs[i]);
+        // The rounding error of the speed of a stuck joint is removed too.
+        S::select(self.slides(i), v, S::zero())
+    }
+
+    /// The mode of each joint as a number.
+    pub fn signs(&self) -> &[S] {
+        &self.signs
+    }
+
+    /// Copy the modes from their numbers.
+    fn read_sides(&mut self) {
+        self.sides.iter_mut().zip(&self.signs).for_each(|(side, sign)| *side = sign.lane(0) as i8);
     }
 
     /// Determine the modes of the joints at the speeds `v`. Moving joints slide. The modes of joints at rest follow from the
     /// complementarity problem for `A`, `b` and the loads. The joint `leaving` has to slip: its static friction is slightly reduced, so
     /// that rounding errors do not hold it. Return whether any mode changes.
     pub fn settle(&mut self, v: &[S], leaving: Option<usize>) -> bool {
-        let n = v.len();
         self.before.copy_from_slice(&self.sides);
-        for i in 0..n {
-            let v = v[i].lane(0);
-            self.set(i, i8::from(v > 0.0) - i8::from(v < 0.0));
-            self.resting[i] = self.sides[i] == 0;
-        }
-        let mut a = std::mem::take(&mut self.rates);
-        if self.resting.contains(&true) {
-            for _ in 0..PIVOTS * (n + 1) {
-                for i in 0..n {
-                    self.torque[i] = match (self.sides[i], self.resting[i]) {
-                        (0, _) => S::zero(),
-                        (side, true) => self.limit(i, side),
-                        (_, false) => self.kinetic(i, v[i]),
-                    };
+        self.begin(v);
+        if v.iter().any(|v| sign(*v).lane(0) == 0.0) {
+            for _ in 0..Self::most_pivots(v.len()) {
+                if self.pivot(v, leaving).lane(0) == 1.0 {
+                    break;
                 }
-                self.hold(&mut a);
-                let wrong = (0..n).filter(|&i| self.resting[i]).find_map(|i| Some((i, self.pivot(i, a[i], leaving == Some(i))?)));
-                let Some((i, side)) = wrong else { break };
-                self.set(i, side);
             }
         }
-        self.rates = a;
+        self.read_sides();
         self.sides != self.before
     }
 
-    /// The other mode of a joint at rest, if the present mode contradicts its torque or its acceleration `a`; else `None`.
-    fn pivot(&self, i: usize, a: S, leaving: bool) -> Option<i8> {
-        match self.sides[i] {
-            0 => {
-                let torque = self.torque[i].lane(0);
-                let [up, down] = [1, -1].map(|side| self.limit(i, side).lane(0));
-                let slack = if leaving { SLIPS * (up - down) } else { 0.0 };
-                if torque > up - slack {
-                    Some(1)
-                } else if torque < down + slack {
-                    Some(-1)
-                } else {
-                    None
-                }
-            }
-            side if !leaving && f64::from(side) * a.lane(0) < 0.0 => Some(0),
-            _ => None,
+    /// The largest number of pivots for `n` joints.
+    pub const fn most_pivots(n: usize) -> usize {
+        PIVOTS * (n + 1)
+    }
+
+    /// Begin to determine the modes at the speeds `v`: moving joints slide, and joints at rest are stuck.
+    pub fn begin(&mut self, v: &[S]) {
+        self.signs.iter_mut().zip(v).for_each(|(to, &v)| *to = sign(v));
+    }
+
+    /// Change the mode of the first joint at rest whose mode contradicts its torque or its acceleration. Return 1 if there is none, else
+    /// 0. The function has no branch on the numbers.
+    pub fn pivot(&mut self, v: &[S], leaving: Option<usize>) -> S {
+        let (zero, one) = (S::zero(), S::splat(1.0));
+        for i in 0..v.len() {
+            let sliding = S::select(zero.lt(v[i].abs()), self.kinetic(i, v[i]), self.limit(i, self.signs[i]));
+            self.torque[i] = S::select(self.slides(i), sliding, zero);
         }
+        let mut a = std::mem::take(&mut self.rates);
+        self.hold(&mut a);
+        let mut settled = one;
+        for (i, &a) in a.iter().enumerate() {
+            let (sign, torque, [up, down]) = (self.signs[i], self.torque[i], self.limits(i));
+            let leaves = leaving == Some(i);
+            let slack = if leaves { S::splat(SLIPS) * (up - down) } else { zero };
+            let stuck = S::select((up - slack).lt(torque), one, S::select(torque.lt(down + slack), -one, zero));
+            let slides = if leaves { sign } else { S::select((sign * a).lt(zero), zero, sign) };
+            // Moving joints keep their modes, and so do the joints after the first one that changes.
+            let now = S::select(self.slides(i), slides, stuck);
+            let now = S::select(zero.lt(v[i].abs()), sign, S::select(zero.lt(settled), now, sign));
+            settled = S::select(zero.lt((now - sign).abs()), zero, settled);
+            self.signs[i] = now;
+        }
+        self.rates = a;
+        settled
     }
 }

@@ -61,6 +61,18 @@ struct Sizes {
     desired: usize,
 }
 
+/// The steps of the decision which joints with stick-slip friction stick ([`LoopStickSlip`](crate::plant::LoopStickSlip)). The modes are
+/// numbers, followed by a number that is 1 if they are final, else 0.
+pub struct DecidingModes {
+    /// At the start of the decision.
+    pub begun: Vec<Sym>,
+    /// After a pivot.
+    pub pivoted: Vec<Sym>,
+    /// The modes and the speeds after a step.
+    pub stopped: Vec<Sym>,
+    pub speeds: Vec<Sym>,
+}
+
 impl<'a> ClosedLoop<'a> {
     /// Record the numbers of a loop. The wrench acts at `force_frame`. `tau_max` are the limits of the input, and `period` is the sample
     /// period, s. `truth` are the true parameters of the plants for the dissipation.
@@ -201,5 +213,23 @@ impl<'a> ClosedLoop<'a> {
         }
         let friction = self.plant.stick_slip(&x[..self.sizes.states], &vector(&self.tau), &u.wrench);
         friction.map_or_else(Default::default, |(mut friction, speeds)| (friction.loads(), friction.margins(speeds.as_slice()).to_vec()))
+    }
+
+    /// The steps of the decision which joints stick, under the exogenous input `u` at state `x`; `None` without stick-slip friction.
+    pub fn deciding_modes(&mut self, u: &Exogenous<Sym>, x: &[Sym]) -> Option<DecidingModes> {
+        if !self.closing.held {
+            self.answer(u, x);
+        }
+        let (friction, speeds) = self.plant.stick_slip(&x[..self.sizes.states], &vector(&self.tau), &u.wrench)?;
+        let [mut begun, mut pivoted, mut stopped] = [friction.clone(), friction.clone(), friction];
+        begun.begin(speeds.as_slice());
+        let settled = pivoted.pivot(speeds.as_slice(), None);
+        let speeds = speeds.iter().enumerate().map(|(i, &v)| stopped.stop(i, v)).collect();
+        Some(DecidingModes {
+            begun: [begun.signs(), &[Sym::zero()]].concat(),
+            pivoted: [pivoted.signs(), &[settled]].concat(),
+            stopped: stopped.signs().to_vec(),
+            speeds,
+        })
     }
 }

@@ -67,6 +67,7 @@ pub use problem::times::Times;
 pub use problem::{Options, Problem};
 pub use record::listing::{Listed, list_loop, watch_steps};
 pub use record::web::{WebControl, WebLoop, WebMotion, web_loop};
+pub use record::web_steps::WebSampling;
 pub use runs::single::{Run, simulate, simulate_observed};
 pub use runs::stepper::{Stepping, require_fixed_steps, stepper};
 pub use stop::{Poller, Stop};

@@ -49,6 +49,10 @@ pub struct StepSlots {
     pub torque_states: Option<usize>,
     /// The sampled controller.
     pub controller: ControllerSlots,
+    /// The speeds of joints that stick and slip. There are none without stick-slip friction.
+    pub sliding: Slots,
+    /// The modes of these joints, followed by a number that is 1 if the decision about them has ended.
+    pub modes: Slots,
     /// The reference values of the monitors, which are computed at the first record. There are none without records.
     pub reference: Slots,
     /// The state of a stage, and its exogenous input.
@@ -69,7 +73,7 @@ impl StepSlots {
         mut signature: Signature,
         closed: &ClosedLoop,
         (wrench, instants, shared): (usize, &'static [f64], bool),
-        (seen, parts, torque_states): (usize, Parts, Option<usize>),
+        (seen, parts, torque_states, sliding): (usize, Parts, Option<usize>, Slots),
         ((metrics, lasting), reference): ((usize, usize), usize),
     ) -> Self {
         let instant = |signature: &mut Signature| Instant::add(signature, ["desired", "force"], [closed.desired(), wrench]);
@@ -86,6 +90,7 @@ impl StepSlots {
         let output = if parts.delays { output } else { tau };
         let change = if_any("change", 1, parts.limits_rate);
         let controller = ControllerSlots { state: state.part(0, measured.count), measured, change, output, tau, others: law_rate };
+        let modes = input("mode", sliding.count + sliding.count.min(1));
         let reference = input("reference", reference);
         let stage = input("stage_state", closed.size());
         let stage_input = Instant::add(&mut signature, ["stage_desired", "stage_force"], exogenous.sizes());
@@ -104,6 +109,8 @@ impl StepSlots {
             law_rate,
             torque_states,
             controller,
+            sliding: state.part(sliding.first, sliding.count),
+            modes,
             reference,
             stage,
             stage_input,

@@ -14,7 +14,7 @@ use super::key::Common;
 use super::metrics::Sums;
 use super::records::{Noted, Notes};
 use super::slots::{Instant, StepSlots};
-use super::step_programs::{self, Noting, Programs, Stages, StepResults, Summing, Tracing, Watch};
+use super::step_programs::{self, Modes, Noting, Programs, Stages, StepResults, Summing, Tracing, Watch};
 use super::structure::{LoopParameters, MetricsAndRecords, Seen, entries, instant, set_up};
 use crate::integrate::{Advance, ExplicitSteps, MethodKind, System, WithExplicitSteps};
 use crate::linalg::Pairs;
@@ -27,7 +27,7 @@ use crate::simulate::sampled::recorded_controller::Controller;
 use crate::simulate::world::Exogenous;
 use crate::trace::cache::Cache;
 use crate::trace::tape::{Moving, Op};
-use crate::trace::{ByEngine, Cut, Engine, Signature, Sym, engine, sym};
+use crate::trace::{ByEngine, Cut, Engine, Signature, Slots, Sym, engine, sym};
 use std::sync::Arc;
 
 /// Rates with at most this number of operations are part of the program of a step.
@@ -57,7 +57,8 @@ impl Recorded {
 }
 
 /// Whether the loops of a problem can be programs of whole steps. These programs require fixed explicit steps, a law that can be recorded,
-/// and a plant without stick-slip friction.
+/// and a plant without stick-slip friction. The modes of joints with this friction are inputs of a recorded step, which only a web page
+/// uses.
 pub fn is_recordable(problem: &Problem) -> bool {
     matches!(problem.options.method.kind(), MethodKind::ExplicitSteps(_))
         && problem.laws.iter().all(|law| law.route().is_recordable())
@@ -109,7 +110,8 @@ fn recorded(problem: &Problem, run: usize, common: Common, plain: Option<bool>) 
     let context = (if problem.forces.is_empty() { 0 } else { 6 }, method.instants(), common.shared);
     let (parts, law) = (problem.options.sampling.as_ref().map_or(Parts::default(), Sampling::parts), problem.law(run));
     let torque_states = law.torque_states().filter(|_| parts.delays || parts.limits_rate);
-    let controlled = (problem.plant(run).seen(), parts, torque_states);
+    let plant = problem.plant(run);
+    let controlled = (plant.seen(), parts, torque_states, Slots { first: plant.first_sliding_speed(), count: plant.sticking_joints() });
     let mut slots = StepSlots::new(Signature::new(given), &closed, context, controlled, (metrics, reference));
     let most = if common.long { LARGE_IN_LANES } else { LARGE };
     let tracing = trace(closed, extras, (method, law.route().is_recordable(), plain, most), &slots);
@@ -133,14 +135,17 @@ fn trace(
     let (x, stored, h) = (slots.state.declare(), slots.metrics.declare(), sym::input());
     let held = [slots.tau.declare(), slots.law_rate.declare()];
     let controller = Controller::declare(&slots.controller, &held[0], slots.torque_states);
+    let modes = slots.modes.declare();
     let firsts = slots.reference.declare();
     let (stage, stage_input) = (slots.stage.declare(), one());
     slots.rates.declare();
     let is_sampled = closed.is_held() && with_law;
+    closed.hold_sides(&modes[..slots.sliding.count]);
     let law = if with_law { controller.sample(&mut closed, &u[0], &x) } else { held.clone() };
     if closed.is_held() {
         controller.hold(&mut closed, &held);
     }
+    let modes = closed.deciding_modes(&u[0], &x).map(Modes::from);
     // The metrics and records are recorded at this point, so that they share the law's result at this state with the step.
     let mut start = StepStart { extras, u: &u[0], x: &x, h, stored: &stored, firsts: &firsts };
     let (sums, notes) = (start.summing(&held[0]), start.noting(&held[0]));
@@ -175,7 +180,7 @@ fn trace(
         controller.hold(&mut closed, &law);
         step(&mut closed, along).0
     });
-    Tracing { law: entries(law.concat()), stages, cuts: cuts.unwrap_or_default(), step: held, sampled, sums, notes }
+    Tracing { law: entries(law.concat()), stages, cuts: cuts.unwrap_or_default(), step: held, sampled, sums, notes, modes }
 }
 
 /// Record the rates of a stage. Return the slots and operations of the rates that depend on the stage, and of the plant's input if the law is

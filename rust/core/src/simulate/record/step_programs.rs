@@ -2,6 +2,8 @@
 //! is its memory. The *instants* are the times in a step at which the exogenous input is evaluated.
 
 use super::slots::StepSlots;
+use super::structure::entries;
+use crate::simulate::closed_loop::DecidingModes;
 use crate::trace::tape::Op;
 use crate::trace::{Cut, Engine, Frame, Part, Program, Scratch, SlotTable, Slots, Stream, form, segments};
 
@@ -21,6 +23,8 @@ pub struct Tracing {
     pub sums: Option<Summing>,
     /// The results of the program that computes records.
     pub notes: Option<Noting>,
+    /// The results of the programs that decide which joints stick. `None` without stick-slip friction.
+    pub modes: Option<Modes>,
 }
 
 /// The results of a step.
@@ -57,6 +61,23 @@ pub struct Summing {
     pub alone: Vec<u32>,
     /// The results at records after the first one.
     pub stage: Vec<u32>,
+}
+
+/// The results of the programs that decide which joints stick, from the state, the first instant, the input and the modes
+/// ([`DecidingModes`]).
+pub struct Modes {
+    begun: Vec<u32>,
+    pivoted: Vec<u32>,
+    stopped: Vec<u32>,
+    speeds: Vec<u32>,
+}
+
+impl From<DecidingModes> for Modes {
+    fn from(modes: DecidingModes) -> Self {
+        let DecidingModes { begun, pivoted, stopped, speeds } = modes;
+        let [begun, pivoted, stopped, speeds] = [begun, pivoted, stopped, speeds].map(entries);
+        Modes { begun, pivoted, stopped, speeds }
+    }
 }
 
 /// A callback for each part of a recording that becomes a program. It receives the name of the program, and whether it computes lanes.
@@ -246,6 +267,14 @@ impl Making<'_, '_> {
         self.program("law", &self.slots.law_outputs(law))
     }
 
+    /// Make the programs that decide which joints stick: `begin_modes` starts a decision, `pivot` continues it, and `arrest` ends a step.
+    fn modes(&mut self, results: &Modes) {
+        let StepSlots { modes, sliding, .. } = *self.slots;
+        self.program("begin_modes", &modes.outputs(&results.begun));
+        self.program("pivot", &modes.outputs(&results.pivoted));
+        self.program("arrest", &[modes.outputs(&results.stopped), sliding.outputs(&results.speeds)].concat());
+    }
+
     /// Make the segments of a step that is divided into parts. `cuts` are their ends.
     fn segments(&mut self, cuts: &[Cut], places: &SlotTable) -> Vec<Program> {
         let starts = std::iter::once(0).chain(cuts.iter().map(|cut| cut.end));
@@ -296,5 +325,8 @@ pub fn make(ops: &[Op], slots: &StepSlots, tracing: &Tracing, (lanes, engine): (
         let outputs = [slots.record.outputs(&noting.alone), slots.own_reference.outputs(&noting.firsts)].concat();
         making.program("notes", &outputs)
     });
+    if let Some(modes) = &tracing.modes {
+        making.modes(modes);
+    }
     Programs { law, step, sums, later_sums, notes }
 }

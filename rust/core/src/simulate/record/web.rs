@@ -6,13 +6,12 @@
 
 use super::key::Common;
 use super::slots::StepSlots;
-use super::step::{self, Recorded};
+use super::step;
 use super::structure::set_up;
+use super::web_steps::{self, WebSampling};
 use crate::dynamics::{Model, Quantity, Query};
 use crate::error::{Error, Result};
-use crate::integrate::MethodKind;
 use crate::interrupt;
-use crate::law::Route;
 use crate::motion::Motion;
 use crate::scalar::Real;
 use crate::simulate::assembly::start;
@@ -57,6 +56,8 @@ pub struct WebLoop {
     pub step: f64,
     /// The number of steps between two samples of the law. Zero if the law is in every stage.
     pub period: usize,
+    /// The sampled controller, if it does more than hold the output of the law.
+    pub sampling: Option<WebSampling>,
     /// Whether the plant has speeds among its states. Its input is then a force or a torque, otherwise a velocity.
     pub has_speeds: bool,
     /// The names of the monitors, which follow the plant's input in a record.
@@ -122,15 +123,15 @@ pub struct WebControl {
 /// structure of the loop, and for two controls that change one number.
 pub fn web_loop(problem: &Problem, positions: &[usize], frames: &[usize]) -> Result<WebLoop> {
     problem.validate()?;
-    require_steps(problem)?;
+    web_steps::require(problem)?;
     let names = monitors::names(problem);
     let common = Common { notes: Some(names.len()), sums: false, ..Common::of(problem, false) };
     let moving = varying(problem, common, positions)?;
     let (mut module, mut cut) = (Module::default(), None);
     let recorded = step::record_moving(problem, 0, common, Moving::These(moving.clone()), &mut |name, part, _, scratch, _| {
-        // A page records with the function `notes`, at chosen steps.
-        let is_used = !name.starts_with("noted_");
-        if is_used && !module.function(&name, part, scratch) {
+        if let Some(known) = web_steps::function_name(problem, &name)
+            && !module.function(known, part, scratch)
+        {
             cut = Some(name);
         }
     });
@@ -138,8 +139,9 @@ pub fn web_loop(problem: &Problem, positions: &[usize], frames: &[usize]) -> Res
         let problem = format!("branches in native code, which a page does not have: expected another law, got {}", problem.law(0).name());
         return Err(Error::input("law", problem));
     }
-    sequences(&recorded, &mut module);
-    let StepSlots { signature, exogenous, state, tau, reference, record, own_reference, step, instants, .. } = recorded.slots.clone();
+    web_steps::add(problem, &recorded, &mut module);
+    let StepSlots { signature, exogenous, state, tau, controller, reference, record, own_reference, step, instants, .. } =
+        recorded.slots.clone();
     module.reserve(signature.slots().saturating_sub(module.slots()));
     let arm = (problem.plant(0).model(), state.part(0, problem.plant(0).n()), signature.angle() as u32);
     let [joints, positions_of_frames] = poses(&mut module, arm, frames)?;
@@ -161,6 +163,9 @@ pub fn web_loop(problem: &Problem, positions: &[usize], frames: &[usize]) -> Res
         ("state", state),
         ("h", Slots { first: step, count: 1 }),
         ("tau", tau),
+        ("output", controller.output),
+        ("change", controller.change),
+        ("measured", controller.measured),
         ("reference", reference),
         ("record", record),
         ("own_reference", own_reference),
@@ -182,39 +187,13 @@ pub fn web_loop(problem: &Problem, positions: &[usize], frames: &[usize]) -> Res
         frame,
         instants,
         step: h,
-        period: problem.options.sampling.as_ref().map_or(0, |sampling| Clock::new(sampling, h, 0).next(0)),
+        period: problem.options.sampling.as_ref().map_or(0, |sampling| Clock::new(sampling, h, 0).period()),
+        sampling: problem.options.sampling.as_ref().and_then(|sampling| WebSampling::of(sampling, h)),
         has_speeds: problem.plant(0).kind().has_speeds(),
         monitors: names,
         motions,
         controls,
     })
-}
-
-/// Refuse a loop whose steps are not one program.
-fn require_steps(problem: &Problem) -> Result<()> {
-    let (o, law) = (&problem.options, problem.law(0));
-    let refused = |argument: &str, problem: String| Err(Error::input(argument, problem));
-    match law.route() {
-        Route::Outside => return refused("law", "is a function in Python: expected a law of armlet such as Adaptive".into()),
-        Route::Bounded | Route::Deciding => {
-            let problem = "has limits or bounds, which are solved in native code: expected a law without limits";
-            return refused("law", format!("{problem}, got {}", law.name()));
-        }
-        Route::Straight | Route::Guarded => {}
-    }
-    if !matches!(o.method.kind(), MethodKind::ExplicitSteps(_)) {
-        return refused("method", format!("has no fixed explicit steps: expected rk4, euler or semi_implicit, got {}", o.method.name()));
-    }
-    if problem.plant(0).sticks() {
-        return refused("plant", "has stick-slip friction, whose modes change in native code: expected another model of friction".into());
-    }
-    if problem.forces.iter().any(|force| force.constant().is_none()) {
-        return refused("force", "changes in time: expected a constant force, or None".into());
-    }
-    if o.sampling.as_ref().is_some_and(|sampling| !sampling.is_plain()) {
-        return refused("sample_time", "has delays, noise or limits in native code: expected a period in seconds".into());
-    }
-    Ok(())
 }
 
 /// A recorded set-up: operations, structure and values.
@@ -309,25 +288,6 @@ fn require_apart(controls: &[WebControl]) -> Result<()> {
         }
     }
     Ok(())
-}
-
-/// Add the functions of whole steps of a loop whose step is divided into parts.
-fn sequences(recorded: &Recorded, module: &mut Module) {
-    let Some(stages) = &recorded.tracing.stages else { return };
-    let call = |name: &str| Action::Call(name.to_owned());
-    let count = recorded.tracing.cuts.len();
-    for (name, first) in [("step", "rates"), ("sampled_step", "sampled_rates")] {
-        let mut actions = Vec::new();
-        for k in 0..count {
-            actions.extend([call(&format!("segment{}", k + 1)), call(if k == 0 { first } else { "rates" })]);
-            let copies = stages.moving.iter().filter(|slots| slots.count > 0);
-            actions.extend(copies.map(|&from| Action::Copy { from, to: from.first + (k + 1) * recorded.slots.rates.count }));
-        }
-        actions.push(call(&format!("segment{}", count + 1)));
-        if name == "step" || stages.sampled.is_some() {
-            module.sequence(name, &actions);
-        }
-    }
 }
 
 /// Add the functions `joints` and `frames` of an arm whose positions are in the slots `q`. Return the slots of their results.

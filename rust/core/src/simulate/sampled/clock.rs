@@ -21,6 +21,16 @@ impl Clock {
         Clock { period: steps(sampling.period).max(1), delay: steps(sampling.delay), jitter: [sampling.jitter, dt], seed }
     }
 
+    /// The number of steps between two nominal samples.
+    pub fn period(&self) -> usize {
+        self.period
+    }
+
+    /// The number of steps from a sample until its output acts.
+    pub fn delay(&self) -> usize {
+        self.delay
+    }
+
     /// The step that begins with sample `k`.
     fn step(&self, k: usize) -> usize {
         let [jitter, dt] = self.jitter;
