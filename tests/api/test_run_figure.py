@@ -229,6 +229,6 @@ def test_positions_and_torques_beyond_limits_are_marked() -> None:
     """The arm passes a joint limit and its torque limit, but no speed limit. A lower limit above zero counts, too."""
     arm = al.Arm.from_chain([{**BODY, "lower": 0.05, "upper": 0.4, "velocity": 50.0, "effort": 3.0}])
     figure, axes = plotted(arm, al.PDGravity(arm, [0.5], 200.0, 5.0), check_limits=False)
-    marked = {ax.get_title(): [line for line in ax.get_lines() if line.get_gid() == "excess"] for ax in axes}
+    marked = {ax.get_title(loc="left"): [line for line in ax.get_lines() if line.get_gid() == "excess"] for ax in axes}
     assert marked["Joint positions"] and marked["Joint torques"] and not marked["Joint velocities"]
     assert "beyond limit" in legend_names(figure)
