@@ -3,6 +3,7 @@
 from . import (  # noqa: F401
     adaptive,
     arms,
+    collisions,
     elastic,
     examples,
     friction,
