@@ -2,6 +2,9 @@
 
 The arm has a vertical axis and two horizontal ones: shoulder and elbow. Its equations of motion are those of Newton and Euler, for many
 logs at once. Torques and positions of a log have the noise, the quantisation, the uneven times and the lost samples of a real one.
+
+    python tests/identities/log_trials.py inverse 100               100 logs of each fault, fitted as an arm
+    python tests/identities/log_trials.py prediction 20 delay       20 logs of a fault, fitted as a plant
 """
 
 from __future__ import annotations
@@ -168,13 +171,14 @@ def recorded(rng: np.random.Generator, robot: Robot, noise: Array | float, delay
 NOISE, FILTERED = np.array([0.4, 0.4, 0.2]), 0.282
 
 
-def fitted(log: al.Log, name: str, delay: int = 0) -> al.LogFit:
-    """The fit of a log with the wrong assumption `name`."""
-    return al.fit_log(arm(), log, FAULTS.get(name, KINDS), delay=delay * PERIOD)
+def fitted(log: al.Log, name: str, delay: int = 0, predicted: bool = False) -> al.LogFit:
+    """The fit of a log with the wrong assumption `name`: of an arm, or of a plant that predicts the positions."""
+    model = al.RigidArm(arm()) if predicted else arm()
+    return al.fit_log(model, log, FAULTS.get(name, KINDS), delay=delay * PERIOD, held=False)
 
 
-def trial(name: str, seed: int) -> al.LogFit:
-    """The fit of one log. Its noise is a third of what the wrong assumption leaves in the residual of one joint."""
+def trial(name: str, seed: int, predicted: bool = False) -> al.LogFit:
+    """The fit of one log. Its noise is a third of what the wrong assumption leaves in the residual of one joint of the inverse fit."""
     rng = np.random.default_rng(seed)
     robot, delay = Robot(rng, name), int(rng.integers(0, 4))
     noise = NOISE
@@ -184,7 +188,7 @@ def trial(name: str, seed: int) -> al.LogFit:
         right.motion = robot.motion
         other = fitted(recorded(rng, right, 0.0, delay), "", delay).residuals
         noise = sized(fault, other)
-    return fitted(recorded(rng, robot, noise, delay), name, delay)
+    return fitted(recorded(rng, robot, noise, delay), name, delay, predicted)
 
 
 def sized(fault: Array, right: Array) -> Array:
@@ -192,14 +196,14 @@ def sized(fault: Array, right: Array) -> Array:
     return np.asarray(NOISE * (np.sqrt(np.maximum(fault**2 - right**2, 0.0)) / (FILTERED * NOISE)).max() / 3.0)
 
 
-def saturated_trials(count: int, seed: int) -> list[al.LogFit]:
+def saturated_trials(count: int, seed: int, predicted: bool = False) -> list[al.LogFit]:
     """The fits of logs in which the torque of the shoulder saturates at 18 N m."""
     rngs = [np.random.default_rng([seed, k]) for k in range(count)]
     t, q, tau = saturated([Robot(rng, "saturation") for rng in rngs], np.array([np.inf, 18.0, np.inf]))
     fits = []
     for k, rng in enumerate(rngs):
         fault = fitted(as_recorded(rng, t, q[k], tau[k], 0.0), "saturation").residuals
-        fits.append(fitted(as_recorded(rng, t, q[k], tau[k], sized(fault, np.zeros(3))), "saturation"))
+        fits.append(fitted(as_recorded(rng, t, q[k], tau[k], sized(fault, np.zeros(3))), "saturation", 0, predicted))
     return fits
 
 
@@ -208,11 +212,11 @@ def first(fit: al.LogFit) -> str:
     return fit.refuted[0].name if fit.refuted else ""
 
 
-def main(count: int, names: list[str]) -> None:
+def main(count: int, names: list[str], predicted: bool) -> None:
     """Print how often each assumption was named first."""
     for name in names or ["", *FAULTS]:
         name = name.replace("right", "")
-        fits = saturated_trials(count, 0) if name == "saturation" else (trial(name, seed) for seed in range(count))
+        fits = saturated_trials(count, 0, predicted) if name == "saturation" else (trial(name, seed, predicted) for seed in range(count))
         print(f"{name or 'right'}: {dict(Counter(first(fit) or 'nothing' for fit in fits))}", flush=True)
 
 
@@ -225,4 +229,4 @@ def as_recorded(rng: np.random.Generator, t: Array, q: Array, tau: Array, noise:
 
 
 if __name__ == "__main__":
-    main(int(sys.argv[1]), sys.argv[2:])
+    main(int(sys.argv[2]), sys.argv[3:], sys.argv[1] == "prediction")

@@ -180,13 +180,10 @@ def test_numbers_that_cannot_be_told_apart() -> None:
     assert any("torque_constant[joint1]" in line for line in fit.unidentifiable)
 
 
-def test_assumptions_of_a_plant() -> None:
-    """Logs with measured torques: nothing in a right one, and missing friction and a payload by name."""
-    for name in ("", "coulomb", "payload"):
-        rng = np.random.default_rng(0)
-        log = log_trials.recorded(rng, log_trials.Robot(rng, name), log_trials.NOISE, 0)
-        fit = al.fit_log(al.RigidArm(log_trials.arm()), log, log_trials.FAULTS.get(name, log_trials.KINDS), held=False)
-        assert log_trials.first(fit) == name
+@pytest.mark.parametrize("name", ["", "coulomb", "payload", "elasticity", "delay", "clock_drift"])
+def test_assumptions_of_a_plant(name: str) -> None:
+    """Logs with measured torques: nothing in a right one, and each wrong assumption by name."""
+    assert log_trials.first(log_trials.trial(name, 1, predicted=True)) == name
 
 
 def test_lost_samples_and_gaps() -> None:

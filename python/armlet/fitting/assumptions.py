@@ -18,7 +18,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +25,7 @@ from numpy.typing import NDArray
 from .. import _core
 from ..logs.filters import low_pass_rates
 from .samples import ORDER, Samples
+from .sensors import link_torque, torque_rate
 
 __all__ = ["Assumption", "assumptions"]
 
@@ -67,11 +67,10 @@ def assumptions(model: _core.Arm, samples: Samples, kinds: Sequence[str], speed:
     yield from _saturation(samples)
     yield from _changes(model, samples)
     bare = model.with_drives(armature=np.zeros(model.n))
-    link, first = _link_torque(bare, samples)
     deflections = _deflections(bare, samples)
     for j in range(n):
-        yield Assumption("elasticity", j, [_elasticity(bare, samples, j, link, deflections)])
-    rate = _rate(model, samples, kinds, explained, first)
+        yield Assumption("elasticity", j, [_elasticity(bare, samples, j, deflections)])
+    rate = torque_rate(model, samples, kinds, link_torque(bare, samples)[1])
     yield Assumption("delay", None, [rate[:, :, None]])
     yield Assumption("clock_drift", None, [((samples.t - samples.t[0])[:, None] * rate)[:, :, None]])
     across = _across(model)
@@ -111,45 +110,24 @@ def _changes(model: _core.Arm, samples: Samples) -> Iterator[Assumption]:
     yield Assumption("payload", None, [step[:, None, None] * body for step in after], times.tolist())
 
 
-def _bodies(model: _core.Arm, q: Array, v: Array, a: Array) -> Array:
-    return np.asarray(model.inverse_dynamics(q, v, a))
-
-
-def _link_torque(bare: _core.Arm, samples: Samples) -> tuple[Array, Array]:
-    """The torque of the bodies without rotors, and its derivative in time, (K, n) each."""
-    before, now, after = (_bodies(bare, *samples.motion_after(step)) for step in (-1, 0, 1))
-    return now, (after - before) / (2.0 * samples.period)
-
-
 def _deflections(bare: _core.Arm, samples: Samples) -> tuple[Array, Array, Array]:
-    """The torque of the bodies with its first and second derivatives in time, (K, n) each.
+    """The torque of the bodies with its first and second derivatives at every time of the log.
 
     The noise of the positions is in the second derivative and in the residual. A second filter removes most of this common noise.
     """
-    values = low_pass_rates(_bodies(bare, *samples.motion), samples.period, SMOOTH * samples.cutoff, ORDER)
-    return values[0][samples.rows], values[1][samples.rows], values[2][samples.rows]
+    return low_pass_rates(np.asarray(bare.inverse_dynamics(*samples.motion)), samples.period, SMOOTH * samples.cutoff, ORDER)
 
 
-def _elasticity(bare: _core.Arm, samples: Samples, j: int, link: Array, deflections: tuple[Array, Array, Array]) -> Array:
-    step = STEP / max(np.abs(deflections[0][:, j]).max(), 1e-300)
-    moved = [values.copy() for values in (samples.q, samples.v, samples.a)]
-    for values, torque in zip(moved, deflections, strict=True):
-        values[:, j] -= step * torque[:, j]
-    return np.asarray((_bodies(bare, *moved) - link) / step)[:, :, None]
+def _elasticity(bare: _core.Arm, samples: Samples, j: int, deflections: tuple[Array, Array, Array]) -> Array:
+    step = STEP / max(np.abs(deflections[0][samples.rows, j]).max(), 1e-300)
 
+    def effect(*series: Array) -> Array:
+        moved = [values.copy() for values in series[:3]]
+        for values, torque in zip(moved, series[3:], strict=True):
+            values[:, j] -= step * torque[:, j]
+        return np.asarray((bare.inverse_dynamics(*moved) - bare.inverse_dynamics(*series[:3])) / step)
 
-def _rate(model: _core.Arm, samples: Samples, kinds: Sequence[str], explained: Array, first: Array) -> Array:
-    """The derivative in time of the torque of the fitted model, (K, n). The derivative of filtered friction is a difference quotient."""
-    limits: Any = model.limits
-    before, after = samples.motion_after(-1), samples.motion_after(1)
-    rate = first + limits["armature"] * (after[2] - before[2]) / (2.0 * samples.period)
-    if "viscous" in kinds:
-        rate = rate + limits["damping"] * samples.a
-    if "coulomb" in kinds:
-        sign = np.sign(samples.motion[1])
-        jumps = (np.roll(sign, -1, axis=0) - np.roll(sign, 1, axis=0)) / (2.0 * samples.period)
-        rate = rate + limits["friction"] * samples.filtered(jumps)
-    return np.asarray(rate)
+    return samples.sampled(effect, *samples.motion, *deflections)[:, :, None]
 
 
 def _across(model: _core.Arm) -> tuple[Array, Array] | None:

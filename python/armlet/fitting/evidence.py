@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -26,6 +27,10 @@ class Blocks(Samples):
         """The means of a column (K, ..) over the blocks."""
         size = self.weights.shape[1]
         return np.asarray(np.einsum("bs,bs...->b...", self.weights, column[self.begins[:, None] + np.arange(size)]))
+
+    def sampled(self, function: Callable[..., Array], *series: Array) -> Array:
+        """The means of a function over the blocks. The function of the means would differ from it."""
+        return self.filtered(function(*series))
 
 
 @dataclass(frozen=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -42,10 +43,9 @@ class Samples:
         """The samples of a column, known at every time of the log, after the filter."""
         return low_pass(column, self.period, self.cutoff, ORDER)[self.rows]
 
-    def motion_after(self, step: int) -> tuple[Array, Array, Array]:
-        """Positions, velocities and accelerations `step` periods after each sample."""
-        q, v, a = self.motion
-        return q[self.rows + step], v[self.rows + step], a[self.rows + step]
+    def sampled(self, function: Callable[..., Array], *series: Array) -> Array:
+        """The samples of a function of series that are known at every time of the log."""
+        return function(*(each[self.rows] for each in series))
 
 
 def samples_of(log: Log, cutoff: float | None, delay: float = 0.0) -> Samples:

@@ -17,10 +17,11 @@ from numpy.typing import NDArray
 from ... import _core
 from ...errors import InputError
 from ...logs.log import Log
+from ..assumptions import SMOOTH
 from ..evidence import Blocks, Evidence
 from ..fit import LogFit
 from ..inverse import inverse_fit
-from ..samples import CUTOFF, DENSITY, SHARE
+from ..samples import CUTOFF, DENSITY, MEMORY, SHARE
 from ..statistics import covariance_of_sum
 from .plant_numbers import PlantNumbers
 from .recording import PredictedLog, predicted_log
@@ -77,8 +78,8 @@ def _result(
     deviations = np.where(hidden, np.inf, np.sqrt(np.maximum(np.diag(covariance), 0.0)))
     plant = numbers.plant_of(at.motion.all)
     late = float(at.motion.all[numbers.late])
-    blocks, residual, columns = _blocks(at, record, numbers, size)
     frequency = min(CUTOFF, SHARE / record.period) if cutoff is None else cutoff
+    blocks, residual, columns = _blocks(at, record, numbers, size, frequency)
     model = at.motion.torque(record.states, record.acceleration, np.concatenate([record.sign, record.sign[-1:]]))
     evidence = Evidence(_rigid(at, numbers), blocks, columns, blocks.filtered(model), _untested(numbers))
     return LogFit(
@@ -109,11 +110,15 @@ def _covariance(at: Prediction, root: Array, size: int) -> Array:
     return np.asarray(inverse @ spread @ inverse * count / max(count - root.shape[1], 1))
 
 
-def _blocks(at: Prediction, record: PredictedLog, numbers: PlantNumbers, size: int) -> tuple[Blocks, Array, Array]:
+def _blocks(at: Prediction, record: PredictedLog, numbers: PlantNumbers, size: int, frequency: float) -> tuple[Blocks, Array, Array]:
     """The blocks, the residual as torques (M, n), and the columns of the values in it, (M, n, P)."""
     n, count = numbers.n, len(record.t) // size
     used = at.used[: count * size].reshape(count, size)
     kept = np.count_nonzero(used, axis=1) >= max(1, size // 2)
+    # The memories of the filter of the motion, and of the second filter of the test of elasticity.
+    own = 0.5 / (size * record.period)
+    smooth = record.smooth(MEMORY / frequency + MEMORY / (SMOOTH * own))
+    kept &= np.all(smooth[: count * size].reshape(count, size), axis=1)
     begins = np.flatnonzero(kept) * size
     weights = used[kept] / np.count_nonzero(used[kept], axis=1)[:, None]
     states = at.found.states
@@ -123,7 +128,7 @@ def _blocks(at: Prediction, record: PredictedLog, numbers: PlantNumbers, size: i
     motion = (motor[:, :n], motor[:, n:], record.acceleration)
     blank = np.zeros(0)
     centre = np.minimum(begins + size // 2, len(record.t) - 2)
-    maker = Blocks(blank, blank, blank, blank, blank, motion, centre, record.period, 0.5 / (size * record.period), begins, weights)
+    maker = Blocks(blank, blank, blank, blank, blank, motion, centre, record.period, own, begins, weights)
     tau = record.log.tau
     assert tau is not None
     t, q, v, acceleration, torque = (maker.filtered(each) for each in (record.t, *motion, tau))

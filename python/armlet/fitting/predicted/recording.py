@@ -70,6 +70,13 @@ class PredictedLog:
             sign=self.sign[: count - 1], slow=self.slow[:count], restarts=restarts,
         )  # fmt: skip
 
+    def smooth(self, margin: float) -> NDArray[np.bool_]:
+        """The samples at least `margin`, s, from the ends of the log and from gaps, so that their filtered motion is exact: (K,)."""
+        smooth: NDArray[np.bool_] = (self.t >= self.t[0] + margin) & (self.t <= self.t[-1] - margin)
+        for gap in self.restarts:
+            smooth &= (self.t <= self.t[gap] - margin) | (self.t >= self.t[gap + 1] + margin)
+        return smooth
+
     def used(self, memory: float) -> NDArray[np.bool_]:
         """The samples at which the observer has forgotten its start and what happened while a joint was slow: (K,)."""
         wait = int(np.ceil(7.0 * memory))
