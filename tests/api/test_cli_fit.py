@@ -48,6 +48,49 @@ def test_fit(files: tuple[Path, Path], tmp_path: Path, capsys: pytest.CaptureFix
     assert "refuted" not in capsys.readouterr().out
 
 
+LOOP = """
+[arm]
+kind = "planar_arm"
+lengths = [0.5, 0.4]
+
+[motion]
+kind = "Sinusoid"
+offset = [0.0, 0.0]
+amplitude = [1.0, 1.2]
+frequency = [1.3, 2.1]
+phase = [0.0, 1.0]
+
+[law]
+kind = "ComputedTorque"
+kp = 60.0
+kd = 12.0
+
+[run]
+q0 = [0.0, 1.0]
+t_end = 10.0
+dt = 1e-3
+record_every = 5
+sample_time = 5e-3
+"""
+
+
+def test_fit_of_a_scenario(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A log of a loop without torques: its law computes them, and the plant has friction that the scenario lacks."""
+    (tmp_path / "loop.toml").write_text(LOOP)
+    built = al.Scenario.load(tmp_path / "loop.toml").build()
+    plant = al.RigidArm(ARM.with_drives(damping=[0.8, 0.5]), friction=True)
+    run = al.simulate(plant, built.law, **built.arguments)
+    noise = 1e-5 * np.random.default_rng(0).normal(size=run.q.shape)
+    al.Log(run.t, run.q + noise, v=run.v, names=ARM.joint_names).to_csv(tmp_path / "log.csv")
+    command = ["fit", str(tmp_path / "log.csv"), "--scenario", str(tmp_path / "loop.toml"), "--names", "viscous"]
+    assert cli.main(command) in (0, 1)
+    lines = capsys.readouterr().out.splitlines()
+    (line,) = [line for line in lines if line.endswith("damping[joint1]")]
+    assert float(line.split()[0]) == pytest.approx(0.8, abs=0.02)
+    assert cli.main([*command, *GRAVITY]) == 2
+    assert "--gravity belongs to --urdf" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
     ("options", "part"),
     [

@@ -10,13 +10,14 @@ from numpy.typing import NDArray
 
 from .. import _core
 from .samples import Samples
+from .sensors import SENSORS
 
 __all__ = ["KINDS", "columns_of", "known_torque"]
 
 Array = NDArray[np.float64]
 
 #: The kinds of parameters, with the part of a column's name before the joint. Other columns are inertial parameters.
-KINDS = ("inertia", "rotors", "viscous", "coulomb", "stribeck", "offsets")
+KINDS = ("inertia", "rotors", "viscous", "coulomb", "stribeck", "offsets", *SENSORS)
 _OF_COLUMN = {"armature": "rotors", "damping": "viscous", "friction": "coulomb", "stribeck": "stribeck", "offset": "offsets"}
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from os import PathLike
 from typing import TYPE_CHECKING, Any
@@ -14,6 +14,7 @@ from ..border import bordered
 from ..logs.log import Log
 from ..pickling import sealed
 from .refuted import Refuted, refuted_by, refuted_of
+from .sensors import Sensors
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -87,13 +88,25 @@ class LogFit:
         """Fitted Stribeck friction of each joint, (n,), N m or N; zeros if it was not fitted."""
         return self._of_joints("stribeck")
 
+    @property
+    def torque_constants(self) -> _Array:
+        """Fitted factor of the recorded torque of each joint, (n,); ones if they were not fitted."""
+        return self._of_joints("torque_constant") if "torque_constants" in self.kinds else np.ones(len(self.joints))
+
+    @property
+    def encoder_offsets(self) -> _Array:
+        """Fitted recorded minus true position of each joint, (n,), rad or m; zeros if they were not fitted."""
+        return self._of_joints("encoder_offset")
+
     @cached_property
     def _verdict(self) -> tuple[tuple[Refuted, ...], tuple[str, ...]]:
         if self.before is not None:
             return self.before._verdict
         if self.evidence is not None:
             return refuted_by(self.evidence, self.log, self.kinds, self.stribeck_speed, self.delay, self.residual)
-        return refuted_of(self.arm, self.log, self.kinds, self.stribeck_speed, self.cutoff, self.delay, self.residual)
+        sensors = Sensors.start(self.kinds, len(self.joints), self.delay)
+        sensors = replace(sensors, constants=self.torque_constants, offsets=self.encoder_offsets)
+        return refuted_of(self.arm, self.log, self.kinds, self.stribeck_speed, self.cutoff, sensors, self.residual)
 
     @property
     def refuted(self) -> tuple[Refuted, ...]:
@@ -112,6 +125,8 @@ class LogFit:
         """
         hidden = [name for name, deviation in zip(self.names, self.deviations, strict=True) if not np.isfinite(deviation)]
         lines = [f"not identifiable from this log: {name}" for name in hidden]
+        if any(name.startswith("torque_constant[") for name in hidden):
+            lines.append("torque constants and other parameters have a common factor: fit torque_constants without inertia")
         still = [joint for joint, moved in zip(self.joints, self.ranges, strict=True) if moved <= STILL * self.ranges.max(initial=0.0)]
         moves = [f"joint {joint!r} hardly moves: move it while the other joints move" for joint in still] if hidden else []
         return (*lines, *self._verdict[1], *moves)

@@ -20,6 +20,7 @@ from ..scenario.scenario import Scenario
 from .columns import KINDS
 from .fit import LogFit
 from .inverse import inverse_fit
+from .law_torques import with_torques_of
 from .predicted import KINDS as PLANT_KINDS
 from .predicted import predicted_fit
 from .samples import NAME
@@ -44,21 +45,22 @@ def fit_log(
     delay: float | None = None,
     held: bool | None = None,
 ) -> LogFit:
-    """Fit the parameters of an arm, a plant or a scenario to a log with measured torques.
+    """Fit the parameters of an arm, a plant or a scenario to a log.
 
     For an arm, the measured torques are fitted (inverse fit). Positions and torques pass the same filter without phase, and velocities and
     accelerations are derivatives of the filtered positions. Gaps of the log, and both ends, are omitted.
 
     For a plant, the recorded torques drive the plant, and an observer predicts each position from the positions before it (prediction
-    fit). The predictions' errors are minimised with their exact derivatives. This fit also has the numbers of elastic joints and the delay.
-    The law does not change. Samples at which a joint with Coulomb friction may stick are omitted.
+    fit). The predictions' errors are minimised with their exact derivatives. This fit also has the numbers of elastic joints. The law does
+    not change. If the log has no torques, the law computes them from the recorded positions and velocities. Samples at which a joint with
+    Coulomb friction may stick are omitted.
 
     Args:
         model: an arm, a plant, a pair `(plant, law)`, or a `Scenario`. Parameters that are not fitted keep its values.
-        log: the log, with torques.
-        names: kinds of parameters. For all models: "inertia" (base parameters), "rotors", "viscous" and "coulomb" friction, and "offsets"
-            of the torques. For an arm: "stribeck" friction. For a plant: "torque_constants" (factors of the recorded torques),
-            "encoder_offsets", "stiffness" and "joint_damping" of elastic joints, and one of "delay" and "clock_offset".
+        log: the log, with torques; or with positions and velocities at the samples of a law without a state.
+        names: kinds of parameters: "inertia" (base parameters), "rotors", "viscous" and "coulomb" friction, and "offsets" of the torques.
+            Errors of sensors: "torque_constants" (factors of the recorded torques), "encoder_offsets", and one of "delay" and
+            "clock_offset". For an arm also "stribeck" friction, for a plant "stiffness" and "joint_damping" of elastic joints.
         cutoff: cutoff frequency of the filter, Hz; the smaller of 10 Hz and a tenth of the sample rate if None (keyword only). The
             prediction fit only filters the velocity whose sign is that of Coulomb friction.
         stribeck_speed: `v_s` of "stribeck", rad/s or m/s (keyword only).
@@ -73,7 +75,7 @@ def fit_log(
         A `LogFit`: `.values`, `.deviations`, `.refuted`, `.unidentifiable`, `.correlated`, `.model`, `.residuals`.
 
     Raises:
-        InputError: an argument is not valid, the arm has no links, the log has no torques, or it is too short.
+        InputError: an argument is not valid, the arm has no links, the log does not determine the torques, or it is too short.
 
     Source: [gautier1992exciting] for arms, [Ljung1999] for plants; docs/fit.md.
 
@@ -90,7 +92,8 @@ def fit_log(
     >>> al.fit_log(al.RigidArm(arm), log, ("inertia", "viscous"), held=False).arm.limits["damping"].round(3)
     array([0.8, 0.5])
     """
-    plant, loop = _parts(model)
+    plant, law, arguments = _parts(model)
+    loop = arguments.get("sample_time")
     arm = model if isinstance(model, _core.Arm) else plant.arm
     if not arm.frame_names:
         expected = 'an arm of joints and links, such as al.load_urdf(al.example_urdf("planar_pr"))'
@@ -100,9 +103,11 @@ def fit_log(
     kinds = tuple(choice(NAME, "names", each, known) for each in entries(NAME, "names", names, 100))
     if not kinds or len(set(kinds)) < len(kinds):
         raise InputError(f"{NAME}: names are not different: expected at least one kind, each once, got {list(kinds)}")
-    if record.tau is None or record.n != arm.n:
+    if record.n != arm.n or (record.tau is None and plant is None):
         found = "no torques" if record.tau is None else f"{record.n} joints"
         raise InputError(f"{NAME}: log does not fit the model: expected torques of {arm.n} joints, got {found}")
+    if record.tau is None:
+        record = with_torques_of(law, arguments, record)
     speed = positive(NAME, "stribeck_speed", stribeck_speed)
     instance(NAME, "consistent", consistent, bool, "True or False")
     late = number(NAME, "delay", _delay(loop) if delay is None else delay)
@@ -113,7 +118,7 @@ def fit_log(
         instance(NAME, "held", held, bool, "True, False or None")
     if plant is None:
         return inverse_fit(arm, record, kinds, frequency, speed, consistent, late)
-    constant = bool(loop is None or period_of(loop)) if held is None else held
+    constant = bool(period_of(loop)) or not isinstance(model, Scenario) if held is None else held
 
     def changed(fitted: _core.Plant, moved: float) -> Any:
         if isinstance(model, Scenario):
@@ -123,15 +128,16 @@ def fit_log(
     return predicted_fit(plant, record, kinds, frequency, speed, consistent, late, constant, changed)
 
 
-def _parts(model: Any) -> tuple[Any, Any]:
-    """The plant of a model, None for an arm, and the `sample_time` of a scenario; None for other models."""
-    if isinstance(model, _core.Arm | _core.Plant):
-        return (None if isinstance(model, _core.Arm) else model), None
+def _parts(model: Any) -> tuple[Any, Any, Mapping[str, Any]]:
+    """The plant and the law of a model, None for those that it does not have, and the arguments of `simulate` in a scenario."""
+    if isinstance(model, _core.Arm):
+        return None, None, {}
+    if isinstance(model, _core.Plant):
+        return model, None, {}
     if isinstance(model, Scenario):
-        built = model.build()
-        return built.plant, built.arguments.get("sample_time", 0.0)
+        return model.build()
     if isinstance(model, tuple) and len(model) == 2 and isinstance(model[0], _core.Plant) and isinstance(model[1], _core.Law):
-        return model[0], None
+        return model[0], model[1], {}
     raise InputError(f"{NAME}: model is of the wrong type: expected an arm, a plant, a (plant, law) or a Scenario, got {shown(model)}")
 
 

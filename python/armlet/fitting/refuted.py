@@ -18,6 +18,7 @@ from .columns import columns_of
 from .evidence import Evidence
 from .refutation import Finding, Residual, refute
 from .samples import Samples, samples_of
+from .sensors import Sensors
 
 __all__ = ["Refuted", "refuted_by", "refuted_of"]
 
@@ -68,16 +69,17 @@ def refuted_of(
     kinds: Sequence[str],
     speed: float,
     cutoff: float,
-    delay: float,
+    sensors: Sensors,
     residual: Array,
 ) -> tuple[tuple[Refuted, ...], tuple[str, ...]]:
     """The refuted assumptions of a fit, and in words those that have the same torque as fitted parameters."""
-    samples = samples_of(log, cutoff, delay)
+    samples = sensors.corrected(samples_of(log, cutoff, sensors.delay))
     if len(residual) < 8:
         return (), ()
-    W = columns_of(model, samples, kinds, speed)[0]
-    candidates = list(assumptions(model, samples, kinds, speed, samples.tau - residual))
-    return _judged(model, samples, W, residual, candidates, log, delay)
+    explained = samples.tau - residual
+    W = np.concatenate([columns_of(model, samples, kinds, speed)[0], sensors.columns(model, samples, kinds, explained)], axis=2)
+    candidates = [each for each in assumptions(model, samples, kinds, speed, explained) if each.name not in sensors.replaced]
+    return _judged(model, samples, W, residual, candidates, log, sensors.delay)
 
 
 def refuted_by(

@@ -19,6 +19,7 @@ from ... import _core
 from ...errors import InputError
 from ...friction_models import StickSlip
 from ..samples import NAME
+from ..sensors import TIMES, one_time
 
 __all__ = ["KINDS", "PlantNumbers"]
 
@@ -31,7 +32,6 @@ JOINTS = {
 }  # fmt: skip
 #: The kinds of numbers of joints that belong to the drives of an arm.
 DRIVES = ("rotors", "viscous", "coulomb")
-TIMES = ("delay", "clock_offset")
 KINDS = ("inertia", *JOINTS, *TIMES)
 #: Kinds that only elastic joints have.
 ELASTIC = ("stiffness", "joint_damping")
@@ -81,8 +81,7 @@ class PlantNumbers:
         for i, name in enumerate(self.kinds):
             if name in ELASTIC and not self.elastic:
                 raise InputError(f"{NAME}: names[{i}] is {name!r}: expected an ElasticArm for this name, got {kind}")
-        if set(TIMES) <= set(self.kinds):
-            raise InputError(f"{NAME}: names have delay and clock_offset, whose effects are equal: expected one of them")
+        one_time(self.kinds)
 
     def _given(self) -> dict[str, Array]:
         """The numbers of the joints in the plant."""
