@@ -22,14 +22,14 @@ from .assumptions import Assumption
 from .samples import DENSITY, MEMORY
 from .statistics import covariance_of_sum, f_tail, holm
 
-__all__ = ["LEVEL", "Finding", "Residual", "refute"]
+__all__ = ["BLOCK_LAGS", "LAGS", "LEVEL", "Finding", "Residual", "refute"]
 
 Array = NDArray[np.float64]
 
 #: Family level of the tests.
 LEVEL = 0.05
-#: Number of lags of the covariance of scores. The filter's memory has fewer samples.
-LAGS = 8
+#: Number of lags of the covariance of scores: of filtered samples, and of blocks. Both are longer than the memory of the samples.
+LAGS, BLOCK_LAGS = 8, 4
 #: A column whose part outside of the fitted columns is shorter than this fraction belongs to the span of the fit.
 SPAN = 0.03
 #: Number of lags of the test of whiteness, and of parts of the log in the test of power.
@@ -53,10 +53,13 @@ class Finding:
 
 
 class Residual:
-    """The residual of a fit, (K, n), in units of its noise, and an orthonormal basis of the fitted columns."""
+    """The residual of a fit, (K, n), in units of its noise, and an orthonormal basis of the fitted columns.
 
-    def __init__(self, W: Array, error: Array, noise: Array) -> None:
-        self.noise = noise
+    It is correlated over at most `lags` samples.
+    """
+
+    def __init__(self, W: Array, error: Array, noise: Array, lags: int) -> None:
+        self.noise, self.lags = noise, lags
         self.error = error / noise
         rows = (W / noise[:, None]).reshape(error.size, -1)
         lengths = np.linalg.norm(rows, axis=0)
@@ -154,14 +157,14 @@ def _wald(residual: Residual, assumption: Assumption, k: int, outside: Array) ->
         score = score - np.sum(np.mean(noise**2, axis=0) * assumption.slopes[k])
     gamma = np.linalg.solve(S, score)
     left = residual.error - outside @ gamma
-    V = covariance_of_sum(np.einsum("kjd,kj->kd", outside, left), LAGS)
+    V = covariance_of_sum(np.einsum("kjd,kj->kd", outside, left), residual.lags)
     covariance = np.linalg.solve(S, np.linalg.solve(S, V).T)
     deviation = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
     # Scaled columns keep the solution accurate.
     correlation = covariance / np.outer(deviation, deviation)
     scaled = gamma / deviation
     statistic = float(scaled @ np.linalg.pinv(correlation, hermitian=True) @ scaled) / d
-    p = min(1.0, _tail(statistic, np.linalg.norm(outside, axis=1)) * len(assumption.columns))
+    p = min(1.0, _tail(statistic, np.linalg.norm(outside, axis=1), residual.lags) * len(assumption.columns))
     explained = float(gamma @ S @ gamma)
     joint = assumption.joint
     whole = float(np.sum(residual.error**2) if joint is None else np.sum(residual.error[:, joint] ** 2))
@@ -191,12 +194,12 @@ def _general(residual: Residual, speeds: Array) -> list[Finding]:
 
 def _chi(residual: Residual, name: str, joint: int | None, scores: Array) -> Finding:
     """Whether the sums of scores (K, d) are zero."""
-    total, V = scores.sum(axis=0), covariance_of_sum(scores, LAGS)
+    total, V = scores.sum(axis=0), covariance_of_sum(scores, residual.lags)
     statistic = float(total @ np.linalg.pinv(V, hermitian=True) @ total) / scores.shape[1]
-    return Finding(name, joint, _tail(statistic, np.ones_like(scores)), statistic, 0.0)
+    return Finding(name, joint, _tail(statistic, np.ones_like(scores), residual.lags), statistic, 0.0)
 
 
-def _tail(statistic: float, scores: Array) -> float:
+def _tail(statistic: float, scores: Array, lags: int) -> float:
     """The probability of a larger statistic of scores (K, d), as that of Hotelling, because their covariance is estimated.
 
     Scores that are large in a part of the log count as fewer samples, by the participation ratio of their squares. The factor 1.5 counts
@@ -204,6 +207,6 @@ def _tail(statistic: float, scores: Array) -> float:
     """
     squares, d = np.sum(scores**2, axis=1), scores.shape[1]
     count = min(float(len(scores)), 1.5 * float(np.sum(squares) ** 2 / max(float(np.sum(squares**2)), 1e-300)))
-    degrees = max(d + 2.0, count / (LAGS * 4.0 / 3.0))
+    degrees = max(d + 2.0, count / (lags * 4.0 / 3.0))
     left = degrees - d + 1.0
     return f_tail(statistic * left / degrees, d, left)

@@ -16,7 +16,7 @@ from ..pickling import sealed
 from .assumptions import Assumption, assumptions
 from .columns import columns_of
 from .evidence import Evidence
-from .refutation import Finding, Residual, refute
+from .refutation import BLOCK_LAGS, LAGS, Finding, Residual, refute
 from .samples import Samples, samples_of
 from .sensors import Sensors
 
@@ -79,7 +79,7 @@ def refuted_of(
     explained = samples.tau - residual
     W = np.concatenate([columns_of(model, samples, kinds, speed)[0], sensors.columns(model, samples, kinds, explained)], axis=2)
     candidates = [each for each in assumptions(model, samples, kinds, speed, explained) if each.name not in sensors.replaced]
-    return _judged(model, samples, W, residual, candidates, log, sensors.delay)
+    return _judged(model, samples, Residual(W, residual, _noise(samples, residual), LAGS), candidates, log, sensors.delay)
 
 
 def refuted_by(
@@ -91,19 +91,25 @@ def refuted_by(
     model, blocks = evidence.arm, evidence.blocks
     found = assumptions(model, blocks, kinds, speed, evidence.explained)
     candidates = [each for each in found if each.name not in evidence.untested]
-    return _judged(model, blocks, evidence.columns, residual, candidates, log, delay)
+    judged = Residual(evidence.columns, residual, _noise(blocks, residual), BLOCK_LAGS)
+    return _judged(model, blocks, judged, candidates, log, delay)
+
+
+def _floor(samples: Samples) -> float:
+    torque = np.sqrt(np.mean(samples.tau**2, axis=0))
+    return EXACT * max(float(torque.max(initial=0.0)), 1e-300)
+
+
+def _noise(samples: Samples, residual: Array) -> Array:
+    return np.asarray(np.maximum(np.sqrt(np.mean(residual**2, axis=0)), _floor(samples)))
 
 
 def _judged(
-    model: _core.Arm, samples: Samples, W: Array, residual: Array, candidates: Sequence[Assumption], log: Log, delay: float
+    model: _core.Arm, samples: Samples, residual: Residual, candidates: Sequence[Assumption], log: Log, delay: float
 ) -> tuple[tuple[Refuted, ...], tuple[str, ...]]:
-    noise = np.sqrt(np.mean(residual**2, axis=0))
-    torque = np.sqrt(np.mean(samples.tau**2, axis=0))
-    floor = EXACT * max(float(torque.max(initial=0.0)), 1e-300)
-    findings, hidden = refute(Residual(W, residual, np.maximum(noise, floor)), candidates, samples.v)
-    if np.all(noise <= floor):
-        findings = []
-    words = tuple(_in_words(each, model, log, delay) for each in findings)
+    exact = np.all(residual.noise <= _floor(samples))
+    findings, hidden = refute(residual, candidates, samples.v)
+    words = () if exact else tuple(_in_words(each, model, log, delay) for each in findings)
     lines = (f"not distinguishable from the fitted parameters: {_WHAT[each.name]}{_of(log, each.joint)}" for each in hidden)
     return words, tuple(lines)
 
