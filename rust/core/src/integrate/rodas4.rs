@@ -163,28 +163,29 @@ impl<B: Clone, M: Clone, P, U: Clone, T: Accuracy> Rodas4<B, M, P, U, T> {
             if i == 0 {
                 stage.copy_from_slice(&self.slope.as_ref()[..n]);
             } else {
+                // Both sums of earlier stages precede the evaluation of the slope, so the processor overlaps the second one with it.
+                let from = if compensated { self.rounding.remainder.as_ref() } else { x };
                 for c in 0..n {
-                    let mut sum = if compensated { self.rounding.remainder.as_ref()[c] } else { x[c] };
-                    for j in 0..i {
-                        sum = S::splat(A[i][j]).mul_add(done[j].as_ref()[c], sum);
+                    let (mut argument, mut sum) = (from[c], S::zero());
+                    for (j, done) in done.iter().enumerate() {
+                        let u = done.as_ref()[c];
+                        argument = S::splat(A[i][j]).mul_add(u, argument);
+                        sum = S::splat(K[i][j]).mul_add(u, sum);
                     }
-                    y[c] = sum;
+                    (y[c], stage[c]) = (argument, sum);
                 }
                 if compensated {
                     self.rounding.place(x, y);
                 }
                 system.input(self.controller.input_time(self.controller.t + C[i] * h), &mut self.u);
-                system.rhs(&self.u, y, stage);
+                let slope = &mut self.work.as_mut()[..n];
+                system.rhs(&self.u, y, slope);
                 self.controller.work.evaluations += 1;
                 if compensated {
-                    add_product(jacobian, &self.rounding.lost.as_ref()[..n], stage);
+                    add_product(jacobian, &self.rounding.lost.as_ref()[..n], slope);
                 }
                 for c in 0..n {
-                    let mut sum = S::zero();
-                    for j in 0..i {
-                        sum = S::splat(K[i][j]).mul_add(done[j].as_ref()[c], sum);
-                    }
-                    stage[c] = S::splat(1.0 / h).mul_add(sum, stage[c]);
+                    stage[c] = S::splat(1.0 / h).mul_add(stage[c], slope[c]);
                 }
             }
             if moves && D[i] != 0.0 {

@@ -89,7 +89,7 @@ const LONG: usize = 200;
 ///
 /// The result is `false` if `a` is not finite, if a pivot is zero, or if `stopped` returned true. A long decomposition calls `stopped` once
 /// per column. After `false`, the content of `a` is undefined.
-#[inline]
+#[inline(always)]
 pub fn decompose<E: Entry>(n: usize, a: &mut [E], pivots: &mut [usize], mut stopped: impl FnMut() -> bool) -> bool {
     let (a, pivots) = (&mut a[..n * n], &mut pivots[..n]);
     for k in 0..n {
@@ -130,7 +130,7 @@ pub fn decompose<E: Entry>(n: usize, a: &mut [E], pivots: &mut [usize], mut stop
 }
 
 /// Solve `A x = b` with the decomposition of `a`. `b` is replaced by the solution.
-#[inline]
+#[inline(always)]
 pub fn solve<E: Entry>(n: usize, a: &[E], pivots: &[usize], b: &mut [E]) {
     let (a, pivots, b) = (&a[..n * n], &pivots[..n], &mut b[..n]);
     for k in 0..n {

@@ -19,6 +19,24 @@ pub struct Pairs {
     pub quadratures: usize,
 }
 
+/// Evaluate `$body` with constant numbers of joints and of blocks in `$pairs`, so that the compiler unrolls the short loops. This applies to
+/// small arms whose state of `$n` numbers has no other components than quadratures. For other states, the sizes are variable.
+macro_rules! with_constant_sizes {
+    ($n:ident, $pairs:ident, $body:expr, [$(($joints:literal, $count:literal)),*]) => {
+        match ($pairs.joints, $pairs.count) {
+            $(($joints, $count) if $n == 2 * $joints * $count + $pairs.quadratures => {
+                let $pairs = Pairs { joints: $joints, count: $count, quadratures: $pairs.quadratures };
+                let $n = 2 * $joints * $count + $pairs.quadratures;
+                $body
+            })*
+            _ => $body,
+        }
+    };
+    ($n:ident, $pairs:ident, $body:expr) => {
+        with_constant_sizes!($n, $pairs, $body, [(1, 1), (2, 1), (1, 2), (2, 2)])
+    };
+}
+
 impl Pairs {
     /// The number of positions.
     #[inline]
@@ -37,35 +55,25 @@ impl Pairs {
         n - self.positions() - self.quadratures
     }
 
-    /// Call `each(k, i)` for each component `i` of `n` that is neither a position nor a quadrature. `k` counts the calls.
-    #[inline]
-    fn unknowns_each(self, n: usize, mut each: impl FnMut(usize, usize)) {
-        for block in 0..self.count {
-            for i in 0..self.joints {
-                each(block * self.joints + i, (2 * block + 1) * self.joints + i);
-            }
-        }
-        for i in 2 * self.positions()..n - self.quadratures {
-            each(i - self.positions(), i);
-        }
-    }
-
-    /// Call `each(k, i)` for each position `i`. `k` counts the calls. The rate of this position is number `k` of the components that are
-    /// not positions.
-    #[inline]
-    fn positions_each(self, mut each: impl FnMut(usize, usize)) {
-        for block in 0..self.count {
-            for i in 0..self.joints {
-                each(block * self.joints + i, 2 * block * self.joints + i);
-            }
-        }
-    }
-
     /// Eliminate the positions of `s I - j`, and write the decomposition of the remaining matrix to `lu`. `j` has the shape `(n, n)`. `lu`
     /// is memory for `n^2` numbers, real or complex like `s`. The result is `false` if the matrix is singular or not finite, or if
     /// `stopped` returned true.
-    #[inline]
     pub fn decompose<E: Entry>(
+        self,
+        n: usize,
+        s: E,
+        j: &[E::Real],
+        lu: &mut [E],
+        pivots: &mut [usize],
+        mut stopped: impl FnMut() -> bool,
+    ) -> bool {
+        let pairs = self;
+        with_constant_sizes!(n, pairs, pairs.decompose_sized(n, s, j, lu, pivots, &mut stopped))
+    }
+
+    /// [`Pairs::decompose`] with sizes that may be constants.
+    #[inline(always)]
+    fn decompose_sized<E: Entry>(
         self,
         n: usize,
         s: E,
@@ -74,39 +82,96 @@ impl Pairs {
         pivots: &mut [usize],
         stopped: impl FnMut() -> bool,
     ) -> bool {
-        let m = self.rows(n);
-        let (j, lu, inverse) = (&j[..n * n], &mut lu[..m * m], s.inverse());
-        self.unknowns_each(n, |r, row| {
-            let (from, to) = (&j[row * n..(row + 1) * n], &mut lu[r * m..(r + 1) * m]);
-            self.unknowns_each(n, |c, column| to[c] = E::real(-from[column]));
-            self.positions_each(|c, column| to[c] = to[c].less(inverse, E::real(from[column])));
-            to[r] = to[r].less(E::real(E::Real::splat(-1.0)), s);
-        });
+        let (m, inverse) = (self.rows(n), s.inverse());
+        let (j, lu) = (&j[..n * n], &mut lu[..m * m]);
+        for block in 0..self.count {
+            for i in 0..self.joints {
+                self.reduce(n, block * self.joints + i, (2 * block + 1) * self.joints + i, (s, inverse), j, lu);
+            }
+        }
+        for r in self.positions()..m {
+            self.reduce(n, r, r + self.positions(), (s, inverse), j, lu);
+        }
         lu::decompose(m, lu, &mut pivots[..m], stopped)
+    }
+
+    /// Write row `r` of the remaining matrix to `matrix`, from the row `row` of `j`.
+    #[inline(always)]
+    fn reduce<E: Entry>(self, n: usize, r: usize, row: usize, (s, inverse): (E, E), j: &[E::Real], matrix: &mut [E]) {
+        let (m, joints) = (self.rows(n), self.joints);
+        let (from, to) = (&j[row * n..(row + 1) * n], &mut matrix[r * m..(r + 1) * m]);
+        for block in 0..self.count {
+            let from = &from[2 * block * joints..2 * (block + 1) * joints];
+            let to = &mut to[block * joints..(block + 1) * joints];
+            for i in 0..joints {
+                to[i] = E::real(-from[joints + i]).less(inverse, E::real(from[i]));
+            }
+        }
+        for c in self.positions()..m {
+            to[c] = E::real(-from[c + self.positions()]);
+        }
+        to[r] = to[r].less(E::real(E::Real::splat(-1.0)), s);
     }
 
     /// Solve `(s I - j) u = b` with the decomposition `lu` and its row exchanges `pivots`. `b` is replaced by `u`. `work` is memory for `n`
     /// numbers.
-    #[inline]
-    pub fn solve<E: Entry>(self, n: usize, s: E, j: &[E::Real], (lu, pivots): (&[E], &[usize]), b: &mut [E], work: &mut [E]) {
-        let m = self.rows(n);
+    pub fn solve<E: Entry>(self, n: usize, s: E, j: &[E::Real], decomposed: (&[E], &[usize]), b: &mut [E], work: &mut [E]) {
+        let pairs = self;
+        with_constant_sizes!(n, pairs, pairs.solve_sized(n, s, j, decomposed, b, work));
+    }
+
+    /// [`Pairs::solve`] with sizes that may be constants.
+    #[inline(always)]
+    fn solve_sized<E: Entry>(self, n: usize, s: E, j: &[E::Real], (lu, pivots): (&[E], &[usize]), b: &mut [E], work: &mut [E]) {
+        let (m, joints, positions) = (self.rows(n), self.joints, self.positions());
         // `inverse` is `-1/s`, because `less` subtracts a product, and the sums below add these products.
         let (j, b, work, inverse) = (&j[..n * n], &mut b[..n], &mut work[..m], s.times(E::real(E::Real::splat(-1.0))).inverse());
-        self.positions_each(|_, column| b[column] = b[column].times(inverse));
-        self.unknowns_each(n, |r, row| {
-            let mut sum = b[row];
-            self.positions_each(|_, column| sum = sum.less(E::real(j[row * n + column]), b[column]));
-            work[r] = sum;
-        });
+        for block in 0..self.count {
+            for x in &mut b[2 * block * joints..(2 * block + 1) * joints] {
+                *x = x.times(inverse);
+            }
+        }
+        for block in 0..self.count {
+            for i in 0..joints {
+                work[block * joints + i] = self.residue(n, (2 * block + 1) * joints + i, j, b);
+            }
+        }
+        for r in positions..m {
+            work[r] = self.residue(n, r + positions, j, b);
+        }
         lu::solve(m, lu, pivots, work);
-        self.unknowns_each(n, |r, row| b[row] = work[r]);
         let zero = E::real(E::Real::zero());
-        self.positions_each(|k, column| b[column] = zero.less(E::real(E::Real::splat(1.0)), b[column]).less(inverse, work[k]));
+        for block in 0..self.count {
+            let (b, work) = (&mut b[2 * block * joints..2 * (block + 1) * joints], &work[block * joints..(block + 1) * joints]);
+            for i in 0..joints {
+                b[joints + i] = work[i];
+                b[i] = zero.less(E::real(E::Real::splat(1.0)), b[i]).less(inverse, work[i]);
+            }
+        }
+        b[2 * positions..n - self.quadratures].copy_from_slice(&work[positions..]);
         let (states, quadratures) = b.split_at_mut(n - self.quadratures);
-        for (sum, row) in quadratures.iter_mut().zip(j[states.len() * n..].chunks_exact(n.max(1))) {
-            let driven = states.iter().zip(row).fold(*sum, |sum, (&u, &slope)| sum.less(E::real(-slope), u));
+        for (q, sum) in quadratures.iter_mut().enumerate() {
+            let row = &j[(states.len() + q) * n..(states.len() + q + 1) * n];
+            let mut driven = *sum;
+            for (c, &u) in states.iter().enumerate() {
+                driven = driven.less(E::real(-row[c]), u);
+            }
             *sum = zero.less(inverse, driven);
         }
+    }
+
+    /// The right-hand side of the row `row` of `j`, after the elimination of the positions in `b`.
+    #[inline(always)]
+    fn residue<E: Entry>(self, n: usize, row: usize, j: &[E::Real], b: &[E]) -> E {
+        let mut sum = b[row];
+        for block in 0..self.count {
+            let positions = 2 * block * self.joints..(2 * block + 1) * self.joints;
+            let (row, b) = (&j[row * n..(row + 1) * n][positions.clone()], &b[positions]);
+            for i in 0..b.len() {
+                sum = sum.less(E::real(row[i]), b[i]);
+            }
+        }
+        sum
     }
 }
 
@@ -165,6 +230,28 @@ mod tests {
         };
         let (alone, with) = (solved(2, &small, 0, vec![0.1, 1.3]), solved(3, &large, 1, vec![0.1, 1.3, 0.2]));
         assert_eq!(alone, with[..2]);
+    }
+
+    #[test]
+    fn constant_sizes_have_the_bits_of_general_sizes() {
+        for (joints, count, quadratures) in [(1, 1, 0), (2, 1, 0), (1, 2, 1), (2, 2, 0), (2, 2, 2)] {
+            let pairs = std::hint::black_box(Pairs { joints, count, quadratures });
+            let n = 2 * joints * count + quadratures;
+            let j: Vec<f64> = (0..n * n).map(|k| if k % n < n - quadratures { (12.9898 * k as f64).sin() } else { 0.0 }).collect();
+            let solved = |constant: bool| {
+                let (mut lu, mut pivots, mut work) = (vec![0.0; n * n], vec![0; n], vec![0.0; n]);
+                let mut u: Vec<f64> = (0..n).map(|i| (78.233 * i as f64).cos()).collect();
+                if constant {
+                    assert!(pairs.decompose(n, 3.7, &j, &mut lu, &mut pivots, || false));
+                    pairs.solve(n, 3.7, &j, (&lu, &pivots), &mut u, &mut work);
+                } else {
+                    assert!(pairs.decompose_sized(n, 3.7, &j, &mut lu, &mut pivots, || false));
+                    pairs.solve_sized(n, 3.7, &j, (&lu, &pivots), &mut u, &mut work);
+                }
+                u
+            };
+            assert_eq!(solved(true), solved(false), "{joints} {count} {quadratures}");
+        }
     }
 
     #[test]
