@@ -155,7 +155,7 @@ def integrate(
         t_span: start and end, in the unit of `t`. The end may be infinite if a terminal event ends the run and the method is adaptive.
         y0: initial state, (n,), in the units of `f`.
         method: fixed step: "euler", "semi_implicit", "rk4", and "ros2" for stiff problems; adaptive: "dopri5", "dop853", and "radau5" and
-            "rodas4" for stiff problems.
+            "rodas4" for stiff problems. "stiff" is "radau5".
         rtol, atol: relative and absolute error allowed per step, each a number or (n,); rtol >= 2.22e-14. Only for adaptive methods.
         dt: the step of a fixed-step method. If the span is not a multiple of it, the last step is shorter.
         t_eval: record exactly these times, in the order of the span; None: record every step.

@@ -72,6 +72,7 @@ def simulate(
         v0: initial velocity, (n,), rad/s or m/s; zero if None. A VelocityArm requires None.
         method: "euler", "semi_implicit", "rk4" or "ros2" take fixed steps; "ros2" is implicit and L-stable. "dopri5",
             "dop853", "radau5" and "rodas4" are adaptive and use `rtol` and `atol`. "radau5" and "rodas4" are implicit, for stiff plants.
+            "stiff" is "rodas4" with `sample_time`, otherwise "radau5".
         sample_time: None evaluates the law in every stage. A period in s holds the law's output for that time, as a real controller does. A
             `Sampling` adds delay, jitter, noise, quantisation, joint-torque sensors and a rate limit.
         force: external force, N or N m: None, a constant, a piecewise constant list `[(t_start, F), ...]`, or a function `F(t)`. The force

@@ -47,7 +47,7 @@ use pyo3::prelude::*;
 #[pymodule]
 mod _core {
     use super::*;
-    use armlet_core::integrate::Method;
+    use armlet_core::integrate::{Method, STIFF};
     use pyo3::types::PyTuple;
 
     #[pymodule_export]
@@ -131,7 +131,10 @@ mod _core {
     fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
         // An instruction set that is requested but not available raises an error at import.
         armlet_core::scalar::instruction_set::isa_request().map_err(pyo3::exceptions::PyImportError::new_err)?;
-        let names = |adaptive: bool| Method::ALL.iter().filter(move |method| method.is_adaptive() || !adaptive).map(|method| method.name());
+        let names = |adaptive: bool| {
+            let all = Method::ALL.iter().filter(move |method| method.is_adaptive() || !adaptive);
+            all.map(|method| method.name()).chain([STIFF])
+        };
         module.add("METHODS", PyTuple::new(module.py(), names(false).collect::<Vec<_>>())?)?;
         module.add("ADAPTIVE_METHODS", PyTuple::new(module.py(), names(true).collect::<Vec<_>>())?)?;
         module.add("__version__", env!("CARGO_PKG_VERSION"))

@@ -147,7 +147,8 @@ impl<'py> RunOptions<'py> {
     }
 
     pub fn method(&self) -> Result<Method, Failure> {
-        Ok(Method::from_name(&text(self.function, "method", &self.required("method")?)?)?)
+        let sampled = self.get("sample_time")?.is_some();
+        Ok(Method::from_name(&text(self.function, "method", &self.required("method")?)?, sampled)?)
     }
 
     /// Refuse arguments that the integration method does not use.

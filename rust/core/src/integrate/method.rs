@@ -15,11 +15,11 @@ macro_rules! methods {
         /// ```
         /// use armlet_core::integrate::Method;
         ///
-        /// let method = Method::from_name("rodas4")?;
+        /// let method = Method::from_name("rodas4", false)?;
         /// assert!(method.is_adaptive() && method.is_implicit() && method.is_rosenbrock());
         /// assert_eq!(Method::Rk4.evaluations_per_step(), Some(4));
         /// assert_eq!(Method::ALL.iter().filter(|method| !method.is_adaptive()).count(), 4);
-        /// assert!(Method::from_name("ode45").is_err());
+        /// assert!(Method::from_name("ode45", false).is_err());
         /// # Ok::<(), armlet_core::error::Error>(())
         /// ```
         #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -106,11 +106,34 @@ methods! {
     }
 }
 
+/// The name in Python that selects an implicit method with adaptive steps: [`Method::for_stiff`].
+pub const STIFF: &str = "stiff";
+
 impl Method {
-    /// Return the method with this name in Python. Errors: [`Error::Unknown`] for an unknown name.
-    pub fn from_name(name: &str) -> Result<Self> {
+    /// Return the implicit method with adaptive steps that takes the least time for a stiff system. `sampled`: whether a controller
+    /// holds its output between samples. Then the method starts anew at each sample, and `rodas4` needs fewer evaluations and matrix
+    /// decompositions for a start.
+    ///
+    /// ```
+    /// use armlet_core::integrate::Method;
+    ///
+    /// assert_eq!(Method::from_name("stiff", false)?, Method::Radau5);
+    /// assert_eq!(Method::from_name("stiff", true)?, Method::for_stiff(true));
+    /// assert_eq!(Method::for_stiff(true), Method::Rodas4);
+    /// # Ok::<(), armlet_core::error::Error>(())
+    /// ```
+    pub fn for_stiff(sampled: bool) -> Self {
+        if sampled { Method::Rodas4 } else { Method::Radau5 }
+    }
+
+    /// Return the method that a name in Python selects. `"stiff"` selects [`Method::for_stiff`], where `sampled` matters. Errors:
+    /// [`Error::Unknown`] for an unknown name.
+    pub fn from_name(name: &str, sampled: bool) -> Result<Self> {
+        if name == STIFF {
+            return Ok(Method::for_stiff(sampled));
+        }
         let found = Self::ALL.iter().copied().find(|method| method.name() == name);
-        found.ok_or_else(|| Error::unknown("method", "", Self::ALL.iter().map(|method| method.name()), name))
+        found.ok_or_else(|| Error::unknown("method", "", Self::ALL.iter().map(|method| method.name()).chain([STIFF]), name))
     }
 
     /// Whether the method chooses its step sizes.

@@ -47,7 +47,7 @@ pub use embedded::Embedded;
 pub use equal_steps::{EqualSteps, Explicit, Stage};
 pub use euler::Euler;
 pub use fixed::Steps;
-pub use method::{ExplicitAdaptive, ExplicitSteps, ImplicitAdaptive, ImplicitSteps, Method, MethodKind};
+pub use method::{ExplicitAdaptive, ExplicitSteps, ImplicitAdaptive, ImplicitSteps, Method, MethodKind, STIFF};
 pub use radau5::Radau5;
 pub use rk4::Rk4;
 pub use rodas4::Rodas4;

@@ -42,7 +42,7 @@ impl Settings {
     ) -> Result<Self, Failure> {
         let py = method.py();
         let refuse = |name: &str, problem: String| Failure::from(input_error(py, function, name, problem));
-        let method = Method::from_name(&text(function, "method", method)?)?;
+        let method = Method::from_name(&text(function, "method", method)?, false)?;
         let (name, adaptive) = (method.name(), method.is_adaptive());
         let positive = |argument: &str, value: Option<&Bound<'py, PyAny>>| match optional_number(function, argument, value)? {
             // As in scipy, an infinite `max_step` means no limit.
