@@ -36,7 +36,7 @@ test: $(BUILD)/installed $(BUILD)/requirements ## everything: formatting, lints,
 	+@sh tools/beside.sh "$(MAKE) --no-print-directory rust-tests" "$(MAKE) --no-print-directory lint"
 	@rm -rf $(BUILD)/elsewhere && mkdir -p $(BUILD)/elsewhere
 	cd $(BUILD)/elsewhere && ARMLET_MAKE_TEST=1 ARMLET_SDIST="$$(cat $(BUILD)/sdist.path)" ARMLET_WHEEL="$$(cat $(BUILD)/wheel.path)" \
-		sh $(ROOT)/tools/pytest.sh $(ROOT) $(VENV)/bin/python $(PYTEST)
+		$(PY) -m pytest --numprocesses auto --maxprocesses 8 --dist worksteal -c $(ROOT)/pyproject.toml --rootdir $(ROOT) $(ROOT)/tests $(PYTEST)
 
 quick: $(BUILD)/requirements ## the tests of the changed files (FILES=), with a build in seconds: one or two minutes
 	@$(PY) tools/quick.py $(FILES)

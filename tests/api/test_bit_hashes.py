@@ -7,28 +7,18 @@ tests use 1, 2, 3, 5 and 8 threads, 1, 5 and 16 rows at a time, and other orders
 from __future__ import annotations
 
 import copy
-import importlib.util
 import json
-import sys
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
 import pytest
+from scripts import imported
 
 TOOL = Path(__file__).resolve().parents[2] / "tools" / "bit_hashes.py"
 
 
-def load() -> Any:
-    spec = importlib.util.spec_from_file_location("bit_hashes", TOOL)
-    assert spec is not None and spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules["bit_hashes"] = module  # dataclasses look up their module here
-    spec.loader.exec_module(module)
-    return module
-
-
-bits = load()
+bits = imported(TOOL)
 KEPT = json.loads(bits.FILE.read_text())
 
 

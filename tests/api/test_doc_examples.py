@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-import importlib.util
 from pathlib import Path
 
 import pytest
+from scripts import imported
 
 TOOL = Path(__file__).resolve().parents[2] / "tools" / "doc_examples.py"
 
 
 def test_a_type_without_an_example_is_found(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    spec = importlib.util.spec_from_file_location("doc_examples", TOOL)
-    assert spec is not None and spec.loader is not None
-    tool = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(tool)
+    tool = imported(TOOL)
     (tmp_path / "arm").mkdir()
     (tmp_path / "all.html").write_text(
         '<a href="arm/struct.Arm.html">Arm</a><a href="arm/enum.Kind.html">Kind</a><a href="arm/fn.example.html">example</a>'

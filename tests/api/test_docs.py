@@ -8,7 +8,6 @@ contain objects of the reader, such as `al.time_path(arm, path)`. In them, only 
 from __future__ import annotations
 
 import ast
-import importlib.util
 import inspect
 import re
 import subprocess
@@ -19,6 +18,7 @@ from typing import Any
 
 import pytest
 from program_runner import ProgramRunner
+from scripts import imported
 
 import armlet as al
 
@@ -199,11 +199,7 @@ def test_pages_are_short() -> None:
 
 @pytest.fixture
 def reference() -> Any:
-    spec = importlib.util.spec_from_file_location("reference", ROOT / "tools/reference.py")
-    assert spec is not None and spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+    return imported(ROOT / "tools/reference.py")
 
 
 def test_reference_lists_every_name(reference: Any) -> None:

@@ -5,22 +5,18 @@ from __future__ import annotations
 import ast
 import subprocess
 import sys
-from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 from typing import Any
 
 import pytest
+from scripts import imported
 
 ROOT = Path(__file__).resolve().parents[2]
 
 
 @pytest.fixture(scope="module")
 def quick() -> Any:
-    spec = spec_from_file_location("quick", ROOT / "tools" / "quick.py")
-    assert spec is not None and spec.loader is not None
-    module = module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+    return imported(ROOT / "tools" / "quick.py")
 
 
 @pytest.mark.parametrize(

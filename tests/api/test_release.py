@@ -4,28 +4,17 @@ from __future__ import annotations
 
 import base64
 import hashlib
-import importlib.util
 import struct
-import sys
 import zipfile
 from pathlib import Path
-from types import ModuleType
 
 import pytest
+from scripts import imported
 
 TOOLS = Path(__file__).resolve().parents[2] / "tools"
 
 
-def load(path: Path) -> ModuleType:
-    spec = importlib.util.spec_from_file_location(path.stem, path)
-    assert spec is not None and spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[path.stem] = module
-    spec.loader.exec_module(module)
-    return module
-
-
-audit, check_wheel, neutral = (load(TOOLS / name) for name in ("audit.py", "release/check_wheel.py", "release/neutral.py"))
+audit, check_wheel, neutral = (imported(TOOLS / name) for name in ("audit.py", "release/check_wheel.py", "release/neutral.py"))
 LICENCES = {"MIT", "Unicode-3.0", "Apache-2.0 WITH LLVM-exception"}
 
 

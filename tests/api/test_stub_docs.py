@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import ast
-import importlib.util
 import inspect
 from pathlib import Path
-from types import ModuleType, SimpleNamespace
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
+from scripts import imported
 
 import armlet as al
 from armlet import _core
@@ -17,15 +17,7 @@ from armlet import _core
 ROOT = Path(__file__).resolve().parents[2]
 
 
-def tool() -> ModuleType:
-    spec = importlib.util.spec_from_file_location("stub_docs", ROOT / "tools" / "stub_docs.py")
-    assert spec is not None and spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
-STUB_DOCS = tool()
+STUB_DOCS = imported(ROOT / "tools" / "stub_docs.py")
 TREES = [ast.parse(path.read_text()) for path in sorted((ROOT / "python/armlet/_core").glob("*.pyi"))]
 STUBS = {node.name: node for tree in TREES for node in tree.body if isinstance(node, ast.ClassDef | ast.FunctionDef)}
 

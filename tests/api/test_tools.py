@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import importlib.util
 import inspect
-import re
 import subprocess
 import sys
 import tomllib
@@ -13,6 +11,7 @@ from random import Random
 from typing import Any
 
 import pytest
+from scripts import imported
 
 import armlet as al
 
@@ -23,13 +22,7 @@ def tool(path: str, monkeypatch: pytest.MonkeyPatch) -> Any:
     """Import a module of a tool. The tool's folder is on the path, because its modules import each other by name."""
     file = TOOLS / path
     monkeypatch.syspath_prepend(str(file.parent))
-    name = f"tool_{file.parent.name}_{file.stem}"
-    spec = importlib.util.spec_from_file_location(name, file)
-    assert spec is not None and spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    monkeypatch.setitem(sys.modules, name, module)  # dataclasses look up their module here
-    spec.loader.exec_module(module)
-    return module
+    return imported(file)
 
 
 def test_the_fuzz_calls_all_that_is_public(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -122,28 +115,14 @@ def test_the_latency_script_starts_with_the_command_of_make() -> None:
     assert done.returncode == 0 and "--trials" in done.stdout, done.stderr[-2000:]
 
 
-def test_the_two_halves_have_every_folder_of_tests() -> None:
-    """`make test` runs each folder of tests, or a separate command runs it and pyproject.toml names that command."""
+def test_every_folder_of_tests_has_a_command() -> None:
+    """`make test` runs each folder of tests, except the folders that pyproject.toml leaves out. Another command runs each of those."""
     root = TOOLS.parent
-    named = re.findall(r"\$root/tests/(\w+)", (TOOLS / "pytest.sh").read_text())
     left_out = tomllib.loads((root / "pyproject.toml").read_text())["tool"]["pytest"]["ini_options"]["norecursedirs"]
-    folders = {path.parent.relative_to(root / "tests").parts[0] for path in (root / "tests").rglob("test_*.py")}
-    assert sorted([*named, *left_out]) == sorted(folders)
-
-
-@pytest.mark.parametrize(
-    ("interface", "others", "expected"), [(0, 0, 0), (1, 0, 1), (0, 1, 1), (5, 0, 0), (0, 5, 0), (5, 5, 5), (2, 1, 1), (5, 3, 3)]
-)
-def test_a_failure_of_either_half_fails(interface: int, others: int, expected: int, tmp_path: Path) -> None:
-    python = tmp_path / "python"
-    cases = f'*tests/live*) echo "half 1: $*"; exit {interface};; *) echo "half 2: $*"; exit {others};;'
-    python.write_text(f'#!/bin/sh\ncase "$*" in {cases} esac\n')
-    python.chmod(0o755)
-    command = ["sh", str(TOOLS / "pytest.sh"), "/root", str(python), "-k", "a or b"]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=60)
-    assert done.returncode == expected, done.stderr
-    assert [line.partition(":")[0] for line in done.stdout.splitlines()] == ["half 2", "half 1"]
-    assert all("-k a or b" in line and "-P -m pytest" in line for line in done.stdout.splitlines())
+    makefile = (root / "Makefile").read_text()
+    assert "$(ROOT)/tests $(PYTEST)" in makefile
+    for folder in left_out:
+        assert list((root / "tests" / folder).glob("test_*.py")) and f"$(ROOT)/tests/{folder}" in makefile, folder
 
 
 @pytest.mark.parametrize(("first", "second", "expected"), [(0, 0, 0), (3, 0, 3), (0, 4, 4), (3, 4, 3)])

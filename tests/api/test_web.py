@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
 import json
 import re
 from html.parser import HTMLParser
@@ -12,6 +11,7 @@ from typing import Any
 import models
 import numpy as np
 import pytest
+from scripts import imported
 from web_loops import WebRun
 
 import armlet as al
@@ -209,10 +209,7 @@ def test_a_folder_that_cannot_be_written(tmp_path: Path) -> None:
 def test_the_pages_of_loops_run_and_are_linked(tmp_path: Path) -> None:
     """The loops of the documentation are written, move, and are linked from their pages, in the exam from each exercise."""
     docs = Path(__file__).parents[2] / "docs"
-    spec = importlib.util.spec_from_file_location("live_loops", docs / "live_loops.py")
-    assert spec is not None and spec.loader is not None
-    live = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(live)
+    live = imported(docs / "live_loops.py")
     live.write(tmp_path)
     for name in live.LOOPS:
         web = WebRun(data_of(tmp_path / f"{name}.html"))
