@@ -147,7 +147,8 @@ impl fmt::Display for PathReason {
             Some(joint) => format!("{} of joint {joint} ({joint_name})", limit.name()),
             None => format!("{} of frame {joint_name}", limit.name()),
         };
-        let short = format!("{limited} is {missing_units:.6e} short ({:.3e} of it) at s = {s:.9}", missing);
+        let (units, share) = (missing_units.abs(), missing.abs());
+        let short = format!("{limited} is {units:.6e} short ({share:.3e} of it) at s = {s:.9}");
         match self.what {
             Shortfall::NoSpeed => write!(f, "the limits leave no path speed: {short}"),
             Shortfall::StartSpeed => {
@@ -181,11 +182,12 @@ mod tests {
                 s: 0.0,
                 limit: LimitKind::TorqueMax,
                 missing,
-                missing_units: 1.0,
+                missing_units: 4.0 * missing,
                 speed: 0.5,
                 position: f64::NAN,
             };
             assert!(reason.to_string().contains(&format!("expected {bound} 5.000000000e-1")), "{reason}");
+            assert!(reason.to_string().contains("is 1.000000e0 short (2.500e-1 of it)"), "{reason}");
         }
     }
 }
