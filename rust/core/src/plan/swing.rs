@@ -207,7 +207,7 @@ mod tests {
     fn swings_are_possible_in_their_windows_and_nowhere_else() {
         let (mut inside, mut outside, mut narrow) = (0, 0, 0);
         for search in searches() {
-            let [within, without] = check_windows(&search, 1e-9, 0.05);
+            let [within, without] = check_windows(&search, 1e-9, 0.3);
             (inside, outside) = (inside + within, outside + without);
             narrow += search.windows(FARTHEST).take_while(|&(low, _)| low < FARTHEST).filter(|(low, high)| high - low < 0.3).count();
         }
@@ -221,13 +221,13 @@ mod tests {
             let windows = search.windows(FARTHEST).take_while(|&(low, _)| low < FARTHEST);
             for (low, high) in windows.filter(|&(low, high)| low > 0.0 && high - low < TAU) {
                 let mut rises = Vec::new();
-                for e in (1..200).map(|k| low + (high - low) * k as f64 / 200.0) {
+                for e in (1..50).map(|k| low + (high - low) * k as f64 / 50.0) {
                     let [rough, accurate] = [false, true].map(|accurate| search.slope(e, accurate).unwrap());
                     assert!(rough * accurate > 0.0 || accurate.abs() < 0.05, "{low} {high} {e}: {rough} {accurate}");
                     rises.push(accurate > 0.0);
                 }
                 let turns = rises.windows(2).filter(|two| two[0] != two[1]).count();
-                assert!(turns == 0 || turns == 1 && rises[198], "{low} {high} {turns}");
+                assert!(turns == 0 || turns == 1 && rises[48], "{low} {high} {turns}");
                 checked += turns;
             }
         }
@@ -253,8 +253,8 @@ mod tests {
             let (push, brake) = search.straight.monotone.time_factors();
             let limit = push + brake;
             let farthest = search.farthest(limit).max(1e-3);
-            for k in 0..25 {
-                let swing = search.swing(farthest * 1.4f64.powi(k));
+            for k in 0..13 {
+                let swing = search.swing(farthest * 2.0f64.powi(k));
                 let Some(swing) = swing else { continue };
                 assert!(swing.time > limit * (1.0 - 1e-12), "{} {limit} {farthest}", swing.time);
                 compared += 1;
