@@ -38,16 +38,17 @@ SEVEN_AXES = al.load_urdf(al.example_urdf("seven_axis"))
 
 
 def links_torque(lengths: list[float], masses: list[float], q: Array, v: Array, a: Array) -> Array:
-    """Joint torques (n,), N m, of uniform rods with the given motion (each (n,)); gravity 9.81 m/s^2 along -y."""
+    """Joint torques (.., n), N m, of uniform rods with the given motion (each (.., n)); gravity 9.81 m/s^2 along -y."""
     length, mass = np.array(lengths), np.array(masses)
     later = mass.sum() - np.cumsum(mass)
     reach = mass * length / 2 + later * length
     h = np.triu(np.outer(length, reach), 1)
     h += h.T + np.diag(mass * length**2 / 3 + later * length**2)
     to_absolute = np.tri(len(length))
-    phi, phi_dot, phi_ddot = to_absolute @ q, to_absolute @ v, to_absolute @ a
-    between = phi[:, None] - phi
-    return np.asarray(to_absolute.T @ (h * np.cos(between) @ phi_ddot + h * np.sin(between) @ phi_dot**2 + 9.81 * reach * np.cos(phi)))
+    phi, phi_dot, phi_ddot = (np.asarray(x) @ to_absolute.T for x in (q, v, a))
+    between = phi[..., :, None] - phi[..., None, :]
+    moments = (h * np.cos(between)) @ phi_ddot[..., None] + (h * np.sin(between)) @ phi_dot[..., None] ** 2
+    return np.asarray((moments[..., 0] + 9.81 * reach * np.cos(phi)) @ to_absolute)
 
 
 def pr_torque(A: float, B: float, C: float, q: Array, v: Array, a: Array) -> Array:

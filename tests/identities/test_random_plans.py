@@ -23,7 +23,7 @@ import pytest
 import armlet as al
 
 PATHS = int(os.environ.get("ARMLET_RANDOM_PATHS", "2000"))
-LINKS = int(os.environ.get("ARMLET_RANDOM_LINKS", "20000"))
+LINKS = int(os.environ.get("ARMLET_RANDOM_LINKS", "10000"))
 JOBS = int(os.environ.get("ARMLET_RANDOM_JOBS", "1"))
 SEED = int(os.environ.get("ARMLET_RANDOM_SEED", "20220610"))
 #: Largest number of failures that are printed.

@@ -17,7 +17,7 @@ import armlet as al
 from armlet import reference as ref
 from armlet.reference import timing
 
-CASES = int(os.environ.get("ARMLET_CASES", "40"))
+CASES = int(os.environ.get("ARMLET_CASES", "20"))
 # Largest relative excess of a limit. The check adds rounding.
 PROMISE = 1e-9
 

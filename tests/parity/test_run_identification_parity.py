@@ -18,6 +18,7 @@ START, END = np.array([0.2, -0.1]), np.array([0.9, 0.7])
 GAINS: dict[str, Any] = {"kp": np.array([9.0, 7.0]), "kd": np.array([2.5, 3.0])}
 STIFFNESS, MOTORS = np.array([90.0, 60.0]), np.array([0.2, 0.1])
 OPTIONS: dict[str, Any] = {"dt": 1e-2, "sample_time": None}
+DURATION = 0.2  # s
 
 
 def motor_law(side: Any, arm: Any) -> Any:
@@ -41,7 +42,7 @@ def test_joint_friction() -> None:
         plant = side.RigidArm(arm.with_drives(damping=p[:2], friction=p[2:]), friction=True)
         return plant, side.PDGravity(arm, END, GAINS["kp"], GAINS["kd"])
 
-    made = al.simulate(*loop(al, ours, true), START, t_end=0.3, **OPTIONS)
+    made = al.simulate(*loop(al, ours, true), START, t_end=DURATION, **OPTIONS)
     q, v = (x + 1e-4 * rng.standard_normal(x.shape) for x in (made.q, made.v))
     q[0], v[0] = made.q[0], made.v[0]  # the start is exact
     record = al.Run({"t": made.t, "q": q, "v": v})
@@ -49,7 +50,7 @@ def test_joint_friction() -> None:
     found = al.identify_from_runs(record, names, plant=plant, law=law, noise={"q": 1e-4, "v": 1e-4}, **OPTIONS)
 
     def run(p: Array) -> Array:
-        return records(reference.simulate(*loop(reference, theirs, p), START, t_end=0.3, **OPTIONS))
+        return records(reference.simulate(*loop(reference, theirs, p), START, t_end=DURATION, **OPTIONS))
 
     expected, sigma = reference.fit(run, records(record), guess, 1e-4, 4)
     values, deviations = (np.concatenate([part[name] for name in names]) for part in (found.values, found.deviations))
@@ -68,7 +69,7 @@ def test_stiffness(known: bool) -> None:
     rng, law = np.random.default_rng(5), motor_law(al, ours)
     true, starts = np.array([100.0, 50.0]), [START, START + 0.3]
     noise = {"q": 1e-3, "v": np.array([4e-3, 3e-3])}
-    made = [al.simulate(al.ElasticArm(ours, true, MOTORS), law, q0, t_end=0.3, **OPTIONS) for q0 in starts]
+    made = [al.simulate(al.ElasticArm(ours, true, MOTORS), law, q0, t_end=DURATION, **OPTIONS) for q0 in starts]
     runs = []
     for run in made:
         q = run.q + 1e-3 * rng.standard_normal(run.q.shape)
@@ -81,7 +82,7 @@ def test_stiffness(known: bool) -> None:
 
     def run(stiffness: Array) -> Array:
         plant = reference.ElasticArm(theirs, stiffness, MOTORS)
-        own = [reference.simulate(plant, motor_law(reference, theirs), q0, t_end=0.3, **OPTIONS) for q0 in starts]
+        own = [reference.simulate(plant, motor_law(reference, theirs), q0, t_end=DURATION, **OPTIONS) for q0 in starts]
         return np.stack([records(one) for one in own])
 
     measured = np.stack([records(one) for one in runs])
@@ -95,7 +96,7 @@ def test_stiffness(known: bool) -> None:
     np.testing.assert_allclose(found.deviations["plant.stiffness"], sigma, rtol=1e-4)
     assert np.all(np.abs(expected - true) < 5.0 * sigma) and found.converged and found.rank == 2
     assert isinstance(found, al.RunIdentification)
-    again = al.simulate(found.plant, found.laws[0], START, t_end=0.3, **OPTIONS)
+    again = al.simulate(found.plant, found.laws[0], START, t_end=DURATION, **OPTIONS)
     np.testing.assert_array_equal(again.q, found.runs[0].q)
 
 
@@ -107,7 +108,7 @@ def test_stiffness_and_starts() -> None:
     starts = [(START, np.array([0.5, 0.2])), (START + 0.3, np.array([-0.5, 0.1]))]
     runs = []
     for q0, v0 in starts:
-        run = al.simulate(al.ElasticArm(ours, np.array([100.0, 50.0]), MOTORS), law, q0, v0=v0, t_end=0.3, **OPTIONS)
+        run = al.simulate(al.ElasticArm(ours, np.array([100.0, 50.0]), MOTORS), law, q0, v0=v0, t_end=DURATION, **OPTIONS)
         q, v = run.q + 1e-3 * rng.standard_normal(run.q.shape), run.v + 5e-3 * rng.standard_normal(run.v.shape)
         runs.append(al.Run({"t": run.t, "q": q, "v": v}))
     noise, plant = {"q": 1e-3, "v": 5e-3}, al.ElasticArm(ours, STIFFNESS, MOTORS)
@@ -117,11 +118,12 @@ def test_stiffness_and_starts() -> None:
 
     def run(p: Array) -> Array:
         plant, own = reference.ElasticArm(theirs, p[:2], MOTORS), motor_law(reference, theirs)
-        each = [reference.simulate(plant, own, p[k : k + 2], v0=p[k + 2 : k + 4], t_end=0.3, **OPTIONS) for k in (2, 6)]
+        each = [reference.simulate(plant, own, p[k : k + 2], v0=p[k + 2 : k + 4], t_end=DURATION, **OPTIONS) for k in (2, 6)]
         return np.stack([records(one) for one in each])
 
-    first = np.concatenate([STIFFNESS, *(np.concatenate(start) for start in starts)])
-    expected, sigma = reference.fit(run, np.stack([records(one) for one in runs]), first, np.array([1e-3, 1e-3, 5e-3, 5e-3]), 4)
+    # The search of the reference starts near its minimum, at the true values, because each of its steps takes 40 runs in numpy.
+    first = np.concatenate([[100.0, 50.0], *(np.concatenate(start) for start in starts)])
+    expected, sigma = reference.fit(run, np.stack([records(one) for one in runs]), first, np.array([1e-3, 1e-3, 5e-3, 5e-3]), 2)
 
     def joined(by: dict[str, Array]) -> Array:
         return np.concatenate([by["plant.stiffness"], *(np.concatenate(each) for each in zip(by["q0"], by["v0"], strict=True))])
