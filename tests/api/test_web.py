@@ -180,7 +180,6 @@ TABLE = al.Table(0.1, np.zeros((3, 2)), np.zeros((3, 2)), np.zeros((3, 2)))
         (PLANT, LAW, {"method": "ros2"}, "method is unknown"),
         (PLANT, LAW, {"dt": -1e-3}, "dt"),
         (PLANT, LAW, {"sample_time": al.Sampling(1e-2, noise={"q": 1e-3})}, "sample_time has noise, which native code computes"),
-        (PLANT, LAW, {"sample_time": al.Sampling(1e-2, resolution={"v": 1e-3})}, "sample_time has resolution"),
         (PLANT, LAW, {"sample_time": al.Sampling(1e-2, jitter=2e-3, delay=1e-3)}, "sample_time has jitter"),
         (PLANT, al.ComputedTorque(ARM, TABLE, 100.0, 20.0), {}, "law has a motion that is not exported: .* got Table"),
         (PLANT, al.PDGravity(SEVEN, np.zeros(7), 10.0, 1.0), {}, "law"),

@@ -69,7 +69,7 @@ def test_a_slider_changes_the_curve(opened: Any, tmp_path: Path) -> None:
     slider.focus()
     page.keyboard.press("Home")
     assert slider.get_attribute("aria-valuetext") == "1 N m/rad"
-    page.get_by_label("target joint1").fill("1.5")
+    page.get_by_label("target of joint1").fill("1.5")
     page.get_by_role("button", name="Play").click()
     before = page.evaluate("armlet.loop.t")
     page.wait_for_function(f"armlet.loop.t > {before} + 1")

@@ -95,8 +95,8 @@ def export_web(
 
     Raises:
         InputError: an argument is not valid, or a part of the loop has no WebAssembly. Such parts are laws in Python, laws of task priority
-            with limits, and other motions and methods. Forces that vary, and samples with jitter, noise, a resolution or torque sensors
-            have none either.
+            with limits, and other motions and methods. Forces that vary, and samples with jitter, noise or torque sensors have none
+            either.
         OSError: the file cannot be written.
 
     Source: docs/web.md.
@@ -190,13 +190,13 @@ def page_data(
     }
 
 
-def _sampling(made: tuple[float, int, int, float] | None) -> dict[str, Any] | None:
-    """Describe a sampled controller with delays or a limited rate: the period, s, the delay in steps, the sensor delay in samples."""
+def _sampling(made: tuple[float, int, int, float, list[float]] | None) -> dict[str, Any] | None:
+    """Describe a sampled controller that does more than hold the output: the period, s, the delay in steps, the sensor delay in samples."""
     if made is None:
         return None
-    period, delay, sensor_delay, rate_limit = made
+    period, delay, sensor_delay, rate_limit, resolution = made
     limit = rate_limit if math.isfinite(rate_limit) else None
-    return {"period": period, "delay": delay, "sensor_delay": sensor_delay, "rate_limit": limit}
+    return {"period": period, "delay": delay, "sensor_delay": sensor_delay, "rate_limit": limit, "resolution": list(resolution)}
 
 
 def _row(name: str, value: Any, n: int) -> Any:

@@ -15,6 +15,13 @@ function below(x) {
   return new Float64Array(bits.buffer)[0];
 }
 
+// Round to a multiple of `step`, and halves away from zero.
+function toResolution(x, step) {
+  if (!step) return x;
+  const [steps, whole] = [x / step, Math.trunc(x / step)];
+  return (Math.abs(steps - whole) >= 0.5 ? whole + Math.sign(steps) : whole) * step;
+}
+
 class Loop {
   constructor(exports) {
     this.f = exports;
@@ -77,7 +84,8 @@ class Loop {
       this.group("change")[0] = sampling.rate_limit * since;
     }
     const measured = this.group("measured");
-    this.samples[last] = { state: this.group("state").slice(0, measured.length) };
+    const state = this.group("state").slice(0, measured.length);
+    this.samples[last] = { state: state.map((x, i) => toResolution(x, sampling.resolution[Math.floor(i / JOINTS)])) };
     measured.set(this.samples[Math.max(0, last - sampling.sensor_delay)].state);
     delete this.samples[last - 2 - sampling.sensor_delay - Math.ceil(sampling.delay / data.period)];
   }

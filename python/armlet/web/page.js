@@ -151,7 +151,8 @@ function targets(loop) {
   for (const target of data.targets) {
     const coordinates = target.axes?.map((axis) => [axis, axis.startsWith("r") ? "rad" : "m"]) ?? data.joints.map((j) => [j.name, j.unit]);
     const of = data.targets.length > 1 ? `target of ${target.name ?? "joints"}` : "target";
-    coordinates.forEach(([name, unit], i) => add(`${of} ${name}`, unit, target.first + i, unit === "rad" ? Math.PI : data.picture.reach));
+    const link = target.axes ? "" : data.targets.length > 1 ? ":" : " of";
+    coordinates.forEach(([name, unit], i) => add(`${of}${link} ${name}`, unit, target.first + i, unit === "rad" ? Math.PI : data.picture.reach));
   }
   const [first, count] = data.groups.force;
   const names = ["force x", "force y", "force z", "moment x", "moment y", "moment z"].slice(0, count);

@@ -48,7 +48,7 @@ pub fn _web_loop<'py>(options: &Bound<'py, PyDict>) -> Result<Bound<'py, PyDict>
     fields.set_item("instants", made.instants.to_vec())?;
     fields.set_item("dt", made.step)?;
     fields.set_item("period", made.period)?;
-    let sampling = made.sampling.map(|each| (each.period, each.delay, each.sensor_delay, each.rate_limit));
+    let sampling = made.sampling.map(|each| (each.period, each.delay, each.sensor_delay, each.rate_limit, each.resolution));
     fields.set_item("sampling", sampling)?;
     fields.set_item("has_speeds", made.has_speeds)?;
     fields.set_item("monitors", made.monitors)?;

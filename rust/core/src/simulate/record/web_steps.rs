@@ -40,14 +40,16 @@ pub struct WebSampling {
     pub sensor_delay: usize,
     /// The largest change of the input per second. Infinity means no limit.
     pub rate_limit: f64,
+    /// Resolutions of the four channels of the measurement, in the units of the channels. Zero means no rounding.
+    pub resolution: [f64; 4],
 }
 
 impl WebSampling {
     /// Return the controller in steps of size `dt`, s; `None` if it only holds the output of the law.
     pub(super) fn of(sampling: &Sampling, dt: f64) -> Option<Self> {
-        let &Sampling { period, sensor_delay, rate_limit, .. } = sampling;
+        let &Sampling { period, sensor_delay, rate_limit, resolution, .. } = sampling;
         let delay = Clock::new(sampling, dt, 0).delay();
-        (!sampling.is_plain()).then_some(WebSampling { period, delay, sensor_delay, rate_limit })
+        (!sampling.is_plain()).then_some(WebSampling { period, delay, sensor_delay, rate_limit, resolution })
     }
 }
 
@@ -73,12 +75,11 @@ pub(super) fn require(problem: &Problem) -> Result<()> {
     let parts = [
         ("jitter", sampling.jitter > 0.0),
         ("noise", sampling.noise.iter().any(|&x| x > 0.0)),
-        ("resolution", sampling.resolution.iter().any(|&x| x > 0.0)),
         ("torque_sensor", sampling.torque_sensor.is_some()),
     ];
     match parts.into_iter().find(|&(_, is_set)| is_set) {
         Some((part, _)) => {
-            let problem = format!("has {part}, which native code computes: expected a period, delay, sensor_delay and rate_limit");
+            let problem = format!("has {part}, which native code computes: expected a period, delays, a rate_limit and a resolution");
             refused("sample_time", problem)
         }
         None => Ok(()),
