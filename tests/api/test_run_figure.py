@@ -232,3 +232,16 @@ def test_positions_and_torques_beyond_limits_are_marked() -> None:
     marked = {ax.get_title(loc="left"): [line for line in ax.get_lines() if line.get_gid() == "excess"] for ax in axes}
     assert marked["Joint positions"] and marked["Joint torques"] and not marked["Joint velocities"]
     assert "beyond limit" in legend_names(figure)
+
+
+@pytest.mark.parametrize("given", ["run", "law"])
+def test_limits_of_the_input_are_drawn(given: str) -> None:
+    """The torques of a run end at the limits of the run or of its law, which the arm does not have."""
+    arm = models.TWO_LINKS
+    law = al.PID(arm, [1.0, 0.5], 80.0, None, 8.0, tau_max=[5.0, 3.0] if given == "law" else None)
+    _, axes = plotted(arm, law, **({"tau_max": [5.0, 3.0]} if given == "run" else {}))
+    (torques,) = (ax for ax in axes if ax.get_title(loc="left") == "Joint torques")
+    drawn = [line for line in torques.get_lines() if line.get_gid() == "limit"]
+    note = torques.get_title(loc="right")
+    assert {abs(float(line.get_ydata()[0])) for line in drawn} <= {5.0, 3.0}  # type: ignore[index]
+    assert len(drawn) == 4 or "limits not drawn" in note

@@ -24,6 +24,7 @@ __all__ = [
     "Joints",
     "Panel",
     "draw_excess",
+    "draw_input_limits",
     "draw_limits",
     "draw_lines",
     "joint_names",
@@ -96,12 +97,25 @@ def draw_limits(ax: Axes, run: Recorded, joints: Joints, upper: str, lower: str 
 
     Lines at distant limits would compress the curves.
     """
-    if run.limits is None:
-        return
+    if run.limits is not None:
+        most = run.limits[upper]
+        _draw_bounds(ax, run, joints, -most if lower is None else run.limits[lower], most)
+
+
+def draw_input_limits(ax: Axes, run: Recorded, joints: Joints, upper: str) -> None:
+    """Draw the smallest limits of the input, as in `draw_limits`: those of the arm, of the run and of the law."""
+    law = getattr(run._laws[0], "__getnewargs_ex__", None)
+    given = [None if run.limits is None else run.limits[upper], run._tau_max, law()[1].get("tau_max") if law else None]
+    n = run.q.shape[-1]
+    limits = [np.broadcast_to(np.asarray(each, dtype=np.float64), (n,)) for each in given if each is not None]
+    if limits:
+        most = np.min(limits, axis=0)
+        _draw_bounds(ax, run, joints, -most, most)
+
+
+def _draw_bounds(ax: Axes, run: Recorded, joints: Joints, least: NDArray[Any], most: NDArray[Any]) -> None:
     low, high = ax.get_ylim()
     room = 0.5 * (high - low)
-    most = run.limits[upper]
-    least = -most if lower is None else run.limits[lower]
     distant: Sequence[list[float]] = [], []
     for side, bounds in enumerate((least, most)):
         for i, colour in zip(joints, _colours(run, joints), strict=True):

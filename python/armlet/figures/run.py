@@ -9,7 +9,19 @@ from numpy.typing import NDArray
 
 from .estimates import estimates
 from .levels import levels
-from .panels import EXCESS, MOST, Joints, Panel, draw_excess, draw_limits, draw_lines, joint_names, legend_beside, of_joints
+from .panels import (
+    EXCESS,
+    MOST,
+    Joints,
+    Panel,
+    draw_excess,
+    draw_input_limits,
+    draw_limits,
+    draw_lines,
+    joint_names,
+    legend_beside,
+    of_joints,
+)
 from .style import COLOURS, legend_below, literal, require, sheet
 
 if TYPE_CHECKING:
@@ -146,7 +158,7 @@ def _torque(ax: Axes, run: Recorded, joints: Joints) -> None:
     commanded = unit not in ("N", "N m")
     draw_lines(ax, run, run.tau, joints)
     limit = "v_max" if commanded else "effort"
-    draw_limits(ax, run, joints, limit)
+    draw_input_limits(ax, run, joints, limit)
     draw_excess(ax, run, run.tau, joints, limit)
     ax.set_ylabel(f"input ({literal(unit)})")
     ax.set_title("Commanded velocities" if commanded else "Joint forces" if unit == "N" else "Joint torques")

@@ -75,6 +75,8 @@ class Recorded:
         # The sample period, s, or whether the loop was sampled.
         sampled = given.pop("sampled", True)
         self._sampled, self._period = bool(sampled), None if isinstance(sampled, bool) else float(sampled)
+        # The limits of the input that the run had, N m or N, for its figure.
+        self._tau_max = given.pop("tau_max", None)
         # The first numbers of an adaptive law's state are the parameter estimate. The states of its filters follow.
         self._estimated = len(laws[0].parameter_names) if isinstance(laws[0], _core.Adaptive) else None
         # Fields that were passed replace the cached properties below. Otherwise a property computes its field from the plant and the law

@@ -148,7 +148,7 @@ def simulate(
     # `vary` raises the errors of invalid names before the run.
     loops = None if names is None else vary("simulate", plant, law, q0, options, names)
     fields = _core.simulate(plant, law, q0, options)
-    fields["sampled"] = period_of(sample_time)
+    fields |= {"sampled": period_of(sample_time), "tau_max": tau_max}
     ended, unresolved, balances = fields.pop("ended"), fields.pop("unresolved"), Balances(**fields.pop("balances"))
     if searched:
         fields["events"] = Events(names=tuple(event.name for event in searched), **fields["events"])
