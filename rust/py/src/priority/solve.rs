@@ -4,7 +4,7 @@ use super::single::Memory;
 use super::solution::PrioritySolution;
 use super::stack::{Keywords, Stack, items, method_name};
 use super::stacks;
-use super::within::Targets;
+use super::within::{Targets, Within};
 use crate::arrays::{of_shape, optional_number};
 use crate::errors::Failure;
 use armlet_core::error::Error;
@@ -15,38 +15,32 @@ use pyo3::types::{PyList, PyTuple};
 use std::cell::RefCell;
 use std::sync::Arc;
 
-/// The solver of a call that set no other keywords than `method` and `rounding`, and the number of rows of each level.
+/// The solver of a single solve, the number of rows of each level, and the options.
 struct LastSolver {
     solver: Core,
     rows: Arc<[usize]>,
     options: Arc<PriorityOptions>,
+    /// Whether the call set no other keywords than `method` and `rounding`.
+    plain: bool,
     memory: Memory,
 }
 
-/// The options of a call that set no other keywords than `method` and `rounding`.
-fn plain_options(solver: &Core, rounding: Option<f64>) -> PriorityOptions {
-    PriorityOptions { rounding, ..PriorityOptions::new(solver.method()) }
-}
-
 thread_local! {
-    /// The solver of the last single solve on this thread that set no other keywords than `method` and `rounding`. A loop over single stacks
-    /// of equal sizes with one method therefore allocates the solver's buffers once.
+    /// The solver of the last single solve on this thread. A loop over single stacks of equal sizes with equal options therefore allocates
+    /// the solver's buffers once.
     static LAST: RefCell<Option<LastSolver>> = const { RefCell::new(None) };
 }
 
+/// Return the last solver, or a new one. The levels `intervals` have bounds.
 fn solver(function: &str, n: usize, rows: &[usize], keywords: &Keywords, intervals: &[bool]) -> Result<(Core, PriorityOptions), Failure> {
-    if keywords.plain()
-        && intervals.is_empty()
-        && let Some(LastSolver { solver: mut last, .. }) = LAST.take()
+    let options = PriorityOptions { intervals: intervals.to_vec(), ..keywords.options(function, n, rows.len())? };
+    if let Some(LastSolver { solver: last, options: own, .. }) = LAST.take()
         && last.n() == n
         && last.rows() == rows
-        && last.method().name() == keywords.method
+        && *own == options
     {
-        last.set_rounding(keywords.rounding.unwrap_or(DEFAULT_ROUNDING))?;
-        let options = plain_options(&last, keywords.rounding);
         return Ok((last, options));
     }
-    let options = PriorityOptions { intervals: intervals.to_vec(), ..keywords.options(function, n, rows.len())? };
     Ok((Core::new(n, rows, &options)?, options))
 }
 
@@ -122,8 +116,7 @@ pub fn solve_priority() -> Result<PrioritySolution, Failure> {
     let upper = if upper.is_empty() { None } else { Some(Stack::read(py, NAME, NAMES, &jacobians, Some(&upper))?) };
     let (solver, options) = solver(NAME, stack.n, &stack.rows, &keywords, &stack.intervals)?;
     if stack.lead.is_empty() {
-        let reusable = keywords.plain() && upper.is_none();
-        return single(py, solver, &stack, upper.as_ref(), options, reusable);
+        return single(py, solver, &stack, upper.as_ref(), options, keywords.plain());
     }
     // If the work is long, the stack is read again into copies.
     let copied = || Stack::read(py, NAME, NAMES, &jacobians, Some(&lower));
@@ -145,33 +138,58 @@ fn length(items: &Bound<'_, PyAny>) -> Option<usize> {
     items.cast_exact::<PyList>().map(|list| list.len()).or_else(|_| items.cast_exact::<PyTuple>().map(|tuple| tuple.len())).ok()
 }
 
-/// Solve a single stack of contiguous arrays with the solver of the last call, if the sizes and the method are equal. The result is `None`
+/// Whether options are equal, apart from the list of levels with bounds, which the caller compares.
+fn differ_only_in_levels(options: &PriorityOptions, given: &PriorityOptions) -> bool {
+    let PriorityOptions { method, eps, rounding, weight, keep_direction, intervals: _, limit_levels, v_min, v_max } = given;
+    let own = (options.method, options.rounding, options.keep_direction, options.limit_levels);
+    own == (*method, *rounding, *keep_direction, *limit_levels)
+        && [(&options.eps, eps), (&options.weight, weight), (&options.v_min, v_min), (&options.v_max, v_max)].iter().all(|(a, b)| a == b)
+}
+
+/// Solve a single stack of contiguous arrays with the solver of the last call, if the sizes and the options are equal. The result is `None`
 /// for other stacks, and for errors, which the general path reports.
 fn solve_with_last(jacobians: &Bound<'_, PyAny>, velocities: &Bound<'_, PyAny>, keywords: &Keywords) -> Option<PrioritySolution> {
-    if !keywords.plain() {
-        return None;
-    }
+    // Reading the keywords may run Python code, which may call `solve_priority`. So it comes first.
+    let given = if keywords.plain() {
+        None
+    } else {
+        let n = LAST.with(|last| last.try_borrow().ok()?.as_ref().map(|last| last.solver.n()))?;
+        Some(keywords.options("solve_priority", n, length(jacobians)?).ok()?)
+    };
     // No Python code runs in this closure, so `LAST` is not borrowed twice.
     LAST.with(|last| {
         let mut last = last.try_borrow_mut().ok()?;
-        let LastSolver { solver, rows, options, memory } = last.as_mut()?;
-        if solver.method().name() != keywords.method || [length(jacobians)?, length(velocities)?] != [rows.len(); 2] {
+        let LastSolver { solver, rows, options, plain, memory } = last.as_mut()?;
+        let same =
+            given.as_ref().map_or(*plain && solver.method().name() == keywords.method, |given| differ_only_in_levels(options, given));
+        if !same || [length(jacobians)?, length(velocities)?] != [rows.len(); 2] {
             return None;
         }
         solver.set_rounding(keywords.rounding.unwrap_or(DEFAULT_ROUNDING)).ok()?;
         let (n, mut to) = (solver.n(), 0);
         for (i, &m) in rows.iter().enumerate() {
-            let (jacobian, velocity) = (at(jacobians, i)?, at(velocities, i)?);
-            let (jacobian, velocity) = (of_shape(&jacobian, &[m, n])?, of_shape(&velocity, &[m])?);
+            let (jacobian, target) = (at(jacobians, i)?, at(velocities, i)?);
+            let within = target.cast_exact::<Within>().ok();
+            if within.is_some() != options.intervals.get(i).is_some_and(|interval| *interval) {
+                return None;
+            }
+            let [lower, upper] = match within {
+                Some(within) => within.get().bounds(target.py()),
+                None => [target.clone(), target.clone()],
+            };
+            let jacobian = of_shape(&jacobian, &[m, n])?;
             let (j, v) = solver.inputs();
             j[to * n..(to + m) * n].copy_from_slice(jacobian);
-            v[to..to + m].copy_from_slice(velocity);
+            v[to..to + m].copy_from_slice(of_shape(&lower, &[m])?);
+            if let Some(u) = solver.upper().get_mut(to..to + m) {
+                u.copy_from_slice(of_shape(&upper, &[m])?);
+            }
             to += m;
         }
         solver.used();
         solver.run().ok()?;
         if options.rounding != keywords.rounding {
-            *options = Arc::new(plain_options(solver, keywords.rounding));
+            *options = Arc::new(PriorityOptions { rounding: keywords.rounding, ..(**options).clone() });
         }
         Some(PrioritySolution::of(solver, rows.clone(), options.clone(), memory))
     })
@@ -183,7 +201,7 @@ fn single(
     stack: &Stack,
     upper: Option<&Stack>,
     options: PriorityOptions,
-    reusable: bool,
+    plain: bool,
 ) -> Result<PrioritySolution, Failure> {
     if let Err(error) = solve_row(&mut solver, stack, upper) {
         stack.require_finite(py, "solve_priority")?;
@@ -193,8 +211,6 @@ fn single(
     let options = Arc::new(options);
     let mut memory = Memory::default();
     let solution = PrioritySolution::of(&solver, rows.clone(), options.clone(), &mut memory);
-    if reusable {
-        LAST.set(Some(LastSolver { solver, rows, options, memory }));
-    }
+    LAST.set(Some(LastSolver { solver, rows, options, plain, memory }));
     Ok(solution)
 }

@@ -196,6 +196,11 @@ impl<'a> Stack<'a> {
         Ok(())
     }
 
+    /// Copy the borrowed velocities, and forget the Jacobians.
+    pub fn owned_velocities(self) -> Result<Vec<Cow<'static, [f64]>>, Failure> {
+        self.velocities.into_iter().map(|part| part.owned().map(|part| part.values)).collect()
+    }
+
     /// Copy the borrowed arrays, so that the interpreter lock can be released.
     pub fn owned(self) -> Result<Stack<'static>, Failure> {
         Ok(Stack {

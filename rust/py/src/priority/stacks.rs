@@ -54,8 +54,8 @@ pub fn solve<'a>(
     if batch.is_quick() {
         in_pieces(py, function, &batch, &stack, answers)?;
     } else {
-        let (stack, upper) = (copied()?.owned()?, upper.map(Stack::owned).transpose()?);
-        let uppers: Vec<&[f64]> = upper.iter().flat_map(|upper| (0..levels).map(|i| upper.level(i).1)).collect();
+        let (stack, upper) = (copied()?.owned()?, upper.map(Stack::owned_velocities).transpose()?);
+        let uppers: Vec<&[f64]> = upper.iter().flatten().map(|upper| &**upper).collect();
         let (jacobians, velocities): (Vec<&[f64]>, Vec<&[f64]>) = (0..levels).map(|i| stack.level(i)).unzip();
         long(py, || {
             let given = StackRows { jacobians: &jacobians, velocities: &velocities, uppers: &uppers };

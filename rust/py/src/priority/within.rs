@@ -83,6 +83,13 @@ impl Within {
     }
 }
 
+impl Within {
+    /// The arrays of the lower and of the upper bounds.
+    pub fn bounds<'py>(&self, py: Python<'py>) -> [Bound<'py, PyAny>; 2] {
+        [&self.lower, &self.upper].map(|bound| bound.bind(py).clone())
+    }
+}
+
 /// The targets of a stack: task velocities or lower bounds, and upper bounds if a level has bounds.
 pub struct Targets<'py> {
     pub lower: Vec<Bound<'py, PyAny>>,

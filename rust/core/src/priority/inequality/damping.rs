@@ -15,7 +15,7 @@
 use super::unbounded::Damping;
 use super::{Goal, Inequalities};
 use crate::error::Result;
-use crate::linalg::{axpy, clamp_remainder, dot};
+use crate::linalg::clamp_remainder;
 
 impl Inequalities {
     /// Add the penalty rows of a level. `everywhere`: all directions are damped, as for the method `damped`.
@@ -26,7 +26,7 @@ impl Inequalities {
         self.start_units();
         if let Some(Damping { scale, .. }) = &self.damping {
             for &i in self.pulled.iter().filter(|i| self.rows.is_task(**i)) {
-                self.frame.column_mut(i).iter_mut().zip(scale).for_each(|(a, d)| *a *= d);
+                scale.iter().enumerate().for_each(|(j, d)| self.frame[(j, i)] *= d);
             }
         }
         let (from, eps) = (self.frame.used, self.rows.eps[level]);
@@ -47,9 +47,8 @@ impl Inequalities {
             };
             if root > 0.0 {
                 let column = frame.penalty(self.penalties);
-                frame.column_mut(column).fill(0.0);
-                frame.column_mut(column)[at] = root;
-                frame.live.push(column);
+                frame.clear(column);
+                frame[(at, column)] = root;
                 self.rows.size[column] = root;
                 self.penalties += 1;
             }
@@ -65,9 +64,8 @@ impl Inequalities {
         }
         for j in 0..frame.n() {
             let unit = frame.unit(j);
-            frame.column_mut(unit).fill(0.0);
-            frame.column_mut(unit)[j] = 1.0;
-            frame.live.push(unit);
+            frame.clear(unit);
+            frame[(j, unit)] = 1.0;
         }
     }
 
@@ -89,8 +87,9 @@ impl Inequalities {
             product.fill(0.0);
             for (j, row) in product.chunks_exact_mut(k.max(1)).enumerate() {
                 for (at, d) in scale.iter().enumerate() {
-                    let unit = &frame.column(frame.unit(at))[from..];
-                    axpy(remainder(j) * d * dot(face.svd.v(j), unit), unit, row);
+                    let unit = frame.unit(at);
+                    let part = remainder(j) * d * frame.product(unit, from, face.svd.v(j));
+                    row.iter_mut().zip(frame.vector(unit, from)).for_each(|(to, x)| *to += part * x);
                 }
             }
             svd.decompose(product, k, k)?;

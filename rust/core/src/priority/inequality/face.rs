@@ -95,7 +95,7 @@ impl Face {
         let (m, k) = (rows.len(), frame.n() - from);
         let matrix = &mut self.matrix[..m * k];
         for (to, i) in matrix.chunks_exact_mut(k.max(1)).zip(rows) {
-            to.copy_from_slice(&frame.column(*i)[from..]);
+            to.iter_mut().zip(frame.vector(*i, from)).for_each(|(to, x)| *to = x);
         }
         self.svd.decompose(matrix, m, k)
     }
@@ -110,14 +110,18 @@ impl Face {
     /// Return a lower bound of the smallest singular value of rows that are a lower triangle from coordinate `from` on, divided by their
     /// norms.
     pub fn triangle_bound(&mut self, frame: &Frame, rows: &[usize], size: &DVector<f64>, from: usize) -> f64 {
-        inverse_bound(rows.len(), &mut self.column, |i, j| frame.column(rows[i])[from + j] / size[rows[i]])
+        let (m, Face { matrix, column, .. }) = (rows.len(), self);
+        for (r, i) in rows.iter().enumerate() {
+            (0..=r).for_each(|j| matrix[r * m + j] = frame[(from + j, *i)] / size[*i]);
+        }
+        inverse_bound(m, column, |i, j| matrix[i * m + j])
     }
 
     /// Reduce tall rows to the triangle `R`, in a copy. Return a lower bound of the smallest singular value.
     fn factor_tall(&mut self, frame: &Frame, rows: &[usize]) -> f64 {
         let (m, k, from) = (rows.len(), frame.n() - self.from, self.from);
         for (r, i) in rows.iter().enumerate() {
-            frame.column(*i)[from..].iter().enumerate().for_each(|(c, x)| self.matrix[c * m + r] = *x);
+            frame.vector(*i, from).enumerate().for_each(|(c, x)| self.matrix[c * m + r] = x);
         }
         for c in 0..k {
             let (head, tail) = self.matrix[..k * m].split_at_mut((c + 1) * m);
@@ -139,8 +143,7 @@ impl Face {
         match self.form {
             Form::Wide => {
                 for (j, i) in rows.iter().enumerate() {
-                    let row = &frame.column(*i)[from..];
-                    p[from + j] = (r[j] - dot(&row[..j], &p[from..from + j])) / row[j];
+                    p[from + j] = (r[j] - frame.product(*i, from, &p[from..from + j])) / frame[(from + j, *i)];
                 }
             }
             Form::Tall => {

@@ -5,33 +5,29 @@
 //! the hierarchical decomposition of Escande, Mansard and Wieber 2014, `escande2014hierarchical`). The first `used` coordinates belong to
 //! the levels above.
 
-use crate::linalg::householder::{reflect, reflector};
-use crate::linalg::{Svd, dot};
-use nalgebra::DMatrix;
+use super::columns::Columns;
+use crate::linalg::Svd;
+use crate::linalg::householder::reflector;
+use std::ops::{Deref, DerefMut};
 
 #[derive(Debug, Clone)]
 pub struct Frame {
-    /// The vectors: the rows of all levels, `n` penalty rows, the rows of `N`, `n` unit vectors, and the gradient of the norm.
-    columns: DMatrix<f64>,
+    /// The vectors: the rows of all levels, the penalty rows, the rows of `N`, the gradient of the norm, and unit vectors.
+    columns: Columns,
     rows: usize,
+    /// The number of penalty rows, and of unit vectors.
+    penalties: usize,
     /// The number of coordinates of the levels above.
     pub used: usize,
-    /// The columns that transformations act on.
-    pub live: Vec<usize>,
     /// Memory for one column.
     work: Vec<f64>,
 }
 
 impl Frame {
-    /// Allocate memory for `n` coordinates and a number of rows.
-    pub fn new(n: usize, rows: usize) -> Self {
-        let count = rows + 3 * n + 1;
-        Frame { columns: DMatrix::zeros(n, count), rows, used: 0, live: Vec::with_capacity(count), work: vec![0.0; n] }
-    }
-
-    /// The number of coordinates.
-    pub fn n(&self) -> usize {
-        self.columns.nrows()
+    /// Allocate memory for `n` coordinates and a number of rows. If `damps`, there are `n` penalty rows and `n` unit vectors.
+    pub fn new(n: usize, rows: usize, damps: bool) -> Self {
+        let penalties = if damps { n } else { 0 };
+        Frame { columns: Columns::new(n, rows + 2 * penalties + n + 1), rows, penalties, used: 0, work: vec![0.0; n] }
     }
 
     /// The column of penalty row `j`.
@@ -41,94 +37,87 @@ impl Frame {
 
     /// The column of the basis: row `j` of `N`.
     pub fn basis(&self, j: usize) -> usize {
-        self.rows + self.n() + j
-    }
-
-    /// The column of unit vector `j` of the coordinates at the start of the level.
-    pub fn unit(&self, j: usize) -> usize {
-        self.rows + 2 * self.n() + j
+        self.rows + self.penalties + j
     }
 
     /// The column of the gradient of the norm.
     pub fn norm(&self) -> usize {
-        self.rows + 3 * self.n()
+        self.basis(self.n())
     }
 
-    /// Start with the rows `a`, shape `(n, rows)`, and `N = I`.
-    pub fn start(&mut self, a: &DMatrix<f64>) {
-        let n = self.n();
+    /// The column of unit vector `j` of the coordinates at the start of the level.
+    pub fn unit(&self, j: usize) -> usize {
+        self.norm() + 1 + j
+    }
+
+    /// Start with the rows `a` and `N = I`.
+    pub fn start(&mut self, a: &Columns) {
         self.used = 0;
-        self.columns.as_mut_slice()[..n * self.rows].copy_from_slice(a.as_slice());
-        self.columns.columns_mut(self.rows, 3 * n + 1).fill(0.0);
-        for j in 0..n {
+        self.columns.start(a);
+        for j in 0..self.n() {
             let basis = self.basis(j);
-            self.columns[(j, basis)] = 1.0;
+            self[(j, basis)] = 1.0;
         }
     }
 
     /// Free the last coordinate of the levels above. All columns are zero there.
     pub fn free_last_used(&mut self) {
         self.used -= 1;
-        self.columns.row_mut(self.used).fill(0.0);
-    }
-
-    /// A column, shape `(n,)`.
-    pub fn column(&self, i: usize) -> &[f64] {
-        let n = self.n();
-        &self.columns.as_slice()[i * n..(i + 1) * n]
-    }
-
-    /// A column, mutable.
-    pub fn column_mut(&mut self, i: usize) -> &mut [f64] {
-        let n = self.n();
-        &mut self.columns.as_mut_slice()[i * n..(i + 1) * n]
+        let used = self.used;
+        self.coordinate_mut(used).fill(0.0);
     }
 
     /// The squared norm of a column from coordinate `from` on.
     pub fn norm2(&self, i: usize, from: usize) -> f64 {
-        let x = &self.column(i)[from..];
-        dot(x, x)
+        self.vector(i, from).map(|x| x * x).sum()
+    }
+
+    /// The scalar product of the coordinates of a column from `from` on with `x`.
+    pub fn product(&self, i: usize, from: usize, x: &[f64]) -> f64 {
+        self.vector(i, from).zip(x).map(|(a, x)| a * x).sum()
     }
 
     /// Reflect the coordinates from `from` on, so that column `i` has only its first entry there.
     pub fn reflect(&mut self, i: usize, from: usize) {
-        let Frame { columns, live, work, .. } = self;
-        let (n, w) = (columns.nrows(), &mut work[from..]);
-        let columns = columns.as_mut_slice();
-        w.copy_from_slice(&columns[i * n + from..(i + 1) * n]);
+        let Frame { columns, work, .. } = self;
+        let (n, w) = (columns.n(), &mut work[from..]);
+        w.iter_mut().zip(columns.vector(i, from)).for_each(|(w, x)| *w = x);
         let (alpha, beta) = reflector(w);
         if beta != 0.0 {
-            live.iter().for_each(|at| reflect(w, beta, &mut columns[at * n + from..(at + 1) * n]));
+            columns.reflect(from, w, beta);
         }
-        columns[i * n + from] = alpha;
-        columns[i * n + from + 1..(i + 1) * n].fill(0.0);
+        columns[(from, i)] = alpha;
+        (from + 1..n).for_each(|j| columns[(j, i)] = 0.0);
     }
 
     /// Rotate the coordinates `at` and `at + 1`, so that column `i` is zero at `at + 1` (Givens rotation).
     pub fn rotate(&mut self, i: usize, at: usize) {
-        let [x, y] = [self.column(i)[at], self.column(i)[at + 1]];
+        let [x, y] = [self[(at, i)], self[(at + 1, i)]];
         let r = x.hypot(y);
         if y == 0.0 || r == 0.0 {
             return;
         }
-        let (c, s, n) = (x / r, y / r, self.n());
-        let columns = self.columns.as_mut_slice();
-        for column in &self.live {
-            let [x, y] = [columns[column * n + at], columns[column * n + at + 1]];
-            (columns[column * n + at], columns[column * n + at + 1]) = (c * x + s * y, c * y - s * x);
-        }
-        columns[i * n + at + 1] = 0.0;
+        self.columns.rotate(at, x / r, y / r);
+        self[(at + 1, i)] = 0.0;
     }
 
     /// Turn the coordinates from `from` on to the right singular vectors of a decomposition, the largest or the smallest singular value
     /// first.
     pub fn turn(&mut self, svd: &Svd, from: usize, smallest_first: bool) {
-        let Frame { columns, live, work, .. } = self;
-        let (n, k) = (columns.nrows(), columns.nrows() - from);
-        for column in live.iter().map(|i| i * n + from..(i + 1) * n) {
-            let (x, work) = (&mut columns.as_mut_slice()[column], &mut work[from..]);
-            work.copy_from_slice(x);
-            x.iter_mut().enumerate().for_each(|(j, x)| *x = dot(svd.v(if smallest_first { k - 1 - j } else { j }), work));
-        }
+        let k = self.n() - from;
+        self.columns.turn(from, |j| svd.v(if smallest_first { k - 1 - j } else { j }));
+    }
+}
+
+impl Deref for Frame {
+    type Target = Columns;
+    fn deref(&self) -> &Columns {
+        &self.columns
+    }
+}
+
+impl DerefMut for Frame {
+    fn deref_mut(&mut self) -> &mut Columns {
+        &mut self.columns
     }
 }

@@ -17,6 +17,7 @@
 //! the certificate holds (`warm`). The methods `clamp` and `damped` add penalty rows to a level, so that their steps are least-squares
 //! solutions too (`damping`). With a kept direction, each command has a scale (`scale`).
 
+mod columns;
 mod damping;
 mod face;
 mod frame;
@@ -135,15 +136,17 @@ impl Inequalities {
         let (n, count, problems) = (stack.n + rows.offset, rows.len(), (2 + rows.offset) * rows.levels.len());
         let zeros = |size| vec![0.0; size];
         let most = stack.rows.iter().copied().max().unwrap_or(0).max(rows.levels[0].len()) + n;
+        let frame = Frame::new(n, count, settings.method.damps());
         Inequalities {
             number: 0,
             goal: Goal::Violation,
-            frame: Frame::new(n, count),
+            rate: zeros(frame.width()),
+            frame,
             face: Face::new(n, most),
             rule: RankRule { norm: 0.0, rounding: 0.0, condition: 1.0 },
             x: zeros(n),
             reach: 0.0,
-            value: zeros(count + n),
+            value: zeros(rows.columns.width() + n),
             part: vec![Part::Later; count],
             side: vec![0; count + n],
             multiplier: zeros(count),
@@ -154,7 +157,6 @@ impl Inequalities {
             tied: Vec::with_capacity(count),
             penalties: 0,
             step: zeros(n),
-            rate: zeros(count + n),
             right_side: zeros(most),
             last: (0..problems).map(|_| LastSet::new(count)).collect(),
             known: false,
@@ -217,7 +219,7 @@ impl Inequalities {
 
     /// Start at the velocities within the bounds of level 0 that are nearest to zero.
     fn begin(&mut self, settings: &Settings) {
-        self.frame.start(&self.rows.a);
+        self.frame.start(&self.rows.columns);
         self.frame.used = self.rows.offset;
         self.x.fill(0.0);
         let velocities = &mut self.x[self.rows.offset..];
@@ -295,15 +297,11 @@ impl Inequalities {
         Ok(complete)
     }
 
-    /// List the rows of the level and the kept rows, and the columns that transformations act on.
+    /// List the rows of the level and the kept rows.
     fn watch(&mut self) {
-        let Inequalities { frame, part, watched, .. } = self;
+        let Inequalities { part, watched, .. } = self;
         watched.clear();
         watched.extend((0..part.len()).filter(|i| !matches!(part[*i], Part::Fixed | Part::Later)));
-        let later = (0..part.len()).filter(|i| part[*i] == Part::Later);
-        let (basis, norm) = (frame.basis(0)..frame.basis(0) + frame.n(), frame.norm());
-        frame.live.clear();
-        frame.live.extend(watched.iter().copied().chain(later).chain(basis).chain([norm]));
     }
 
     /// Minimise a goal: by the active set of the last solve, or by the search.

@@ -1,7 +1,6 @@
 //! The outcome of a solve in the units of the caller: velocities, violations, active rows, and the certificate of the bounds.
 
 use super::{Inequalities, Part};
-use crate::linalg::dot;
 use crate::priority::settings::Settings;
 use crate::priority::solution::Solution;
 
@@ -13,9 +12,9 @@ impl Inequalities {
 
     /// Add the excess over bounds of rows that are not violated to the certificate.
     pub(super) fn check_bounds(&mut self) {
+        self.find_values();
         for i in 0..self.part.len() {
-            let value = dot(self.rows.row(i), &self.x);
-            self.value[i] = value;
+            let value = self.value[i];
             if self.part[i] != Part::Later && !self.violated[i] {
                 let excess = (value - self.rows.upper[i]).max(self.rows.lower[i] - value);
                 if !self.rows.is_task(i) && excess > 0.0 {

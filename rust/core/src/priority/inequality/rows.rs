@@ -3,6 +3,7 @@
 //!
 //! If commands are scaled (`scale`), entry 0 of every row belongs to the length `t` of the present level, and the last row bounds `t`.
 
+use super::columns::Columns;
 use crate::error::{Error, Result, finite};
 use crate::linalg::{dot, largest};
 use crate::priority::method::DEFAULT_EPS;
@@ -14,7 +15,9 @@ use std::ops::Range;
 #[derive(Debug, Clone)]
 pub struct Rows {
     /// The rows `a`, one per column, shape `(offset + n, rows)`. The rows of level 0 come first.
-    pub a: DMatrix<f64>,
+    a: DMatrix<f64>,
+    /// The same rows, coordinate by coordinate.
+    pub columns: Columns,
     /// The bounds `l` and `u`. Both are the command for a row of a task.
     pub lower: DVector<f64>,
     pub upper: DVector<f64>,
@@ -40,6 +43,7 @@ impl Rows {
         let zeros = |size| DVector::zeros(size);
         Rows {
             a: DMatrix::zeros(offset + stack.n, rows),
+            columns: Columns::new(offset + stack.n, rows),
             lower: zeros(rows),
             upper: zeros(rows),
             size: zeros(rows + stack.n),
@@ -60,6 +64,11 @@ impl Rows {
     pub fn row(&self, i: usize) -> &[f64] {
         let n = self.a.nrows();
         &self.a.as_slice()[i * n..(i + 1) * n]
+    }
+
+    /// Set the entry of row `i` that belongs to the length `t`.
+    pub fn set_length_entry(&mut self, i: usize, entry: f64) {
+        (self.a[(0, i)], self.columns[(0, i)]) = (entry, entry);
     }
 
     /// Whether row `i` is a task, `l = u`.
@@ -101,6 +110,9 @@ impl Rows {
             }
             let longest = self.measure(i + 1);
             self.eps[i + 1] = settings.eps.as_ref().map_or(DEFAULT_EPS * longest, |eps| eps[i] * f * g);
+        }
+        for (i, row) in self.a.as_slice().chunks_exact(width).enumerate() {
+            row.iter().enumerate().for_each(|(j, x)| self.columns[(j, i)] = *x);
         }
         Ok(())
     }

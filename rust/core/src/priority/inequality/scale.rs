@@ -115,12 +115,12 @@ impl Inequalities {
         let (bound, at) = (rows.len() - 1, frame.used - 1);
         frame.free_last_used();
         for (i, q) in rows.levels[level].clone().zip(image) {
-            (rows.a[(0, i)], rows.lower[i], rows.upper[i]) = (-q, 0.0, 0.0);
-            frame.column_mut(i)[at] = -q;
+            rows.set_length_entry(i, -q);
+            (rows.lower[i], rows.upper[i], frame[(at, i)]) = (0.0, 0.0, -q);
         }
         for column in [bound, frame.basis(0)] {
-            frame.column_mut(column).fill(0.0);
-            frame.column_mut(column)[at] = 1.0;
+            frame.clear(column);
+            frame[(at, column)] = 1.0;
         }
         (rows.lower[bound], rows.upper[bound], part[bound], x[0]) = (0.0, *length, Part::Kept, 0.0);
     }
@@ -130,7 +130,8 @@ impl Inequalities {
         let Inequalities { rows, part, side, multiplier, scaling, working, x, .. } = self;
         let (Some(Scaling { command, .. }), bound) = (scaling, rows.len() - 1) else { return };
         for (i, r) in rows.levels[level].clone().zip(command) {
-            (rows.a[(0, i)], rows.lower[i], rows.upper[i]) = (0.0, *r, *r);
+            rows.set_length_entry(i, 0.0);
+            (rows.lower[i], rows.upper[i]) = (*r, *r);
         }
         working.retain(|i| *i != bound);
         (part[bound], side[bound], multiplier[bound], x[0]) = (Part::Later, 0, 0.0, 0.0);

@@ -62,15 +62,21 @@ impl Inequalities {
         }
     }
 
-    /// Compute the values of the rows of the level and of the kept rows, and the gradient of the norm.
-    pub(super) fn refresh(&mut self) {
-        let Inequalities { rows, frame, x, value, watched, .. } = self;
-        watched.iter().for_each(|i| value[*i] = dot(rows.row(*i), x));
+    /// Compute the values of all rows.
+    pub(super) fn find_values(&mut self) {
+        let Inequalities { rows, x, value, .. } = self;
+        rows.columns.products(0, x, value);
         value[rows.len()..].fill(0.0);
-        let norm = frame.norm();
-        frame.column_mut(norm).fill(0.0);
+    }
+
+    /// Compute the values of all rows, and the gradient of the norm.
+    pub(super) fn refresh(&mut self) {
+        self.find_values();
+        let Inequalities { frame, x, .. } = self;
+        let (basis, norm) = (frame.basis(0), frame.norm());
+        frame.clear(norm);
         if self.goal == Goal::Scale {
-            (0..x.len()).for_each(|c| frame.column_mut(norm)[c] = -frame.column(frame.basis(0))[c]);
+            (0..x.len()).for_each(|c| frame[(c, norm)] = -frame[(c, basis)]);
         }
         if self.goal == Goal::Norm {
             let damping = self.damping.as_ref();
@@ -78,8 +84,8 @@ impl Inequalities {
             for j in 0..x.len() {
                 let away = x[j] - preferred.map_or(0.0, |p| p[j]);
                 for c in 0..x.len() {
-                    let entry = frame.column(frame.basis(j))[c];
-                    frame.column_mut(norm)[c] += away * entry * damping.map_or(1.0, |damping| damping.scale[c]);
+                    let entry = frame[(c, basis + j)];
+                    frame[(c, norm)] += away * entry * damping.map_or(1.0, |damping| damping.scale[c]);
                 }
             }
         }
@@ -178,7 +184,7 @@ impl Inequalities {
             let factor = if self.goal == Goal::Norm { 1.0 } else { self.factor_of_ascent(from) };
             let Inequalities { frame, step, .. } = self;
             step[..from].fill(0.0);
-            step[from..].iter_mut().zip(&frame.column(frame.norm())[from..]).for_each(|(p, c)| *p = -c * factor);
+            step[from..].iter_mut().zip(frame.vector(frame.norm(), from)).for_each(|(p, c)| *p = -c * factor);
         } else {
             for at in 0..self.pulled.len() {
                 self.right_side[at] = -self.distance(self.pulled[at]);
@@ -191,13 +197,9 @@ impl Inequalities {
         Ok(())
     }
 
-    /// Compute the rates of all rows along a step that is zero before the coordinate `from`.
+    /// Compute the rates of all rows and of `x` along a step that is zero before the coordinate `from`.
     pub(super) fn rates(&mut self, from: usize) {
-        let Inequalities { frame, watched, step, rate, penalties, .. } = self;
-        let rows = self.rows.len();
-        for i in watched.iter().copied().chain(rows..rows + *penalties) {
-            rate[i] = dot(&frame.column(i)[from..], &step[from..]);
-        }
+        self.frame.products(from, &self.step, &mut self.rate);
     }
 
     /// Whether the whole step keeps the kept rows within their bounds, and does not change which rows are violated.
@@ -216,19 +218,14 @@ impl Inequalities {
         })
     }
 
-    /// Move `x` by `t` times the step, which is zero before the coordinate `from`.
+    /// Move `x` by `t` times the step, which is zero before the coordinate `from`, and whose rates are known.
     pub(super) fn advance(&mut self, from: usize, t: f64) {
-        let Inequalities { frame, x, value, watched, step, rate, penalties, .. } = self;
-        let rows = self.rows.len();
-        for i in watched.iter().copied().chain(rows..rows + *penalties) {
-            value[i] += t * rate[i];
-        }
-        for (j, x) in x.iter_mut().enumerate() {
-            *x += t * dot(&frame.column(frame.basis(j))[from..], &step[from..]);
-        }
+        let Inequalities { frame, x, value, step, rate, penalties, .. } = self;
+        axpy(t, &rate[..self.rows.len() + *penalties], value);
+        axpy(t, &rate[frame.basis(0)..], x);
         if self.goal == Goal::Norm {
             let norm = frame.norm();
-            axpy(t, &step[from..], &mut frame.column_mut(norm)[from..]);
+            step.iter().enumerate().skip(from).for_each(|(c, p)| frame[(c, norm)] += t * p);
         }
         self.reach = self.reach.max(dot(&self.x, &self.x).sqrt());
     }
@@ -271,8 +268,8 @@ impl Inequalities {
     /// The derivative of the goal along the step.
     fn slope(&self, from: usize, t: f64) -> f64 {
         if self.goal == Goal::Norm {
-            let (p, c) = (&self.step[from..], &self.frame.column(self.frame.norm())[from..]);
-            return dot(p, c) + t * dot(p, p);
+            let p = &self.step[from..];
+            return self.frame.product(self.frame.norm(), from, p) + t * dot(p, p);
         }
         if self.goal == Goal::Scale {
             return -1.0;
@@ -307,8 +304,9 @@ impl Inequalities {
 
     /// The component of the gradient of the goal along coordinate `at`.
     pub(super) fn gradient(&self, at: usize) -> f64 {
-        let forces = self.pulled.iter().map(|&i| self.distance(i) * self.frame.column(i)[at]);
-        forces.sum::<f64>() + self.frame.column(self.frame.norm())[at]
+        let column = self.frame.coordinate(at);
+        let forces = self.pulled.iter().map(|&i| self.distance(i) * column[i]);
+        forces.sum::<f64>() + column[self.frame.norm()]
     }
 
     /// Compute the multipliers of the working rows by back substitution.
@@ -326,10 +324,10 @@ impl Inequalities {
     pub(super) fn solve_multipliers(&mut self) {
         let used = self.frame.used;
         for j in (0..self.working.len()).rev() {
-            let forces = self.working[j + 1..].iter().map(|&i| self.multiplier[i] * self.frame.column(i)[used + j]);
+            let forces = self.working[j + 1..].iter().map(|&i| self.multiplier[i] * self.frame[(used + j, i)]);
             let force = self.gradient(used + j) + forces.sum::<f64>();
             let i = self.working[j];
-            self.multiplier[i] = -force / self.frame.column(i)[used + j];
+            self.multiplier[i] = -force / self.frame[(used + j, i)];
         }
     }
 
@@ -370,7 +368,7 @@ impl Inequalities {
             largest = largest.max(self.multiplier[i].abs() * self.rows.size[i]);
         }
         let rest = |at: usize| {
-            let forces = self.working.iter().map(|&i| self.multiplier[i] * self.frame.column(i)[at]);
+            let forces = self.working.iter().map(|&i| self.multiplier[i] * self.frame[(at, i)]);
             (self.gradient(at) + forces.sum::<f64>()).abs()
         };
         let rest = (self.frame.used..self.frame.n()).map(rest).fold(0.0, f64::max);

@@ -64,7 +64,7 @@ impl Inequalities {
             let (value, slack) = (self.value[i], self.tolerance(i));
             let sides = [(self.rows.upper[i] - value, 1), (value - self.rows.lower[i], -1)];
             for (_, side) in sides.into_iter().filter(|(distance, _)| *distance <= slack) {
-                let outward = dot(&self.frame.column(i)[from..], &self.step[from..]) * f64::from(side);
+                let outward = self.frame.product(i, from, &self.step[from..]) * f64::from(side);
                 let cosine = -outward / (residual * self.rows.size[i]);
                 if cosine > steepest {
                     (steepest, found) = (cosine, Some((i, side)));

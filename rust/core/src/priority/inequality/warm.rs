@@ -4,7 +4,6 @@
 
 use super::{Goal, Inequalities, Part};
 use crate::error::Result;
-use crate::linalg::dot;
 
 /// A row of the last set is held only if its part that is independent of the other rows is longer, relative to its norm.
 const INDEPENDENT: f64 = 1e-9;
@@ -52,8 +51,8 @@ impl Inequalities {
             let (at, value) = (self.determined(), self.value[i]);
             self.hold(i, side);
             self.value[i] = value;
-            let row = self.frame.column(i);
-            self.step[at] = (bound - value - dot(&row[used..at], &self.step[used..at])) / row[at];
+            let known = self.frame.product(i, used, &self.step[used..at]);
+            self.step[at] = (bound - value - known) / self.frame[(at, i)];
         }
         if !self.working.is_empty() {
             self.rates(used);
@@ -76,9 +75,10 @@ impl Inequalities {
     }
 
     /// Whether all rows of the levels so far are within their bounds, or beyond the bound at which they were violated.
-    pub(super) fn is_consistent(&self) -> bool {
+    pub(super) fn is_consistent(&mut self) -> bool {
+        self.find_values();
         (0..self.part.len()).all(|i| {
-            let (value, slack) = (dot(self.rows.row(i), &self.x), self.tolerance(i));
+            let (value, slack) = (self.value[i], self.tolerance(i));
             match self.part[i] {
                 Part::Later => true,
                 _ if self.rows.is_task(i) => true,
