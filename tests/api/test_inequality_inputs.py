@@ -246,3 +246,61 @@ def test_kept_directions_in_batches_and_solvers() -> None:
     v = pickle.loads(pickle.dumps(arm)).solve(q, [[1.0, 0.5]])
     speed = arm.jacobians(q)[0] @ v
     assert np.abs(v).max() == 0.1 and abs(speed[0] * 0.5 - speed[1]) < 1e-14 and 0.0 < speed[0] < 1.0
+
+
+@pytest.mark.parametrize("method", ["exact", "clamp", "damped"])
+def test_rows_of_batches_are_single_calls(method: str) -> None:
+    """Stacks that meet no bound are solved in lanes, and the others by a search. All have the bits of a single call."""
+    rng = np.random.default_rng(7)
+    Js = [rng.normal(size=(70, m, 5)) for m in (2, 2, 4)]
+    small = rng.uniform(0.01, 1.0, size=(70, 1))
+    lower, upper = -rng.uniform(0.1, 0.3, size=(70, 2)), np.array([0.2, np.inf])
+    targets: list[Any] = [small * rng.normal(size=(70, 2)), al.Within(lower, upper), small * rng.normal(size=(70, 4))]
+    Js[2][5] = np.nan
+    targets[0][6] = np.inf
+    Js[0][7] = 0.0
+    many = solve(Js, targets, method=method, v_max=0.9)
+    searched = 0
+    for i in range(70):
+        stack = [[J[i] for J in Js], [targets[0][i], al.Within(lower[i], upper), targets[2][i]]]
+        if i in (5, 6):
+            assert many.status[i] == al.Status.DIVERGED and np.isnan(many.v[i]).all()
+            with pytest.raises(al.InputError, match="jacobians\\[2\\]" if i == 5 else "velocities\\[0\\]"):
+                solve(*stack, method=method, v_max=0.9)
+            continue
+        one = solve(*stack, method=method, v_max=0.9)
+        np.testing.assert_array_equal(many.v[i], one.v)
+        assert (many.certificate[i], many.changes[i], many.status[i]) == (one.certificate, one.changes, one.status)
+        assert many.active((i,)) == one.active and many.limits((i,)) == one.limits and one.certificate <= 1e-13
+        assert list(many.ranks[i]) == one.ranks
+        for batch, single in ((many.residuals, one.residuals), (many.violations, one.violations)):
+            for level, part in zip(batch, single, strict=True):
+                np.testing.assert_array_equal(level[i], part)
+        searched += one.changes > 0
+        assert one.changes > 0 or not any(one.active) or i == 7
+    assert 20 <= searched <= 60
+
+
+def test_calls_in_any_order() -> None:
+    """A call keeps its solver for the next one, and has the same bits after any other call."""
+    stacks: list[tuple[Any, Any, dict[str, Any]]] = [
+        ([J1, J2], [V1, V2], {"v_max": 0.4}),
+        ([J1, J2], [V1, V2], {"v_max": 0.5}),
+        ([J1, J2], [V1, V2], {"v_min": -0.1, "v_max": 0.5}),
+        ([J1, J2], [V1, INSIDE], {"v_max": 0.4}),
+        ([J1, J2], [V1, INSIDE], {}),
+        ([J1, J2], [V1, V2], {}),
+        ([J1, J2], [V1, V2], {"method": "clamp", "v_max": 0.4}),
+        ([J1, J2], [V1, V2], {"method": "clamp", "v_max": 0.4, "eps": 0.9}),
+        ([J1, J2], [V1, V2], {"weight": np.diag([1.0, 2.0, 3.0, 4.0]), "v_max": 0.4}),
+        ([J1, J2], [V1, V2], {"scale": "direction", "v_max": 0.4}),
+        ([J1, J2], [V1, V2], {"v_max": 0.4, "rounding": 1e-3}),
+    ]
+    own = [solve(J, v, **{"method": "exact"} | options) for J, v, options in stacks]
+    assert len({sol.v.tobytes() for sol in own}) >= 7
+    rng = np.random.default_rng(0)
+    for i in rng.integers(len(stacks), size=200):
+        J, v, options = stacks[i]
+        sol = solve(J, v, **{"method": "exact"} | options)
+        np.testing.assert_array_equal(sol.v, own[i].v)
+        assert (sol.limits, sol.active, sol.why(1)) == (own[i].limits, own[i].active, own[i].why(1))

@@ -2,8 +2,7 @@
 //! stacks for which its result is not valid, and these are solved one by one. For small batches and large stacks there is no program, so
 //! all stacks are solved one by one. Every row has the bits, ranks and status of a single solve, and does not depend on other rows.
 
-use super::branch_free::{self, BranchFree, MOST_OPERATIONS, Regular, regular_ranks};
-use super::method::PriorityMethod;
+use super::branch_free::{self, BranchFree, MOST_OPERATIONS, WithinBounds, regular_ranks};
 use super::solution::{Bounded, Solution};
 use super::solver::PrioritySolver;
 use super::stack::{Stack, level_ranges};
@@ -23,21 +22,22 @@ impl PrioritySolver {
     /// entries of the Jacobians.
     ///
     /// The results are a flag, then `v`. The flag is one if `v` is valid, otherwise zero. The return value is `None` if the program would be
-    /// too long, or if each stack requires a search.
+    /// too long, if each stack requires a search, or if a level has bounds.
     pub fn recorded<T>(
         &self,
         inputs: usize,
         set_up: impl FnOnce() -> T,
         stack: impl FnOnce(T, &[Sym]) -> (Sym, Vec<Sym>, Vec<Sym>),
     ) -> Option<Evaluation> {
-        if !self.has_regular_stacks() || Regular::<Sym>::operations(self.n(), self.rows()) > MOST_OPERATIONS {
+        let recordable = self.has_regular_stacks() && self.given.upper.is_empty();
+        if !recordable || WithinBounds::<Sym>::operations(self.n(), self.rows()) > MOST_OPERATIONS {
             return None;
         }
-        let set_up = || (self.regular::<Sym>(), set_up());
+        let set_up = || (WithinBounds::<Sym>::new(self.n(), self.rows(), &self.settings), set_up());
         record(true, inputs, set_up, |(mut regular, made), inputs| {
             let (rounding, jacobian, command) = stack(made, inputs);
-            let valid = regular.solve(rounding, &jacobian, &command);
-            [&[valid], &regular.v[..]].concat()
+            let valid = regular.solve(rounding, &jacobian, &command, &[]);
+            [&[valid], regular.results()[0]].concat()
         })
     }
 }
@@ -221,12 +221,12 @@ impl StackBatch {
         let mut program = if rows < FEWEST_ROWS || !solver.has_regular_stacks() {
             None
         } else {
-            branch_free::recorded::<Regular<Sym>>(&solver.given, &solver.settings, true)
+            branch_free::recorded::<WithinBounds<Sym>>(&solver.given, &solver.settings, true)
         };
         if let Some(program) = &mut program {
-            program.inputs(total * (n + 1), 1).fill(solver.settings.rounding);
+            program.inputs(total * (n + 1) + solver.given.upper.len(), 1).fill(solver.settings.rounding);
         }
-        let ranks = regular_ranks(n, solver.rows()).map(|rank| rank as i64).collect();
+        let ranks = regular_ranks(n, solver.rows(), &solver.given.intervals).map(|rank| rank as i64).collect();
         let failed = solver.failed();
         StackBatch { program, single: solver.clone(), free: failed.bounded.clone(), failed, ranks, declined: Vec::new() }
     }
@@ -236,9 +236,9 @@ impl StackBatch {
         &self.single
     }
 
-    /// Whether the solver is fast for most stacks: a program exists, and the method does not search over bounds.
+    /// Whether the solver is fast for most stacks: a program exists, and there are no bounds.
     pub fn is_quick(&self) -> bool {
-        self.program.is_some() && self.single.method() != PriorityMethod::Sns
+        self.program.is_some() && !self.single.is_bounded()
     }
 
     /// Solve the stacks `first..last` of the batch. Row 0 of `answers` belongs to the stack `first`.
@@ -270,7 +270,8 @@ impl StackBatch {
         for (i, v) in v.chunks_exact(n).enumerate() {
             residual.clear();
             residuals.iter().zip(self.single.rows()).for_each(|(all, &m)| residual.extend_from_slice(&all[i * m..(i + 1) * m]));
-            bounded.set_free(v, &residual, self.single.bounds());
+            let certificate = if self.single.settings.certifies() { answers.certificate[i] } else { f64::NAN };
+            bounded.set_free(v, &residual, self.single.bounds(), certificate);
             answers.set(i, bounded);
         }
     }
@@ -283,7 +284,7 @@ impl StackBatch {
         let with = |values: &'a [&'a [f64]], columns: usize| {
             values.iter().zip(single.rows()).map(move |(numbers, &m)| Rows { numbers, width: m * columns })
         };
-        let inputs: Vec<Rows> = with(given.jacobians, n).chain(with(given.velocities, 1)).collect();
+        let inputs: Vec<Rows> = with(given.jacobians, n).chain(with(given.velocities, 1)).chain(with(given.uppers, 1)).collect();
         for at in (0..count).step_by(lanes) {
             let mut residual = 1 + n;
             program.read(&inputs, first + at);
@@ -293,6 +294,9 @@ impl StackBatch {
             for (answer, &m) in answers.residuals.iter_mut().zip(single.rows()) {
                 program.write(residual, m, &mut answer[at * m..end * m]);
                 residual += m;
+            }
+            if let Some(bounded) = answers.bounded.as_mut().filter(|_| single.settings.certifies()) {
+                program.write(residual, 1, &mut bounded.certificate[at..end]);
             }
             declined.extend((at..end).zip(program.output(0)).filter(|(_, valid)| **valid != 1.0).map(|(row, _)| row));
         }

@@ -96,7 +96,7 @@ impl StackFormula {
         arguments.clear();
         arguments.extend([valid, rounding]);
         arguments.extend(jacobian.iter().chain(command).chain(&*upper).chain(Regular::parameters(regular)));
-        let ranks = regular_ranks(*n, rows).map(|rank| Sym::splat(rank as f64));
+        let ranks = regular_ranks(*n, rows, &[]).map(|rank| Sym::splat(rank as f64));
         let given = regular.v.iter().chain(&regular.residual).copied().chain(ranks).chain([Sym::zero()]);
         results.iter_mut().zip(given).for_each(|(to, given)| *to = given);
         sym::decide(*kind, arguments, results);
@@ -166,7 +166,7 @@ fn closed_form(sizes: &[usize]) -> Option<(Vec<Op>, Vec<u32>)> {
             levels.parameters().set_eps2(eps2.iter().map(squared).collect());
         }
         levels.parameters().metric.iter_mut().for_each(|metric| metric.set_factor(factor));
-        let valid = Sym::splat(0.5).lt(levels.solve(arguments[1], jacobian, command));
+        let valid = Sym::splat(0.5).lt(levels.solve(arguments[1], jacobian, command, &[]));
         let found = levels.v.iter().chain(&levels.residual).chain(&levels.ranks).map(|&x| Sym::select(valid, x, nan));
         found.chain([nan]).collect()
     };

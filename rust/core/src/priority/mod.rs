@@ -8,9 +8,9 @@
 //! directions cannot be commanded. The page `docs/methods/priority.md` has the derivation, the limits and a table of the methods.
 //!
 //! The branch-free algorithms solve most stacks. `regular` uses LQ factorisations. Its result is valid only if it is proven that every
-//! singular value is large and that no bound is met. For `clamp` and `damped`, `two_rows` solves levels of at most two rows in closed form,
+//! singular value is large and that no bound is met. `within_bounds` does so for stacks with bounds. For `clamp` and `damped`, `two_rows` solves levels of at most two rows in closed form,
 //! also at singularities. `hierarchy` is the general recursion over levels with singular values.
-//! `inequality` solves stacks with bounds, and scales commands. `bounded_c` is the same search as C code, and `derivative` has the
+//! `inequality` solves stacks that meet a bound, and scales commands. `bounded_c` is the same search as C code, and `derivative` has the
 //! derivatives of solutions with bounds. `solver` owns the memory and selects the algorithm. `batch` solves many stacks with a program: the
 //! recorded and compiled algorithm `regular`. `formula` is the solution within a recorded law, and `native_stack` the native code at its
 //! cuts.

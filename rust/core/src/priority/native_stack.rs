@@ -54,7 +54,11 @@ impl NativeStack {
             self.solver.set_bounds(&bounds[..n], &bounds[n..])?;
         }
         self.solver.set_rounding(arguments[1])?;
-        if self.solver.is_bounded() { self.solver.run() } else { self.solver.run_declined() }
+        match self.solver.is_bounded() {
+            true if self.solver.settings.certifies() => self.solver.run_hierarchy(),
+            true => self.solver.run(),
+            false => self.solver.run_declined(),
+        }
     }
 }
 

@@ -14,6 +14,8 @@ pub(super) struct Settings {
     pub metric: Option<Metric>,
     /// Whether each command has a scale, so that its direction is kept.
     pub scales: bool,
+    /// For each level, whether it has bounds in place of a task velocity. Empty if no level has.
+    pub intervals: Vec<bool>,
     /// The number of first levels whose steps are not damped.
     pub limit_levels: usize,
     /// The lower and upper bounds of the joint velocities.
@@ -44,8 +46,17 @@ impl Settings {
         if ![0, levels].contains(&options.intervals.len()) {
             return Err(Error::wrong("intervals", "length", format!("0 or {levels}"), options.intervals.len()));
         }
-        let mut settings =
-            Settings { method: options.method, eps, rounding: 0.0, metric, scales, limit_levels: options.limit_levels, bounds: None };
+        let intervals = if options.intervals.contains(&true) { options.intervals.clone() } else { Vec::new() };
+        let mut settings = Settings {
+            method: options.method,
+            eps,
+            rounding: 0.0,
+            metric,
+            scales,
+            intervals,
+            limit_levels: options.limit_levels,
+            bounds: None,
+        };
         settings.set_rounding(options.rounding.unwrap_or(DEFAULT_ROUNDING))?;
         let (low, high) = match options.velocity_bounds() {
             Some(bounds) => bounds,
@@ -60,6 +71,11 @@ impl Settings {
         settings.bounds = Some((vec![0.0; n], vec![0.0; n]));
         settings.set_bounds(&low, &high)?;
         Ok(settings)
+    }
+
+    /// Whether solutions that meet no bound have a certificate. Without bounds, and for `sns`, they have none.
+    pub fn certifies(&self) -> bool {
+        !self.method.has_bounds() && (self.bounds.is_some() || !self.intervals.is_empty())
     }
 
     /// Set the relative error of the entries. Errors: `Input` outside of `[0, 1)`.

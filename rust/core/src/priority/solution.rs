@@ -71,14 +71,14 @@ impl Bounded {
         Bounded { limits, violations: nan(), sides: vec![0; limits + rows], multipliers: nan(), changes: 0, certificate: f64::NAN }
     }
 
-    /// Write the bounds of a solution of tasks that no bound restricts.
-    pub(super) fn set_free(&mut self, v: &[f64], residuals: &[f64], bounds: Option<&(Vec<f64>, Vec<f64>)>) {
+    /// Write the bounds of a solution of tasks that no bound restricts. The residuals of levels with bounds are NaN.
+    pub(super) fn set_free(&mut self, v: &[f64], residuals: &[f64], bounds: Option<&(Vec<f64>, Vec<f64>)>, certificate: f64) {
         let (own, tasks) = self.violations.split_at_mut(self.limits);
         own.fill(0.0);
-        tasks.iter_mut().zip(residuals).for_each(|(to, residual)| *to = -residual);
+        tasks.iter_mut().zip(residuals).for_each(|(to, residual)| *to = if residual.is_nan() { 0.0 } else { -residual });
         self.sides.fill(0);
         self.multipliers.fill(0.0);
-        (self.changes, self.certificate) = (0, f64::NAN);
+        (self.changes, self.certificate) = (0, certificate);
         if let Some((lower, upper)) = bounds {
             for (side, (v, (l, u))) in self.sides.iter_mut().zip(v.iter().zip(lower.iter().zip(upper))) {
                 *side = i8::from(v >= u) - i8::from(v <= l);

@@ -5,7 +5,7 @@
 //! level, with finite numbers of moderate magnitude. For each level, it projects the Jacobian on the null space of the levels above, and
 //! decomposes it. It decides the rank, takes the step of the method, and updates the null space.
 
-use super::branch_free::{BranchFree, Compiled, Regular, TwoRowLevels, regular_ranks};
+use super::branch_free::{BranchFree, Compiled, Regular, TwoRowLevels, WithinBounds, regular_ranks};
 use super::hierarchy::Hierarchy;
 use super::inequality::{Inequalities, Slopes};
 use super::method::{PriorityMethod, PriorityOptions};
@@ -38,8 +38,9 @@ use crate::trace::Sym;
 pub struct PrioritySolver {
     pub(super) settings: Settings,
     pub(super) given: Stack,
-    regular: Compiled<Regular<f64>>,
-    /// The closed-form algorithm for levels of at most two rows, if it applies.
+    /// The algorithm away from singularities and bounds.
+    regular: Compiled<WithinBounds<f64>>,
+    /// The closed-form algorithm for levels of at most two rows, if it applies. A stack with bounds does not use it.
     two_rows: Option<Compiled<TwoRowLevels<f64>>>,
     pub(super) scaled: ScaledStack,
     pub(super) hierarchy: Hierarchy,
@@ -71,7 +72,7 @@ impl PrioritySolver {
         }
         Ok(PrioritySolver {
             regular: Compiled::new(&given, &settings),
-            two_rows: TwoRowLevels::<f64>::applies(rows, settings.method).then(|| Compiled::new(&given, &settings)),
+            two_rows: (!bounded && TwoRowLevels::<f64>::applies(rows, settings.method)).then(|| Compiled::new(&given, &settings)),
             scaled: ScaledStack::new(&given),
             hierarchy: Hierarchy::new(&given),
             inequalities: bounded.then(|| Box::new(Inequalities::new(&given, &settings))),
@@ -202,9 +203,11 @@ impl PrioritySolver {
         self.inequalities.is_some()
     }
 
-    /// Whether the algorithm `regular` solves the stacks whose solution meets no bound. For `sns` it is valid only without one.
+    /// Whether the algorithm `regular` solves the stacks whose solution meets no bound.
     pub(super) fn has_regular_stacks(&self) -> bool {
-        self.inequalities.is_none() || (self.settings.method.has_bounds() && self.given.upper.is_empty())
+        let settings = &self.settings;
+        let sns = settings.method.has_bounds() && self.given.upper.is_empty();
+        self.inequalities.is_none() || sns || (settings.certifies() && !settings.scales)
     }
 
     /// Solve for one Jacobian per level, shape `(rows_i, n)`, row-major, and one task velocity per level, shape `(rows_i,)`.
@@ -220,7 +223,7 @@ impl PrioritySolver {
     #[inline]
     pub fn used(&mut self) {
         let PrioritySolver { settings, given, regular, two_rows, .. } = self;
-        regular.compile::<Regular<Sym>>(given, settings);
+        regular.compile::<WithinBounds<Sym>>(given, settings);
         two_rows.iter_mut().for_each(|two_rows| two_rows.compile::<TwoRowLevels<Sym>>(given, settings));
     }
 
@@ -231,14 +234,15 @@ impl PrioritySolver {
             return self.run_hierarchy();
         }
         let PrioritySolver { settings, given, regular, solution, .. } = self;
-        let Some([v, residuals, ..]) = regular.solve(settings.rounding, given) else { return self.run_declined() };
+        let Some([v, residuals, .., certificate]) = regular.solve(settings.rounding, given) else { return self.run_declined() };
         solution.v.copy_from_slice(v);
         solution.residuals.copy_from_slice(residuals);
-        let ranks = regular_ranks(given.n, &given.rows);
+        let ranks = regular_ranks(given.n, &given.rows, &given.intervals);
         solution.levels.iter_mut().zip(ranks).for_each(|(level, rank)| *level = LevelSolution::new(rank, rank));
         solution.status = Status::Success;
         if let Some(bounded) = &mut solution.bounded {
-            bounded.set_free(&solution.v, &solution.residuals, settings.bounds.as_ref());
+            let certificate = certificate.first().copied().unwrap_or(f64::NAN);
+            bounded.set_free(&solution.v, &solution.residuals, settings.bounds.as_ref(), certificate);
         }
         Ok(&self.solution)
     }
@@ -247,7 +251,7 @@ impl PrioritySolver {
     pub fn run_declined(&mut self) -> Result<&Solution> {
         let PrioritySolver { settings, given, two_rows, solution, .. } = self;
         let results = two_rows.as_mut().and_then(|two_rows| two_rows.solve(settings.rounding, given));
-        let Some([v, residuals, ranks, singular]) = results else { return self.run_hierarchy() };
+        let Some([v, residuals, ranks, singular, _]) = results else { return self.run_hierarchy() };
         solution.v.copy_from_slice(v);
         solution.residuals.copy_from_slice(residuals);
         for ((level, rank), singular) in solution.levels.iter_mut().zip(ranks).zip(singular) {

@@ -190,3 +190,45 @@ fn solves_with_bounds_do_not_allocate() {
         }
     }
 }
+
+#[test]
+fn stacks_that_meet_no_bound_have_the_solution_of_the_search() {
+    let (mut random, mut met) = (Random::new(8), [0, 0]);
+    for trial in 0..600 {
+        let (n, method) = (3 + random.below(5), [PriorityMethod::Exact, PriorityMethod::Clamp, PriorityMethod::Damped][trial % 3]);
+        let rows = [1 + random.below(2), 1 + random.below(3), random.below(3), 1 + random.below(n)];
+        let intervals = [vec![false, true, false, false], vec![true, false, true, false], vec![]][trial / 3 % 3].clone();
+        let weight = (trial % 4 == 3).then(|| (0..n * n).map(|at| if at % (n + 1) == 0 { 2.0 } else { 0.1 }).collect());
+        let options = PriorityOptions { weight, v_max: Some(vec![1.0; n]), intervals, ..PriorityOptions::new(method) };
+        let mut solver = PrioritySolver::new(n, &rows, &options).unwrap();
+        let scale = [0.05, 0.3, 1.0][random.below(3)];
+        let (jacobian, command) = solver.inputs();
+        jacobian.iter_mut().for_each(|a| *a = random.normal());
+        command.iter_mut().for_each(|v| *v = scale * random.normal());
+        let (lower, width) = (command.to_vec(), 2.0 * scale);
+        if !solver.upper().is_empty() {
+            let uppers = lower.iter().map(|l| l + width);
+            solver.upper().iter_mut().zip(uppers).for_each(|(to, u)| *to = u);
+            // A level with bounds is below zero, and the other has zero within its bounds.
+            solver.inputs().1.iter_mut().for_each(|l| *l -= if random.below(8) > 0 { 0.5 * width } else { 0.0 });
+        }
+        let want = solver.run_hierarchy().unwrap().clone();
+        let got: Vec<Solution> = (0..40)
+            .map(|_| {
+                solver.used();
+                solver.run().unwrap().clone()
+            })
+            .collect();
+        let (one, bounded) = (&got[0], got[0].bounded.as_ref().unwrap());
+        let searched = want.bounded.as_ref().unwrap();
+        assert!(apart(&one.v, &want.v) <= 1e-11 * (1.0 + norm(&want.v)), "{trial}");
+        assert_eq!((one.status, &one.levels, &bounded.sides), (want.status, &want.levels, &searched.sides), "{trial}");
+        assert!(bounded.certificate <= 1e-12 && apart(&bounded.violations, &searched.violations) <= 1e-11);
+        // Programs, after some calls, have the same bits.
+        for other in &got {
+            assert_eq!((&other.v, &other.bounded), (&one.v, &one.bounded), "{trial}");
+        }
+        met[usize::from(bounded.sides.iter().any(|side| *side != 0))] += 1;
+    }
+    assert!(met[0] > 100 && met[1] > 100, "{met:?}");
+}

@@ -7,9 +7,11 @@ mod lq;
 mod regular;
 mod single_levels;
 mod two_rows;
+mod within_bounds;
 
 pub use regular::{Regular, regular_ranks};
 pub use two_rows::TwoRowLevels;
+pub use within_bounds::WithinBounds;
 
 use super::method::DEFAULT_EPS;
 use super::metric::Metric;
@@ -34,12 +36,13 @@ pub(super) trait BranchFree<S> {
     fn operations(n: usize, rows: &[usize]) -> usize;
 
     /// Solve the stack `jacobian`, shape `(sum rows, n)`, for the command `command`. `rounding` is the relative error of the entries of
-    /// `jacobian`. Return one if the result is valid, otherwise zero.
-    fn solve(&mut self, rounding: S, jacobian: &[S], command: &[S]) -> S;
+    /// `jacobian`. If a level has bounds, `upper` are the upper bounds, as in [`Stack`], otherwise it is empty. Return one if the result is
+    /// valid, otherwise zero.
+    fn solve(&mut self, rounding: S, jacobian: &[S], command: &[S], upper: &[S]) -> S;
 
     /// The results of the last solve: joint velocities, stacked residuals, and for each level its rank and whether it is singular (one or
-    /// zero). The ranks are empty if they are those of a regular stack.
-    fn results(&self) -> [&[S]; 4];
+    /// zero). The ranks are empty if they are those of a regular stack. The last result is the certificate, or empty without one.
+    fn results(&self) -> [&[S]; 5];
 
     /// The numbers of the settings that the algorithm uses.
     fn parameters(&mut self) -> &mut Parameters<S>;
@@ -82,17 +85,18 @@ impl<S: Real> Parameters<S> {
 /// with `rounding` at the end. The results are a flag of validity and the results of the algorithm. Return `None` if the program would be
 /// too long.
 pub(super) fn recorded<A: BranchFree<Sym>>(stack: &Stack, settings: &Settings, lanes: bool) -> Option<Evaluation> {
-    let (n, rows, total) = (stack.n, &stack.rows, stack.command.len());
+    let (n, rows, total, bounds) = (stack.n, &stack.rows, stack.command.len(), stack.upper.len());
     if A::operations(n, rows) > MOST_OPERATIONS {
         return None;
     }
     record(
         lanes,
-        total * (n + 1) + 1,
+        total * (n + 1) + bounds + 1,
         || A::new(n, rows, settings),
         |mut algorithm, inputs| {
             let (jacobian, others) = inputs.split_at(total * n);
-            let valid = algorithm.solve(others[total], jacobian, &others[..total]);
+            let (command, others) = others.split_at(total);
+            let valid = algorithm.solve(others[bounds], jacobian, command, &others[..bounds]);
             [&[valid], &algorithm.results().concat()[..]].concat()
         },
     )
@@ -129,17 +133,19 @@ impl<A: BranchFree<f64>> Compiled<A> {
 
     /// Solve a stack. Return the results, as for [`BranchFree::results`], if they are valid.
     #[inline]
-    pub fn solve(&mut self, rounding: f64, given: &Stack) -> Option<[&[f64]; 4]> {
-        let Stack { jacobian, command, .. } = given;
+    pub fn solve(&mut self, rounding: f64, given: &Stack) -> Option<[&[f64]; 5]> {
+        let Stack { jacobian, command, upper, .. } = given;
         let Some(program) = &mut self.program else {
             self.solves += u64::from(self.solves < SOLVES_BEFORE_PROGRAM);
-            let valid = self.direct.solve(rounding, jacobian, command);
+            let valid = self.direct.solve(rounding, jacobian, command, upper);
             return (valid == 1.0).then(|| self.direct.results());
         };
-        let (stacked, last) = program.inputs(0, jacobian.len() + command.len() + 1).split_at_mut(jacobian.len());
+        let (stacked, last) = program.inputs(0, jacobian.len() + command.len() + upper.len() + 1).split_at_mut(jacobian.len());
         stacked.copy_from_slice(jacobian);
-        last[..command.len()].copy_from_slice(command);
-        last[command.len()] = rounding;
+        let (commands, last) = last.split_at_mut(command.len());
+        commands.copy_from_slice(command);
+        last[..upper.len()].copy_from_slice(upper);
+        last[upper.len()] = rounding;
         program.run();
         let lengths = self.direct.results().map(<[f64]>::len);
         let (valid, mut outputs) = program.outputs(0, 1 + lengths.iter().sum::<usize>()).split_at(1);

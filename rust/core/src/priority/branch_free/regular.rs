@@ -14,10 +14,10 @@
 //! Direct solves and recordings use the same code, which never branches on numbers. So a program (the recorded and compiled code) and a
 //! direct solve with the same instruction set have the same bits.
 
+use super::Parameters;
 use super::level_rows::load;
 use super::lq::{Factor, least_squares, product};
 use super::single_levels::SingleLevels;
-use super::{BranchFree, Parameters};
 use crate::priority::method::{PriorityMethod, TAME};
 use crate::priority::metric::Metric;
 use crate::priority::settings::Settings;
@@ -227,8 +227,9 @@ impl<S: Real> Regular<S> {
     }
 }
 
-impl<S: Real> BranchFree<S> for Regular<S> {
-    fn new(n: usize, rows: &[usize], settings: &Settings) -> Self {
+impl<S: Real> Regular<S> {
+    /// Create the algorithm for `n` joints and levels of these sizes.
+    pub(in crate::priority) fn new(n: usize, rows: &[usize], settings: &Settings) -> Self {
         let (mut fit, mut fitting) = (0, 0);
         while fitting < rows.len() && fit + rows[fitting] <= n {
             fit += rows[fitting];
@@ -259,26 +260,53 @@ impl<S: Real> BranchFree<S> for Regular<S> {
         regular
     }
 
-    fn operations(n: usize, rows: &[usize]) -> usize {
+    /// The rough number of operations for stacks of this size.
+    pub(super) fn operations(n: usize, rows: &[usize]) -> usize {
         n * n * rows.iter().sum::<usize>()
     }
 
-    fn solve(&mut self, rounding: S, jacobian: &[S], command: &[S]) -> S {
-        Regular::solve(self, rounding, jacobian, command)
-    }
-
-    fn results(&self) -> [&[S]; 4] {
-        [&self.v, &self.residual, &[], &[]]
-    }
-
-    fn parameters(&mut self) -> &mut Parameters<S> {
+    /// The thresholds and the metric.
+    pub(super) fn own_parameters(&mut self) -> &mut Parameters<S> {
         &mut self.parameters
+    }
+
+    /// Return the joint velocities `v` of the last solve, from its first `used` coordinates.
+    pub(super) fn velocity_of_first(&mut self, used: usize) -> &[S] {
+        self.joint_velocities(used);
+        &self.v
+    }
+
+    /// Return the certificate of the last solve of the stack `jacobian`, as in `inequality`. It is the largest component of the gradients
+    /// `J_i' w_i` along the directions that the levels above leave free. Each is divided by the largest term of its level.
+    pub(super) fn stationarity(&mut self, jacobian: &[S]) -> S {
+        let Regular { n, rows, parameters, factor, frobenius2, residual, column, .. } = self;
+        let (n, reach) = (*n, product(&factor.y, &factor.y).sqrt());
+        let (mut certificate, mut start, mut used) = (S::zero(), 0, 0);
+        for (i, &m) in rows.iter().enumerate() {
+            let (p, level) = (m.min(n - used), start..start + m);
+            if p > 0 {
+                let g = &mut column[..n];
+                g.fill(S::zero());
+                for (&w, row) in residual[level.clone()].iter().zip(jacobian[level.start * n..].chunks_exact(n)) {
+                    g.iter_mut().zip(row).for_each(|(g, &a)| *g = w.mul_add(a, *g));
+                }
+                parameters.metric.iter().for_each(|metric| metric.row(g));
+                factor.transform(g);
+                let rest = g[used..].iter().fold(S::zero(), |most, g| most.max(g.abs()));
+                let (size, term) = (frobenius2[i].sqrt(), residual[level.clone()].iter().fold(S::zero(), |most, w| most.max(w.abs())));
+                let largest = (size * term.max(size * reach)).max(rest);
+                certificate = certificate.max(rest / largest.max(S::splat(f64::MIN_POSITIVE)));
+            }
+            (start, used) = (level.end, used + p);
+        }
+        certificate
     }
 }
 
-/// Return the number of realised directions of every level, for a stack that the algorithm `regular` solves.
-pub fn regular_ranks(n: usize, rows: &[usize]) -> impl Iterator<Item = usize> {
-    rows.iter().scan(n, |free, &m| {
+/// Return the number of realised directions of every level, for a stack that the algorithm `regular` solves. A level with bounds has none.
+pub fn regular_ranks<'a>(n: usize, rows: &'a [usize], intervals: &'a [bool]) -> impl Iterator<Item = usize> + 'a {
+    rows.iter().enumerate().scan(n, move |free, (i, &m)| {
+        let m = if intervals.get(i) == Some(&true) { 0 } else { m };
         let p = m.min(*free);
         *free -= p;
         Some(p)

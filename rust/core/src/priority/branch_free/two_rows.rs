@@ -92,15 +92,15 @@ impl<S: Real> BranchFree<S> for TwoRowLevels<S> {
         n * total * (total + rows.len())
     }
 
-    fn results(&self) -> [&[S]; 4] {
-        [&self.v, &self.residual, &self.ranks, &self.singular]
+    fn results(&self) -> [&[S]; 5] {
+        [&self.v, &self.residual, &self.ranks, &self.singular, &[]]
     }
 
     fn parameters(&mut self) -> &mut Parameters<S> {
         &mut self.parameters
     }
 
-    fn solve(&mut self, _rounding: S, jacobian: &[S], command: &[S]) -> S {
+    fn solve(&mut self, _rounding: S, jacobian: &[S], command: &[S], _upper: &[S]) -> S {
         let (zero, one) = (S::zero(), S::splat(1.0));
         let TwoRowLevels { n, rows, j, projected, parameters, y, threshold2: thresholds, .. } = self;
         let (n, total) = (*n, j.len() / *n);
