@@ -49,8 +49,8 @@ def faults(notebook: dict[str, Any]) -> list[str]:
     return found
 
 
-def test_notebooks_of_all_exercises_the_first_steps_and_priorities_exist() -> None:
-    assert [path.stem[:10] for path in NOTEBOOKS] == [*(f"exercise_{i}" for i in (1, 2, 3, 4)), "first_ten_", "priorities"]
+def test_notebooks_of_all_exercises_the_first_steps_a_log_and_priorities_exist() -> None:
+    assert [path.stem[:10] for path in NOTEBOOKS] == [*(f"exercise_{i}" for i in (1, 2, 3, 4)), "first_ten_", "log_lie_mo", "priorities"]
 
 
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
