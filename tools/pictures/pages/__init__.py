@@ -6,6 +6,7 @@ from . import (  # noqa: F401
     collisions,
     elastic,
     examples,
+    fit,
     friction,
     gradients,
     identification,
