@@ -133,8 +133,8 @@ impl StackFormula {
         &self.results[end - self.rows.len()..end]
     }
 
-    /// The certificate of the solution ([`Bounded::certificate`](super::Bounded)) if native code computed it, otherwise zero. It is NaN for
-    /// `sns`, and without bounds.
+    /// The certificate of the solution ([`Bounded::certificate`](super::Bounded)) if native code computed it, otherwise zero. It is NaN
+    /// without bounds.
     pub fn certificate(&self) -> Sym {
         self.results[self.results.len() - 1]
     }

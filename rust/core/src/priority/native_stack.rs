@@ -31,7 +31,8 @@ impl NativeStack {
             limit_levels,
             ..PriorityOptions::new(method)
         };
-        let Ok(solver) = PrioritySolver::new(n, rows, &options) else { unreachable!("the sizes are those of a solver") };
+        let Ok(mut solver) = PrioritySolver::new(n, rows, &options) else { unreachable!("the sizes are those of a solver") };
+        solver.certify();
         NativeStack { solver, eps: vec![1.0; has_eps * rows.len()] }
     }
 

@@ -59,8 +59,8 @@ pub struct Bounded {
     pub multipliers: Vec<f64>,
     /// The number of changes of the active set.
     pub changes: usize,
-    /// The largest residual of the conditions of Karush, Kuhn and Tucker, divided by their largest term. It is NaN for `sns` if the solution
-    /// meets no bound, because such stacks are solved without a search.
+    /// The largest residual of the conditions of Karush, Kuhn and Tucker, divided by their largest term. Stacks of `sns` that
+    /// meet no bound are solved without a search, and it is NaN unless [`PrioritySolver::certify`](super::PrioritySolver::certify) was called.
     pub certificate: f64,
 }
 

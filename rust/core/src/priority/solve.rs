@@ -1,5 +1,6 @@
 //! One prioritised solve.
 
+use super::hierarchy::Conditions;
 use super::method::{PriorityMethod, PriorityOptions};
 use super::solution::Solution;
 use super::solver::PrioritySolver;
@@ -25,8 +26,10 @@ pub fn solve_priority(n: usize, jacobians: &[&[f64]], velocities: &[&[f64]], opt
 /// Return the certificate of joint velocities `v` that were computed without bounds. It is the largest residual of the conditions of Karush,
 /// Kuhn and Tucker, divided by their largest term. `rows`: number of rows of each level. `jacobian` and `command`: stacked, row-major.
 ///
-/// The stack is solved again by the active-set method. The certificate is that of this solution, and at least its relative distance from
-/// `v`. It is NaN for `chiaverini`, which minimises no objective. For `sns` no bound may restrict `v`. Errors: as for [`PrioritySolver::new`].
+/// If no direction is damped, the conditions are evaluated at `v`. The objective of a damped level depends on the step of the level, so that
+/// such a stack is solved again by the active-set method. The certificate is then that of this solution, and at least its relative distance
+/// from `v`. It is NaN for `chiaverini`, which minimises no objective. For `sns` no bound may restrict `v`. Errors: as for
+/// [`PrioritySolver::new`].
 ///
 /// ```
 /// use armlet_core::priority::{PriorityMethod, PriorityOptions, certificate};
@@ -36,22 +39,32 @@ pub fn solve_priority(n: usize, jacobians: &[&[f64]], velocities: &[&[f64]], opt
 /// # Ok::<(), armlet_core::error::Error>(())
 /// ```
 pub fn certificate(rows: &[usize], options: &PriorityOptions, jacobian: &[f64], command: &[f64], v: &[f64]) -> Result<f64> {
-    let method = match options.method {
-        PriorityMethod::Chiaverini => return Ok(f64::NAN),
-        PriorityMethod::Sns => PriorityMethod::Exact,
-        method => method,
-    };
-    let options = PriorityOptions { method, intervals: vec![true; rows.len()], ..options.clone() };
+    if options.method == PriorityMethod::Chiaverini {
+        return Ok(f64::NAN);
+    }
+    let mut options = options.clone();
+    if options.method.damps() {
+        options.intervals = vec![true; rows.len()];
+    }
     let mut solver = PrioritySolver::new(v.len(), rows, &options)?;
-    solver.upper().copy_from_slice(command);
+    let damped = options.method.damps();
+    if damped {
+        solver.upper().copy_from_slice(command);
+    }
     let (own_jacobian, own_command) = solver.inputs();
     own_jacobian.copy_from_slice(jacobian);
     own_command.copy_from_slice(command);
-    let solution = solver.run()?;
-    let apart = solution.v.iter().zip(v).map(|(x, v)| (x - v).powi(2)).sum::<f64>().sqrt();
-    let norm = dot(v, v).max(dot(&solution.v, &solution.v)).sqrt();
-    let distance = if norm > 0.0 { apart / norm } else { 0.0 };
-    Ok(solution.bounded.as_ref().map_or(f64::NAN, |bounded| bounded.certificate.max(distance)))
+    if damped {
+        solver.run()?;
+        if solver.damps_a_direction() {
+            let solution = solver.solution();
+            let bounded = solution.bounded.as_ref().map_or(f64::NAN, |bounded| bounded.certificate);
+            let apart = solution.v.iter().zip(v).map(|(x, v)| (x - v).powi(2)).sum::<f64>().sqrt();
+            let norm = dot(v, v).max(dot(&solution.v, &solution.v)).sqrt();
+            return Ok(bounded.max(if norm > 0.0 { apart / norm } else { 0.0 }));
+        }
+    }
+    Conditions::new(&solver.given).certificate(&solver.given, &solver.settings, v)
 }
 
 /// Solve `J_i v = v_i` with priorities, the highest level first. `levels`: pairs of `J_i`, shape `(rows_i, n)`, and `v_i`, shape

@@ -6,7 +6,7 @@
 //! decomposes it. It decides the rank, takes the step of the method, and updates the null space.
 
 use super::branch_free::{BranchFree, Compiled, Regular, TwoRowLevels, WithinBounds, regular_ranks};
-use super::hierarchy::Hierarchy;
+use super::hierarchy::{Conditions, Hierarchy};
 use super::inequality::{Inequalities, Slopes};
 use super::method::{PriorityMethod, PriorityOptions};
 use super::settings::Settings;
@@ -46,6 +46,8 @@ pub struct PrioritySolver {
     pub(super) hierarchy: Hierarchy,
     /// The solver of stacks with bounds, if the stack has bounds.
     inequalities: Option<Box<Inequalities>>,
+    /// The conditions for the certificates of solutions that no bound restricts, if these are wanted.
+    conditions: Option<Box<Conditions>>,
     solution: Solution,
 }
 
@@ -76,6 +78,7 @@ impl PrioritySolver {
             scaled: ScaledStack::new(&given),
             hierarchy: Hierarchy::new(&given),
             inequalities: bounded.then(|| Box::new(Inequalities::new(&given, &settings))),
+            conditions: None,
             solution,
             settings,
             given,
@@ -175,6 +178,16 @@ impl PrioritySolver {
         }
     }
 
+    /// Compute the certificates of the next solutions of `sns` that meet no bound, too.
+    pub fn certify(&mut self) {
+        self.conditions = self.inequalities.as_ref().map(|_| Box::new(Conditions::new(&self.given)));
+    }
+
+    /// Whether the last solve of a stack with bounds damped a direction.
+    pub(super) fn damps_a_direction(&self) -> bool {
+        self.inequalities.as_ref().is_some_and(|inequalities| inequalities.damps_a_direction())
+    }
+
     /// Forget the active set of the last solve, so that the next result does not depend on earlier solves.
     pub fn clear_active_set(&mut self) {
         self.inequalities.iter_mut().for_each(|inequalities| inequalities.clear_active_set());
@@ -233,7 +246,7 @@ impl PrioritySolver {
         if !self.has_regular_stacks() {
             return self.run_hierarchy();
         }
-        let PrioritySolver { settings, given, regular, solution, .. } = self;
+        let PrioritySolver { settings, given, regular, conditions, solution, .. } = self;
         let Some([v, residuals, .., certificate]) = regular.solve(settings.rounding, given) else { return self.run_declined() };
         solution.v.copy_from_slice(v);
         solution.residuals.copy_from_slice(residuals);
@@ -243,6 +256,9 @@ impl PrioritySolver {
         if let Some(bounded) = &mut solution.bounded {
             let certificate = certificate.first().copied().unwrap_or(f64::NAN);
             bounded.set_free(&solution.v, &solution.residuals, settings.bounds.as_ref(), certificate);
+            if let Some(conditions) = conditions.as_mut().filter(|_| certificate.is_nan()) {
+                bounded.certificate = conditions.certificate(given, settings, &solution.v)?;
+            }
         }
         Ok(&self.solution)
     }

@@ -32,7 +32,7 @@ static int @_add_penalties(@_work *w, int level)
         regular &= w->svd.s[k] >= eps;
         damping *= fmin(w->svd.s[k] / eps, 1.0);
     }
-    if (regular)
+    if (regular || w->frobenius[level] == 0.0)
         return 1;
     @_turn_frame(w, &w->svd, from, 0);
     damping = eps * (1.0 - damping);
@@ -45,6 +45,7 @@ static int @_add_penalties(@_work *w, int level)
             @_col(w, i)[at] = root;
             w->live[w->lives++] = i;
             w->size[i] = root;
+            w->norm = hypot(w->norm, root);
             w->penalties++;
         }
     }
@@ -201,6 +202,7 @@ static int @_solve_level(@_work *w, int level)
     for (i = @_first[level]; i < @_first[level + 1]; i++)
         w->part[i] = @_OWN;
     w->norm = w->frobenius[level];
+    w->level = level;
     @_watch(w);
     if (damps && !@_add_penalties(w, level))
         return -1;

@@ -298,13 +298,14 @@ static void @_find_multipliers(@_work *w)
 
 static double @_stationarity(@_work *w)
 {
-    const double size = w->goal == 1 ? 1.0 : w->norm;
     double term = 0.0, largest, most = 0.0;
-    int k, at;
+    int k, at, own = 0;
     for (k = 0; k < w->pulls; k++)
-        if (w->pulled[k] < @_ROWS)
+        if (w->pulled[k] < @_ROWS) {
             term = fmax(term, fabs(@_distance(w, w->pulled[k])));
-    largest = size * fmax(term, size * w->reach);
+            own++;
+        }
+    largest = w->goal == 1 ? w->reach : fmax(w->frobenius[w->level] * term, w->norm * w->norm * w->reach);
     for (k = 0; k < w->works; k++)
         largest = fmax(largest, fabs(w->multiplier[w->working[k]]) * w->size[w->working[k]]);
     for (at = w->used; at < @_N; at++) {
@@ -313,6 +314,7 @@ static double @_stationarity(@_work *w)
             rest += w->multiplier[w->working[k]] * @_col(w, w->working[k])[at];
         most = fmax(most, fabs(rest));
     }
-    return most == 0.0 ? 0.0 : most / fmax(largest, most);
+    most -= w->rounding * w->norm * w->product * term * sqrt((double)own);
+    return most <= 0.0 ? 0.0 : most / fmax(largest, most);
 }
 

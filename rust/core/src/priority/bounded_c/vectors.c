@@ -22,6 +22,7 @@ typedef struct {
     double matrix[(@_N + 1) * @_MOST], beta[@_N], diagonal[@_N], scratch[@_MOST], condition;
     int form, from, rank, taken;
     double norm, rounding, product;
+    int level;
     double x[@_N], reach, value[@_MOST], multiplier[@_ROWS];
     int part[@_ROWS], side[@_MOST], violated[@_ROWS];
     int watched[@_ROWS], watches, working[@_N], works, pulled[@_MOST], pulls, tied[@_ROWS], tied_side[@_ROWS], ties, penalties;

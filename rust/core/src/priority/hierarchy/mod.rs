@@ -10,6 +10,7 @@
 //! The projector `X diag(scale) X'` is symmetric. For `clamp` and `damped` it is also a continuous function of the Jacobians. Its range is
 //! then orthogonal to every direction with `s >= eps` of the levels above.
 
+mod conditions;
 mod null_space;
 mod projected_level;
 
@@ -18,6 +19,7 @@ use super::solution::LevelSolution;
 use super::stack::{Level, Stack};
 use crate::error::Result;
 use crate::linalg::{axpy, clamp_gain, dot};
+pub(super) use conditions::Conditions;
 use null_space::NullSpace;
 use projected_level::{ProjectedLevel, RankRule};
 

@@ -34,7 +34,8 @@ impl Inequalities {
         face.decompose(frame, pulled, from)?;
         let s = face.svd.s();
         self.last[level].damps = s.iter().any(|s| *s < eps);
-        if s.iter().all(|s| *s >= eps) {
+        // Rows of zeros have no step.
+        if s.iter().all(|s| *s >= eps) || self.rows.frobenius[level] == 0.0 {
             return Ok(());
         }
         frame.turn(&face.svd, from, false);
@@ -51,6 +52,7 @@ impl Inequalities {
                 frame[(at, column)] = root;
                 self.rows.size[column] = root;
                 self.penalties += 1;
+                self.rule.norm = self.rule.norm.hypot(root);
             }
         }
         Ok(())

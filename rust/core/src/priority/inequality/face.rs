@@ -15,7 +15,8 @@ use nalgebra::DVector;
 /// Singular values above this limit, relative to the norm of the level, are regular without a decomposition.
 const REGULAR: f64 = 1e-6;
 
-/// The rank rule of a level: its Frobenius norm, the relative error of its entries, and the condition number `c` of the levels above.
+/// The rank rule of a level: its Frobenius norm with the penalty rows, and the relative error of its entries. `condition` is the condition
+/// number of the levels above.
 #[derive(Debug, Clone, Copy)]
 pub struct RankRule {
     pub norm: f64,
@@ -25,7 +26,7 @@ pub struct RankRule {
 
 impl RankRule {
     /// The largest singular value that may be the rounding error of a level, in the null space of the levels above.
-    fn cut(&self) -> f64 {
+    pub fn cut(&self) -> f64 {
         self.rounding * self.norm * self.condition
     }
 }

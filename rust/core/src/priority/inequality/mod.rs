@@ -204,6 +204,11 @@ impl Inequalities {
         self.known = false;
     }
 
+    /// Whether the last solve damped a direction.
+    pub fn damps_a_direction(&self) -> bool {
+        self.damping.is_some() && self.last.iter().any(|set| set.damps)
+    }
+
     /// Solve all levels. Return false at the limit of the number of changes, or if the active set of the last solve is not accepted.
     fn solve_levels(&mut self, given: &Stack, settings: &Settings, solution: &mut Solution) -> Result<bool> {
         self.begin(settings);

@@ -356,14 +356,17 @@ impl Inequalities {
         worst.1
     }
 
-    /// Return the largest component of the gradient with the forces of the multipliers, divided by the largest term of the level.
+    /// Return the largest component of the gradient with the forces of the multipliers, divided by the largest term of the level. The rank
+    /// rule counts the part of the gradient along a direction without rank as a rounding error.
     pub(super) fn stationarity(&self) -> f64 {
-        let size = if self.goal == Goal::Norm { 1.0 } else { self.rule.norm };
-        let mut term = 0.0f64;
-        for &i in self.pulled.iter().filter(|i| **i < self.rows.len()) {
-            term = term.max(self.distance(i).abs());
-        }
-        let mut largest = if self.goal == Goal::Scale { 1.0 } else { size * term.max(size * self.reach) };
+        let own = self.pulled.iter().filter(|i| **i < self.rows.len());
+        let term = own.clone().map(|i| self.distance(*i).abs()).fold(0.0, f64::max);
+        let mut largest = match self.goal {
+            Goal::Norm => self.reach,
+            Goal::Scale => 1.0,
+            // The norm of the rule includes the penalties, which multiply the velocity but not the violations.
+            Goal::Violation => (self.rows.frobenius[self.number] * term).max(self.rule.norm.powi(2) * self.reach),
+        };
         for &i in &self.working {
             largest = largest.max(self.multiplier[i].abs() * self.rows.size[i]);
         }
@@ -371,7 +374,7 @@ impl Inequalities {
             let forces = self.working.iter().map(|&i| self.multiplier[i] * self.frame[(at, i)]);
             (self.gradient(at) + forces.sum::<f64>()).abs()
         };
-        let rest = (self.frame.used..self.frame.n()).map(rest).fold(0.0, f64::max);
-        if rest == 0.0 { 0.0 } else { rest / largest.max(rest) }
+        let rest = (self.frame.used..self.frame.n()).map(rest).fold(0.0, f64::max) - self.rule.cut() * term * (own.count() as f64).sqrt();
+        if rest <= 0.0 { 0.0 } else { rest / largest.max(rest) }
     }
 }

@@ -3,7 +3,6 @@
 //! violations of joint limits.
 
 use crate::law::{self, LawSpec, Route, Terms};
-use crate::priority::PriorityMethod;
 use crate::scalar::Real;
 use crate::trace::E;
 
@@ -31,14 +30,10 @@ const NAMES: [&str; 16] = [
 const VIOLATIONS: [&str; 8] =
     ["violation_1", "violation_2", "violation_3", "violation_4", "violation_5", "violation_6", "violation_7", "violation_8"];
 
-/// Whether a law has a certificate: its stack has bounds, and its method minimises violations.
+/// Whether a law has a certificate: its stack has bounds.
 fn is_certified(law: &LawSpec) -> bool {
-    let method = match law {
-        LawSpec::PriorityVelocity(law) => law.options.method,
-        LawSpec::PriorityAcceleration(law) => law.options.method,
-        _ => return false,
-    };
-    matches!(law.route(), Route::Bounded | Route::Deciding) && method != PriorityMethod::Sns
+    matches!(law, LawSpec::PriorityVelocity(_) | LawSpec::PriorityAcceleration(_))
+        && matches!(law.route(), Route::Bounded | Route::Deciding)
 }
 
 /// Whether torque limits of a law can contradict its joint limits, which are then violated.
