@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import itertools
 import os
+import warnings
 from typing import Any
 
 import models
@@ -142,7 +143,9 @@ def test_runs_report_the_torque_that_contradicts_a_limit() -> None:
     arm = models.PENDULUM
     weight = float(np.abs(arm.gravity([np.pi / 2])[0]))
     law = al.PriorityAcceleration(arm, [al.PostureTask([0.0], 20.0)], "exact", q_min=0.4, a_max=30.0, tau_max=0.3 * weight)
-    run = al.simulate(al.RigidArm(arm), law, [1.2], v0=[-1.0], t_end=0.6, dt=1e-3, sample_time=1e-2, check_limits=False)
+    with pytest.warns(UserWarning, match="simulate: torque limits contradict other limits: at .* records from t = ") as heard:
+        run = al.simulate(al.RigidArm(arm), law, [1.2], v0=[-1.0], t_end=0.6, dt=1e-3, sample_time=1e-2, check_limits=False)
+    assert len(heard) == 1 and run.status is al.Status.SUCCESS
     assert np.abs(run.tau).max() <= 0.3 * weight * (1 + 1e-12) and run.q.min() < 0.4
     assert run.monitors["violation_0"].max() > 1.0
     held = [hold for hold in run.active if hold.level == 0]
@@ -174,3 +177,52 @@ def test_weak_torque_limits_explain_a_missed_task() -> None:
 def test_wrong_torque_limits_are_refused(options: dict[str, Any], words: str) -> None:
     with pytest.raises(al.InputError, match=words):
         al.PriorityAcceleration(SEVEN, [al.Task(TOOL, "x", [0.3])], **options)
+
+
+def test_limits_of_the_arm_include_its_efforts() -> None:
+    """`limits=True` reads the efforts of the file. A zero or a missing effort is named, and `tau_max` replaces all efforts."""
+    q, v = np.array([0.3, -0.5, 0.2, -1.5, 0.1, 1.2, 0.4]), np.zeros(7)
+    task = al.PostureTask(q + 1.0, 1e6)
+    own, given, free = (
+        al.PriorityAcceleration(SEVEN, [task], "exact", limits=True, tau_max=tau) for tau in (None, SEVEN.limits["effort"], np.inf)
+    )
+    torque = own.terms(0.0, q, v, sample_time=0.01)["tau"]
+    assert (np.abs(torque) <= SEVEN.limits["effort"] * (1 + 1e-9)).all()
+    np.testing.assert_array_equal(torque, given.terms(0.0, q, v, sample_time=0.01)["tau"])
+    assert (np.abs(free.terms(0.0, q, v, sample_time=0.01)["tau"]) > SEVEN.limits["effort"]).any()
+    # The speeds of a law of velocities have no torque.
+    assert "limit_violations" not in al.PriorityVelocity(SEVEN, [al.PostureTask(q, 1.0)], limits=True).terms(0.0, q, v)
+
+
+@pytest.mark.parametrize(("effort", "text"), [("effort='0'", "joint a has the effort limit 0"), ("", "joint a has no effort limit")])
+def test_efforts_that_bound_nothing_are_named(effort: str, text: str, tmp_path: Any) -> None:
+    joint = "<joint name='{0}' type='revolute'><parent link='{1}'/><child link='{2}'/><axis xyz='0 1 0'/>{3}</joint>"
+    limit = "<limit lower='-1' upper='1' velocity='2' {}/>"
+    link = "<link name='{}'><inertial><mass value='1'/><inertia ixx='1' iyy='1' izz='1' ixy='0' ixz='0' iyz='0'/></inertial></link>"
+    parts = [link.format(name) for name in ("base", "one", "two")] + [
+        joint.format("a", "base", "one", limit.format(effort)),
+        joint.format("b", "one", "two", limit.format("effort='5'")),
+    ]
+    path = tmp_path / "two.urdf"
+    path.write_text(f"<robot name='two'>{''.join(parts)}</robot>")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        arm = al.load_urdf(path)
+    with pytest.warns(UserWarning, match=text):
+        law = al.PriorityAcceleration(arm, [al.PostureTask([9.0, 9.0], 100.0)], "exact", limits=True)
+    tau = law.terms(0.0, [0.0, 0.0], [0.0, 0.0])["tau"]
+    assert abs(tau[1]) <= 5.0 * (1 + 1e-12) < abs(tau[0])
+
+
+def test_batches_warn_of_torques_that_contradict_limits() -> None:
+    arm = models.PENDULUM
+    weight = float(np.abs(arm.gravity([np.pi / 2])[0]))
+    times = {"t_end": 0.6, "dt": 1e-3, "sample_time": 1e-2, "check_limits": False}
+    weak, strong = (
+        al.PriorityAcceleration(arm, [al.PostureTask([0.8], 20.0)], "exact", q_min=0.4, a_max=30.0, tau_max=k * weight) for k in (0.3, 9.0)
+    )
+    with pytest.warns(UserWarning, match=r"simulate_batch: torque limits contradict other limits in 1 of 2 runs \(first bad index 1\)"):
+        al.simulate_batch(al.RigidArm(arm), [strong, weak], [[1.2]] * 2, v0=[[-1.0]] * 2, **times)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        al.simulate(al.RigidArm(arm), strong, [1.2], v0=[-1.0], **times)

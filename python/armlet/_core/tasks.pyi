@@ -366,7 +366,8 @@ class PriorityAcceleration(Law):
             limits returns as fast as they allow.
         horizon: None for these bounds, except with "sns", whose horizon is 0.1 (keyword only). A time in s, and every continuous loop, have
             the bound `(v_u - v) / horizon` with `v_u = min(v_max, (q_max - q) / (4 horizon), sqrt(a_max (q_max - q)))`.
-        tau_max: torque limits, a number or `(n,)`, N m or N, which hold above all other limits; None: without limits (keyword only).
+        tau_max: torque limits, a number or `(n,)`, N m or N, which hold above all other limits (keyword only). None: without limits; with
+            `limits=True` the arm's effort limits, of which those that are not positive are ignored with a warning. `inf`: without limits.
 
     Raises:
         InputError: a shape is wrong, a number is out of its range, a task has no target, or a name or the method is unknown. It is also

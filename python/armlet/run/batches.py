@@ -17,6 +17,7 @@ from ..arguments import choice, finite, instance, shown
 from ..errors import InputError
 from ..status import Status, having
 from .balances import Balances, together, warn_of_balances
+from .contradictions import warn_of_contradictions
 from .metrics import MEASURES, metrics, require_one_band
 from .options import BatchOptions, PieceOptions, Starts, Steps, starts
 from .recorded import SERIES
@@ -88,6 +89,7 @@ def batch_of(plant: Any, law: Any, q0: ArrayLike, options: BatchOptions, undistu
     batch, balances = _with_balances(plant, law, q0, options)
     _warn(batch, [balances], undisturbed)
     warn_of_speeds("simulate_batch", batch)
+    warn_of_contradictions("simulate_batch", batch)
     return batch
 
 
@@ -164,6 +166,7 @@ def in_pieces(
     batch = pieces[0] if len(pieces) == 1 else _joined(pieces, law, plant)
     _warn(batch, balances, undisturbed)
     warn_of_speeds("simulate_batch", batch)
+    warn_of_contradictions("simulate_batch", batch)
     return batch
 
 

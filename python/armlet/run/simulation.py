@@ -17,6 +17,7 @@ from ..progress import reporter
 from ..status import Status, advice_on_run
 from .balances import Balances, warn_of_balances, warn_of_force
 from .batches import batch_of, forces_of_runs, in_pieces, measured_by_records, require_measures
+from .contradictions import warn_of_contradictions
 from .events import Event, Events, watched
 from .options import BatchOptions, Force, RunOptions
 from .records import BatchRun, Run
@@ -117,6 +118,7 @@ def simulate(
     Warns:
         UserWarning: commands pass the finite speed limits of the arm: the inputs of a VelocityArm, or the velocities of the joints under a
             `PriorityAcceleration`. Priority laws keep these limits with `limits=True`, and omit the warning with `limits=False`.
+        UserWarning: torque limits of a `PriorityAcceleration` contradict its other limits, which are then missed (`run.active`).
         UserWarning: a position is outside of the joint limits, such as an angle in degrees. Or the steps are too coarse for the loop.
             They are too coarse if the residual of the energy balance exceeds 1e-6 J and a tenth of the energy stored or exchanged. There
             is a second criterion for a law that acts at every instant without `tau_max` and `force`. The steps are too coarse if the
@@ -168,6 +170,7 @@ def simulate(
     if run.monitors:
         warn_of_balances("simulate", balances, np.asarray(run.status in (Status.SUCCESS, Status.EVENT)), undisturbed)
     warn_of_speeds("simulate", run)
+    warn_of_contradictions("simulate", run)
     if check_limits is not False:
         warn_of_turns("simulate", plant, law, q0)
     return run
@@ -240,8 +243,9 @@ def simulate_batch(
 
     A failed run raises no error. `status` has one entry per run, and the rows of a failed run are NaN from its failure on. The bits of the
     other runs do not change. The results have the same bits for every number of threads. One warning per balance (energy, Lyapunov) counts
-    the runs with a large residual. Another one counts the runs whose commands pass the arm's
-    speed limits. A batch with `progress`, `out` or a reference per record issues them after its last piece.
+    the runs with a large residual. Others count the runs whose commands pass the arm's
+    speed limits, and those in which torque limits contradict other limits. A batch with `progress`, `out` or a reference per record
+    issues them after its last piece.
 
     Args:
         plant, law: one for all runs, or a list with one per run. All runs have the same kinds of plant, joints, friction and law. They also

@@ -60,9 +60,9 @@ impl<'py> Arguments<'py> {
         Ok((levels.tasks, options, given))
     }
 
-    /// Warn of limits of the arm that the law ignores.
-    fn warn_of_ignored(&self, limits: &LimitOverrides, method: PriorityMethod) -> Result<(), Failure> {
-        let ignored = limits.ignored(&self.model(), method)?;
+    /// Warn of limits of the arm that the law ignores. `of_torques`: whether it reads those of torque or force.
+    fn warn_of_ignored(&self, limits: &LimitOverrides, method: PriorityMethod, of_torques: bool) -> Result<(), Failure> {
+        let ignored = limits.ignored(&self.model(), method, of_torques)?;
         if !ignored.is_empty() {
             let option = if limits.own.is_some() { "limits=True" } else { "the method sns" };
             warn(self.arm.py(), format!("{}: {option} ignores limits of the arm: {}", self.function(), ignored.join("; ")))?;
@@ -135,7 +135,7 @@ impl PriorityVelocity {
         let (levels, options, limits) = given.levels(NAME, tasks, method, eps, &limits)?;
         let method_of = options.method;
         let spec = PriorityVelocitySpec::new(given.model(), levels, options, &limits)?;
-        given.warn_of_ignored(&limits, method_of)?;
+        given.warn_of_ignored(&limits, method_of, false)?;
         Ok(given.law(spec).add_subclass(PriorityVelocity))
     }
 }
@@ -161,7 +161,8 @@ impl PriorityVelocity {
 ///         limits returns as fast as they allow.
 ///     horizon: None for these bounds, except with "sns", whose horizon is 0.1 (keyword only). A time in s, and every continuous loop, have
 ///         the bound `(v_u - v) / horizon` with `v_u = min(v_max, (q_max - q) / (4 horizon), sqrt(a_max (q_max - q)))`.
-///     tau_max: torque limits, a number or `(n,)`, N m or N, which hold above all other limits; None: without limits (keyword only).
+///     tau_max: torque limits, a number or `(n,)`, N m or N, which hold above all other limits (keyword only). None: without limits; with
+///         `limits=True` the arm's effort limits, of which those that are not positive are ignored with a warning. `inf`: without limits.
 ///
 /// Raises:
 ///     InputError: a shape is wrong, a number is out of its range, a task has no target, or a name or the method is unknown. It is also
@@ -207,8 +208,10 @@ impl PriorityAcceleration {
         if let Some(value) = tau_max {
             spec = spec.with_torque_limits(per_joint(NAME, "tau_max", value, given.model().n())?)?;
             given.store_copy("tau_max", value)?;
+        } else if let Some(efforts) = limits.efforts(&given.model(), method_of)? {
+            spec = spec.with_torque_limits(efforts)?;
         }
-        given.warn_of_ignored(&limits, method_of)?;
+        given.warn_of_ignored(&limits, method_of, tau_max.is_none())?;
         Ok(given.law(spec).add_subclass(PriorityAcceleration))
     }
 }

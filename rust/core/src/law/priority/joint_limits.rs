@@ -91,9 +91,20 @@ impl LimitOverrides {
         Ok(Some(limits))
     }
 
+    /// Return the arm's own limits of torque or force, `(n,)`, if they hold and one is finite and positive. Other limits are infinite. Errors:
+    /// `Input` for the planar PR arm.
+    pub fn efforts(&self, model: &Model, method: PriorityMethod) -> Result<Option<Vec<f64>>> {
+        if self.own != Some(true) || !method.accepts_bounds() {
+            return Ok(None);
+        }
+        let effort = |limits: Limits| if limits.effort > 0.0 { limits.effort } else { f64::INFINITY };
+        let efforts: Vec<f64> = model.tree("arm")?.independent().map(|joint| effort(joint.limits)).collect();
+        Ok(efforts.iter().any(|effort| effort.is_finite()).then_some(efforts))
+    }
+
     /// Sentences on the arm's own limits that would not let a joint move, which a law ignores. With `own = Some(true)`, also sentences on
-    /// limits that are missing.
-    pub fn ignored(&self, model: &Model, method: PriorityMethod) -> Result<Vec<String>> {
+    /// limits that are missing. `of_torques`: whether these limits include those of torque or force.
+    pub fn ignored(&self, model: &Model, method: PriorityMethod, of_torques: bool) -> Result<Vec<String>> {
         let (all, some) = (self.own == Some(true), self.own.is_none() && method == PriorityMethod::Sns);
         let mut found = Vec::new();
         for joint in model.tree("arm")?.independent().filter(|joint| all || (some && movable(joint.limits) != joint.limits)) {
@@ -110,6 +121,11 @@ impl LimitOverrides {
                 && sensible(limits) != (Limits { velocity: sensible(limits).velocity, ..limits })
             {
                 found.push(format!("joint {name} has the position limits {} and {}", limits.lower, limits.upper));
+            }
+            if all && of_torques && limits.effort == f64::INFINITY {
+                found.push(format!("joint {name} has no effort limit"));
+            } else if all && of_torques && !(limits.effort > 0.0) {
+                found.push(format!("joint {name} has the effort limit {}", limits.effort));
             }
         }
         Ok(found)
