@@ -68,7 +68,7 @@ def documented() -> dict[str, Any]:
     return found
 
 
-DOCUMENTED = documented()
+DOCUMENTED = dict(sorted(documented().items()))
 EXAMPLES = {name: thing for name, thing in DOCUMENTED.items() if ">>>" in (inspect.getdoc(thing) or "")}
 
 

@@ -40,10 +40,17 @@ def test_position_limits(name: str, bad: Any) -> None:
 
 
 ROWS: list[Any] = [[1.0] * 7, [1.0, 0.0, 1.0], [1.0, math.nan, 1.0], [[1.0], [1.0], [1.0]], []]
+
+
+def label(bad: Any) -> str:
+    """The name of a test case. It has no address of a function, so that several processes have the same names."""
+    return bad.__name__ if callable(bad) else repr(bad)
+
+
 VARYING: list[Any] = [*ROWS, lambda s: 0.0, lambda s: math.nan, lambda s: [1.0, 1.0]]
 
 
-@pytest.mark.parametrize("bad", [math.nan, math.inf, 0.0, -1.0, "1", 1j, [1.0], True, *VARYING], ids=repr)
+@pytest.mark.parametrize("bad", [math.nan, math.inf, 0.0, -1.0, "1", 1j, [1.0], True, *VARYING], ids=label)
 @pytest.mark.parametrize("name", ["tip_speed", "tip_acceleration"])
 def test_limits_of_a_frame(name: str, bad: Any) -> None:
     with pytest.raises(al.InputError, match=rf"^time_path: {name} "):

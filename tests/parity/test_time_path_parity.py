@@ -5,6 +5,7 @@ armlet sweeps a grid of path positions forwards and backwards. The reference sol
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 import models
@@ -61,7 +62,8 @@ def durations(path: Any, points: int = 121, **options: Any) -> tuple[float, floa
         ({"tau_max": 5.0 * VARYING}, 5e-4),
         ({"v_max": lambda s: 2.0 + np.sin(3.0 * s)}, 5e-4),
     ],
-    ids=str,
+    # Without addresses of functions, several processes have the same names of the cases.
+    ids=lambda case: re.sub(r"<function .*? at \w+>", "function", str(case)),
 )
 def test_time_path(options: dict[str, Any], tolerance: float) -> None:
     """Durations agree within the tolerance of each option.
