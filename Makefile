@@ -33,7 +33,7 @@ demo: $(BUILD)/installed ## build armlet, run the demonstration: a table of chec
 
 test: $(BUILD)/installed $(BUILD)/requirements ## everything: formatting, lints, types, Rust and Python tests on the built wheel
 	@# Compilers and type checkers use one core for much of their time.
-	+@sh tools/beside.sh "$(MAKE) --no-print-directory rust-tests" "$(MAKE) --no-print-directory lint"
+	+@sh tools/beside.sh "$(MAKE) --no-print-directory rust-tests types" "$(MAKE) --no-print-directory lint"
 	@rm -rf $(BUILD)/elsewhere && mkdir -p $(BUILD)/elsewhere
 	cd $(BUILD)/elsewhere && ARMLET_MAKE_TEST=1 ARMLET_SDIST="$$(cat $(BUILD)/sdist.path)" ARMLET_WHEEL="$$(cat $(BUILD)/wheel.path)" \
 		$(PY) -m pytest --numprocesses auto --maxprocesses 8 --dist worksteal -c $(ROOT)/pyproject.toml --rootdir $(ROOT) $(ROOT)/tests $(PYTEST)
@@ -106,7 +106,7 @@ test-scipy: $(BUILD)/installed $(BUILD)/requirements ## scipy's own tests of sol
 	cd $(BUILD)/elsewhere && $(PY) $(ROOT)/tools/scipy_suite.py
 
 check: $(BUILD)/installed $(BUILD)/requirements ## formatting, lints and types alone
-	@$(MAKE) --no-print-directory lint LINT=required
+	@$(MAKE) --no-print-directory lint types LINT=required
 
 bench: $(BUILD)/installed $(BUILD)/requirements ## benchmarks against the peers (installs them)
 	@sh tools/pip.sh "$(VENV)" "$(BUILD)" -r requirements/bench.txt -r requirements/peers.txt -c requirements/test.txt
@@ -133,7 +133,7 @@ clean: ## remove what make built (the downloaded packages too)
 
 # The suite and the examples of the documentation on the core that the wheel was made of; units unoptimised, with their assertions and checks
 # of overflow. With the package armlet-py, cargo selects the features of the wheel's build, and does not compile the core again.
-.PHONY: rust-tests lint
+.PHONY: rust-tests lint types
 rust-tests:
 	cd $(BUILD)/sdist/armlet-* && cargo test --release --locked --package armlet-core --package armlet-py --test suite
 	cd $(BUILD)/sdist/armlet-* && cargo test --locked --package armlet-core --lib
@@ -142,6 +142,10 @@ rust-tests:
 
 lint:
 	@sh tools/lint.sh "$(LINT)" $(PY)
+
+types:
+	$(PY) -m mypy
+	$(PY) -m mypy.stubtest armlet._core --allowlist tools/stubtest_allowlist.txt
 
 # What the machine must have: one line that names what is missing.
 tools:
