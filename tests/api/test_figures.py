@@ -167,10 +167,12 @@ def test_limits_that_a_run_comes_near() -> None:
     arm = al.Arm.from_chain(joints)
     figure = Figure()
     law = al.PDGravity(arm, [0.4, 0.1], 20.0, 5.0)
-    axes = al.simulate(al.RigidArm(arm), law, [0.0, 0.0], t_end=3.0, dt=1e-3).plot(figure)
+    run = al.simulate(al.RigidArm(arm), law, [0.0, 0.0], t_end=3.0, dt=1e-3)
+    axes = run.plot(figure)
     drawn = {ax.get_title(loc="left"): [line.get_ydata()[0] for line in ax.get_lines() if line.get_gid() == "limit"] for ax in axes.flat}
     assert drawn["Joint positions"] == [0.5, 0.5] and drawn["Joint torques"] == [10.0, 10.0]
-    assert figure.legends[0].get_texts()[-1].get_text() == "limit"
+    assert run.q[:, 0].max() > 0.5
+    assert [text.get_text() for text in figure.legends[0].get_texts()[-2:]] == ["limit", "beyond limit"]
 
 
 def test_many_joints_share_no_panel() -> None:

@@ -148,7 +148,8 @@ def test_limits_of_zero_and_missing_limits_are_ignored_by_name(kind: Any) -> Non
     assert len(caught) == 1
     assert (np.abs(law(0.0, np.zeros(3), np.zeros(3))) > 0.1).all()
     # Given limits replace those of the arm, so that nothing is ignored.
-    kind(arm, [task], limits=True, v_max=2.0, q_min=-1.0, q_max=1.0)
+    torques = {"tau_max": np.inf} if kind is al.PriorityAcceleration else {}
+    kind(arm, [task], limits=True, v_max=2.0, q_min=-1.0, q_max=1.0, **torques)
 
 
 @pytest.mark.parametrize("kind", [al.PriorityVelocity, al.PriorityAcceleration])
