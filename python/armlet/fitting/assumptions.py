@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from .. import _core
 from ..logs.filters import low_pass_rates
 from .samples import ORDER, Samples
-from .sensors import link_torque, torque_rate
+from .sensors import torque_rate
 
 __all__ = ["Assumption", "assumptions"]
 
@@ -70,7 +70,7 @@ def assumptions(model: _core.Arm, samples: Samples, kinds: Sequence[str], speed:
     deflections = _deflections(bare, samples)
     for j in range(n):
         yield Assumption("elasticity", j, [_elasticity(bare, samples, j, deflections)])
-    rate = torque_rate(model, samples, kinds, link_torque(bare, samples)[1])
+    rate = torque_rate(model, samples, kinds)
     yield Assumption("delay", None, [rate[:, :, None]])
     yield Assumption("clock_drift", None, [((samples.t - samples.t[0])[:, None] * rate)[:, :, None]])
     across = _across(model)

@@ -111,6 +111,8 @@ class _Search:
 
     def columns(self, values: Array, error: Array) -> Array:
         """The columns of all values, (K, n, b)."""
+        if not self.sensors.kinds:
+            return self.W
         sensors = self.sensors.columns(self.model(values), self.samples, self.kinds, self.samples.tau - error)
         return np.concatenate([self.W, sensors], axis=2)
 

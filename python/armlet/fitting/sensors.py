@@ -21,7 +21,7 @@ from .. import _core
 from ..errors import InputError
 from .samples import NAME, Samples
 
-__all__ = ["SENSORS", "TIMES", "Sensors", "link_torque", "one_time", "torque_rate"]
+__all__ = ["SENSORS", "TIMES", "Sensors", "one_time", "torque_rate"]
 
 Array = NDArray[np.float64]
 
@@ -103,29 +103,24 @@ class Sensors:
             elif kind == "encoder_offsets":
                 made.append(-np.asarray(model.inverse_dynamics_derivatives(samples.q, samples.v, samples.a)[0]))
             else:
-                rate = torque_rate(model, samples, kinds, link_torque(model, samples)[1])
+                rate = torque_rate(model, samples, kinds)
                 made.append((rate if kind == "delay" else -rate)[:, :, None])
         return np.concatenate(made, axis=2)
 
 
-def link_torque(model: _core.Arm, samples: Samples) -> tuple[Array, Array]:
-    """The torque of the bodies without rotors, and its derivative in time, (K, n) each."""
+def torque_rate(model: _core.Arm, samples: Samples, kinds: Sequence[str]) -> Array:
+    """The derivative in time of the torque of the model, (K, n)."""
+    limits: Any = model.limits
     bare = model.with_drives(armature=np.zeros(model.n))
 
-    def after(step: int) -> Array:
+    def bodies_after(step: int) -> Array:
         return np.asarray(samples.sampled(bare.inverse_dynamics, *(np.roll(each, -step, axis=0) for each in samples.motion)))
-
-    return after(0), (after(1) - after(-1)) / (2.0 * samples.period)
-
-
-def torque_rate(model: _core.Arm, samples: Samples, kinds: Sequence[str], first: Array) -> Array:
-    """The derivative in time of the torque of the model, (K, n), from that of the bodies, `first`."""
-    limits: Any = model.limits
 
     def difference(series: Array) -> Array:
         return np.asarray((np.roll(series, -1, axis=0) - np.roll(series, 1, axis=0)) / (2.0 * samples.period))
 
-    rate = first + limits["armature"] * samples.sampled(np.asarray, difference(samples.motion[2]))
+    rate = (bodies_after(1) - bodies_after(-1)) / (2.0 * samples.period)
+    rate = rate + limits["armature"] * samples.sampled(np.asarray, difference(samples.motion[2]))
     if "viscous" in kinds:
         rate = rate + limits["damping"] * samples.a
     if "coulomb" in kinds:

@@ -42,12 +42,12 @@ pub fn certificate(rows: &[usize], options: &PriorityOptions, jacobian: &[f64], 
     if options.method == PriorityMethod::Chiaverini {
         return Ok(f64::NAN);
     }
+    let damped = options.method.damps();
     let mut options = options.clone();
-    if options.method.damps() {
+    if damped {
         options.intervals = vec![true; rows.len()];
     }
     let mut solver = PrioritySolver::new(v.len(), rows, &options)?;
-    let damped = options.method.damps();
     if damped {
         solver.upper().copy_from_slice(command);
     }

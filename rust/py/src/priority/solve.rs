@@ -169,20 +169,18 @@ fn solve_with_last(jacobians: &Bound<'_, PyAny>, velocities: &Bound<'_, PyAny>, 
         let (n, mut to) = (solver.n(), 0);
         for (i, &m) in rows.iter().enumerate() {
             let (jacobian, target) = (at(jacobians, i)?, at(velocities, i)?);
-            let within = target.cast_exact::<Within>().ok();
+            let within = if options.intervals.is_empty() { None } else { target.cast_exact::<Within>().ok() };
             if within.is_some() != options.intervals.get(i).is_some_and(|interval| *interval) {
                 return None;
             }
-            let [lower, upper] = match within {
-                Some(within) => within.get().bounds(target.py()),
-                None => [target.clone(), target.clone()],
-            };
+            let bounds = within.map(|within| within.get().bounds(target.py()));
+            let (lower, upper) = bounds.as_ref().map_or((&target, &target), |[lower, upper]| (lower, upper));
             let jacobian = of_shape(&jacobian, &[m, n])?;
             let (j, v) = solver.inputs();
             j[to * n..(to + m) * n].copy_from_slice(jacobian);
-            v[to..to + m].copy_from_slice(of_shape(&lower, &[m])?);
+            v[to..to + m].copy_from_slice(of_shape(lower, &[m])?);
             if let Some(u) = solver.upper().get_mut(to..to + m) {
-                u.copy_from_slice(of_shape(&upper, &[m])?);
+                u.copy_from_slice(of_shape(upper, &[m])?);
             }
             to += m;
         }
